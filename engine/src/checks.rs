@@ -1,8 +1,8 @@
-//! Results of accuracy checks, kept in files for the next start.
+//! Keeps the results of accuracy checks in files, for the next start.
 //!
-//! A check takes seconds and depends on nothing but the pack's files, the libraries, the CPU and
-//! this version of the server: these are a file's name. A folder that cannot be read or written
-//! costs the check, and nothing else.
+//! A check takes seconds and depends only on the pack's files, the libraries, the CPU and this
+//! version of the server. These make the file's name. If the folder cannot be read or written, the
+//! check is made again, and nothing else happens.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,22 +14,22 @@ use super::machine::Machine;
 use super::select::Check;
 use crate::pack::{MANIFEST_FILE, Pack};
 
-/// Goes up with every change to how networks are made or compared.
+/// Rises with every change to how networks are made or compared.
 const REVISION: u32 = 2;
 
-/// Where results are kept; nowhere without a folder.
+/// The folder of the results; none keeps nothing.
 #[derive(Debug, Clone, Default)]
 pub struct CheckCache {
     folder: Option<PathBuf>,
 }
 
 impl CheckCache {
-    /// Results in files of this folder, which need not exist.
+    /// A cache in this folder, which need not exist.
     pub fn new(folder: Option<PathBuf>) -> Self {
         Self { folder }
     }
 
-    /// The file of a check's result. None where nothing is kept, or the pack cannot be read.
+    /// The file of a check's result. None without a folder, or if the pack cannot be read.
     pub(super) fn file(
         &self,
         pack: &Pack,
@@ -47,7 +47,7 @@ impl CheckCache {
         let version = env!("CARGO_PKG_VERSION");
         add(format!("{REVISION} {version} {engine} {threads}").as_bytes());
         add(format!("{} {:?}", machine.cpu, machine.features).as_bytes());
-        // Their versions are in their names.
+        // File names contain the libraries' versions.
         let mut libraries: Vec<String> = std::fs::read_dir(library.parent()?)
             .ok()?
             .filter_map(Result::ok)
@@ -55,7 +55,7 @@ impl CheckCache {
             .collect();
         libraries.sort();
         add(libraries.join("\n").as_bytes());
-        // It has a hash of the networks, which was compared when the pack was loaded.
+        // The manifest has a hash of the networks, which was compared when the pack was loaded.
         add(&std::fs::read(pack.folder.join(MANIFEST_FILE)).ok()?);
         for body in &pack.bodies {
             add(&std::fs::read(pack.body_file(&body.name)).ok()?);
@@ -68,28 +68,30 @@ impl CheckCache {
     }
 }
 
-/// A result that was kept.
+/// Reads a stored result.
 pub(super) fn read(file: &Path) -> Option<Check> {
     let text = std::fs::read_to_string(file).ok()?;
     let check: Check = serde_json::from_str(&text)
-        .inspect_err(|error| tracing::debug!(file = %file.display(), %error, "a kept check is not used"))
+        .inspect_err(
+            |error| tracing::debug!(file = %file.display(), %error, "a stored accuracy check is not used"),
+        )
         .ok()?;
-    // Bars may have changed, and a file may say anything.
+    // Limits may have changed, and the file may contain anything.
     (check.passed == check.accuracy.passes()).then_some(check)
 }
 
-/// Keeps a result.
+/// Stores a result.
 pub(super) fn write(file: &Path, check: &Check) {
     let kept = || -> std::io::Result<()> {
         let folder = file.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder)?;
-        // Whole or not at all, whoever else writes it.
+        // Complete or not at all, even with several writers.
         let part = file.with_extension(format!("{}.part", std::process::id()));
         std::fs::write(&part, serde_json::to_vec_pretty(check)?)?;
         std::fs::rename(&part, file)
     };
     if let Err(error) = kept() {
-        tracing::debug!(file = %file.display(), %error, "the accuracy check is not kept");
+        tracing::debug!(file = %file.display(), %error, "the accuracy check cannot be stored");
     }
 }
 
@@ -113,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_result_is_read_as_it_was_written() {
+    fn a_result_is_unchanged_by_writing_and_reading() {
         let folder = std::env::temp_dir().join(format!("troupe-checks-{}", std::process::id()));
         let file = folder.join("deep/accuracy.json");
         assert_eq!(read(&file), None);
@@ -135,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_made_is_no_error() {
+    fn a_folder_that_cannot_be_created_is_not_an_error() {
         write(Path::new("/proc/nowhere/accuracy.json"), &check(true));
     }
 

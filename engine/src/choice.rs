@@ -1,12 +1,12 @@
-//! Which engine runs a pack, and on how many workers of how many threads.
+//! Chooses the engine of a pack, and the number of its workers and their threads.
 
 use std::fmt;
 
-/// What the configuration asks for.
+/// The engine that the configuration asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum EngineChoice {
-    /// OpenVINO in bf16 where it can run and the pack passes its accuracy check, else the CPU in
+    /// OpenVINO in bf16 if it can run and the pack passes its accuracy check, otherwise the CPU in
     /// f32.
     Auto,
     /// ONNX Runtime's own CPU kernels, f32.
@@ -19,7 +19,7 @@ pub enum EngineChoice {
     Tensorrt,
 }
 
-/// What becomes of an engine that fails a pack's accuracy check.
+/// What happens with an engine that fails a pack's accuracy check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum AccuracyCheck {
@@ -44,10 +44,10 @@ pub enum EngineKind {
 }
 
 impl EngineKind {
-    /// All engines.
+    /// Every engine once.
     pub const ALL: [Self; 4] = [Self::Cpu, Self::OpenvinoBf16, Self::Cuda, Self::Tensorrt];
 
-    /// Its name: a value of the option `engine`, and a metric label.
+    /// Name of the engine: a value of the option `engine`, and a metric label.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
@@ -57,7 +57,7 @@ impl EngineKind {
         }
     }
 
-    /// Whether it was ever run where this project is made.
+    /// Whether this project's authors have ever run it.
     pub fn is_tested(self) -> bool {
         matches!(self, Self::Cpu | Self::OpenvinoBf16)
     }
@@ -70,7 +70,7 @@ impl fmt::Display for EngineKind {
 }
 
 impl EngineChoice {
-    /// The engine, where one is named.
+    /// The engine, if the configuration names one.
     pub fn named(self) -> Option<EngineKind> {
         match self {
             Self::Auto => None,
@@ -82,22 +82,22 @@ impl EngineChoice {
     }
 }
 
-/// Most workers that are taken by themselves: beyond, threads go into workers that exist.
+/// Most workers that are chosen automatically. Beyond, more threads go to the same workers.
 const AUTO_WORKERS: usize = 8;
 
 /// The workers of a pack: each is a thread that owns a generator and runs one batch at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Workers {
-    /// How many there are.
+    /// Number of workers.
     pub count: usize,
-    /// Threads that run the networks of one worker; the worker's own is one of them.
+    /// Threads for the networks of one worker, including the worker's own.
     pub threads: usize,
 }
 
 impl Workers {
-    /// `count` workers with `threads` threads over all of them; 0 leaves either to this machine, of
-    /// which the process may use `available` cores. As many workers as threads is best: one network
-    /// scales badly over threads, several side by side scale well.
+    /// `count` workers with `threads` threads in total; 0 chooses by the machine, of which the
+    /// process may use `available` cores. As many workers as threads is best: a single network
+    /// scales badly over threads, several networks side by side scale well.
     pub fn plan(count: usize, threads: usize, available: usize) -> Self {
         let threads = if threads == 0 { available.max(1) } else { threads };
         let count = if count == 0 {
@@ -132,12 +132,12 @@ mod tests {
         assert_eq!(
             workers(4, 2, 2),
             (4, 1),
-            "more workers than threads are the caller's wish"
+            "a caller may ask for more workers than threads"
         );
     }
 
     #[test]
-    fn an_engine_is_called_what_the_option_calls_it() {
+    fn the_name_of_an_engine_is_its_option() {
         use clap::ValueEnum as _;
         for choice in EngineChoice::value_variants() {
             let name = choice

@@ -1,14 +1,15 @@
-//! The model families by name, for tests, examples and measurements of one of them. The server goes
-//! by a pack's capabilities and facts, and by [`Selector::generator`](crate::Selector::generator).
+//! The model families by name, for tests, examples and measurements of one family. The server uses
+//! a pack's capabilities and facts instead, and
+//! [`Selector::generator`](crate::Selector::generator).
 
 pub use crate::motionbricks::MotionBricks;
 
-/// One network that moves many bodies along paths.
+/// UniMoGen: one network that moves many bodies along paths.
 pub mod unimogen {
     pub use crate::unimogen::{CALL_ROWS, Call, Denoiser, PATH_FEATURES, ROW_CHANNELS, UniMoGen, probe_task};
 }
 
-/// A language model of text, motion and audio.
+/// VerMo: a language model of text, motion and audio.
 pub mod vermo {
     use crate::pack::Pack;
 
@@ -20,12 +21,12 @@ pub mod vermo {
         Reply, Rules, SLOTS, Said, Sampling, Sequences, Shape, VerMo, Vocabulary, check,
     };
 
-    /// What a pack's manifest says of its language model.
+    /// The language model's table in a pack's manifest.
     pub fn table(pack: &Pack) -> Option<&VerMoDoc> {
         pack.manifest.vermo.as_ref()
     }
 
-    /// The text pieces and known words of a pack, where its files were read.
+    /// The text pieces and known words of a pack, if its files were read.
     pub fn lexicon(pack: &Pack) -> Option<&Lexicon> {
         pack.lexicon.as_deref()
     }

@@ -1,4 +1,4 @@
-//! Fills the rows of the stages' inputs from a task.
+//! Fills rows of the stages' inputs from a task.
 
 use troupe_motion::model::{Dims, GLOBAL_ROOT, KeyTensors, KeyframeTask, LOCAL_ROOT};
 
@@ -10,7 +10,7 @@ pub(crate) trait FillRows {
     fn fill_root_input(&self, dims: &Dims, row: usize, input: &mut RootInput);
 
     /// Fills `row` of the later stages' input: all tokens masked, keyframe poses at their frames,
-    /// and r_g3, which is `trajectory`, under the root guide.
+    /// and the root r_g3: `trajectory`, moved by the root guide.
     fn fill_token_input(
         &self,
         dims: &Dims,
@@ -27,7 +27,7 @@ impl FillRows for KeyframeTask {
         for (slot, key) in self.context.iter().enumerate() {
             fill_slot(dims, row, slot, key, input);
         }
-        // Slots count from the end of the last token; a given frame count may leave frames behind
+        // Slots count from the end of the last token. A given frame count may leave frames after
         // the last target.
         let spare = self.frames.map_or(0, |frames| {
             dims.tokens_for(frames) * dims.frames_per_token - frames
@@ -71,7 +71,7 @@ impl FillRows for KeyframeTask {
         let keys = context
             .chain(targets)
             .map(|(frame, key)| (frame, key.pose.as_ref()));
-        // Context and targets come last: they win over a pose in the gap.
+        // Context and targets come last, so they replace a pose in the gap.
         for (frame, pose) in gap.filter(|&(frame, _)| frame < frames).chain(keys) {
             if let Some(pose) = pose {
                 let at = frame * dims.pose();

@@ -77,7 +77,7 @@ fn targets_fill_the_last_slots() {
 
 #[test]
 fn a_frame_count_between_tokens_moves_targets_and_drops_what_has_no_slot() {
-    // 13 frames take 4 tokens (16 frames): frame 12 is the first of the last four.
+    // 13 frames take 4 tokens (16 frames), so frame 12 is the first of the last four.
     assert_eq!(
         root_slots(&item(4, Some(13))),
         [1.0, 2.0, 3.0, 4.0, 14.0, 0.0, 0.0, 0.0]
@@ -114,7 +114,7 @@ fn poses_are_scattered_to_their_frames() {
     assert_eq!(input.num_tokens.row(0), [4]);
 }
 
-/// A trajectory of `frames` frames along +X at 1 m/s, which heads `heading` and bobs.
+/// A trajectory of `frames` frames along +X at 1 m/s, with the given heading, bobbing.
 fn trajectory(frames: usize, heading: f32) -> Vec<f32> {
     (0..frames)
         .flat_map(|frame| {
@@ -124,12 +124,12 @@ fn trajectory(frames: usize, heading: f32) -> Vec<f32> {
         .collect()
 }
 
-/// The root that the pose stage gets, a frame each: x, y, z, heading. The path is at the height 2.
+/// The root that the pose stage gets, one a frame: x, y, z, heading. The path is at height 2.
 fn guided(path: &[[f32; 3]], ratio: f32, heading: f32) -> Vec<[f32; 4]> {
     guided_by(path, [ratio, 0.0, ratio], heading)
 }
 
-/// The same, by the ratios of place, height and heading.
+/// The same, with separate ratios for place, height and heading.
 fn guided_by(path: &[[f32; 3]], ratios: [f32; 3], heading: f32) -> Vec<[f32; 4]> {
     let mut item = item(1, None);
     item.root_guide = Some(RootGuide {
@@ -161,7 +161,7 @@ fn a_guide_of_ratio_zero_changes_no_bit() {
 }
 
 #[test]
-fn a_guide_of_ratio_one_takes_the_place_and_heading_behind_the_context() {
+fn a_guide_of_ratio_one_takes_place_and_heading_after_the_context() {
     let path: Vec<[f32; 3]> = (0..16).map(|frame| [0.1 * frame as f32, 2.0, -0.2]).collect();
     let (free, guided) = (guided(&[], 1.0, 0.4), guided(&path, 1.0, 0.4));
     assert_eq!(free[..4], guided[..4]);
@@ -190,7 +190,7 @@ fn frames_beyond_the_guide_keep_its_last_shift() {
         let t = frame as f32 / 30.0;
         assert_near(root, [t, 0.9 + 0.1 * t, 1.0, 0.65]);
     }
-    // A guide of context frames alone moves nothing.
+    // A guide with only context frames moves nothing.
     assert_eq!(guided(&path[..4], 1.0, 0.4), guided(&[], 1.0, 0.4));
 }
 
@@ -210,13 +210,13 @@ fn poses_in_the_gap_are_scattered_too() {
     item.fill_token_input(&DIMS, 0, 4, &trajectory(64, 0.0), &mut input);
     let at = |frame: usize| (input.frame_pose.row(0)[frame * 9], input.frame_mask.row(0)[frame]);
     assert_eq!(at(7), (22.0, 1.0));
-    assert_eq!((at(3).0, at(13).0), (4.0, 11.0), "context and targets win");
-    assert_eq!(at(14), (0.0, 0.0), "behind the segment");
+    assert_eq!((at(3).0, at(13).0), (4.0, 11.0), "context and targets replace it");
+    assert_eq!(at(14), (0.0, 0.0), "after the segment");
     assert_eq!(input.frame_mask.row(0).iter().sum::<f32>(), 6.0);
 }
 
 #[test]
-fn a_guide_draws_places_heights_and_headings_each_by_its_own_ratio() {
+fn a_guide_has_separate_ratios_for_place_height_and_heading() {
     let path: Vec<[f32; 3]> = (0..16).map(|frame| [frame as f32, 4.0, 0.5]).collect();
     let by = |ratios| guided_by(&path, ratios, 0.4);
     let (places, headings) = (by([0.5, 0.0, 0.0]), by([0.0, 0.0, 1.0]));

@@ -1,5 +1,5 @@
 //! Inference: the three stages of a pack behind the [`Stages`] trait, and the [`Pipeline`] that
-//! takes a batch of characters through them. One thread owns a pipeline. Only networks of OpenVINO
+//! takes a batch of characters through them. One thread owns a pipeline. Only OpenVINO's networks
 //! are shared: see [`onnx::NetworkPool`].
 //!
 //! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement
@@ -51,47 +51,46 @@ pub use trial::{NetworkLoop, Networks};
 
 /// Runs the networks of one pack.
 ///
-/// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is
-/// [`TokenInput::length`], one of [`lengths`]. Unless it takes [any batch](Stages::any_batch),
-/// `rows` is one of [`BatchSizes`]: an engine sees few different shapes, all of them during
-/// warm-up. Only the first `rows` rows of inputs and outputs count; inputs have room for more, up
-/// to a multiple of 8, which hold values of other batches. A row's result must not depend on the
-/// other rows.
+/// `rows` is the batch size of the call. The token axis of the pose stage and the decoder is
+/// [`TokenInput::length`], one of [`lengths`]. Unless the engine takes [any
+/// batch](Stages::any_batch), `rows` is one of [`BatchSizes`], so that it sees only a few shapes,
+/// all of them during warm-up. Only the first `rows` rows of inputs and outputs count. Inputs have
+/// memory for more, up to a multiple of 8, with values of other batches. A row's result must not
+/// depend on the other rows.
 pub trait Stages: Send {
-    /// Whether a batch of any size is as fast as those of the warm-up. Then batches are not padded,
-    /// and warm-up is short.
+    /// Whether batches of any size are as fast as those of the warm-up. Batches are then not
+    /// padded, and warm-up is short.
     fn any_batch(&self) -> bool {
         false
     }
 
-    /// Whether the engine opens more shapes in the background as they are asked for. Then warm-up
-    /// meets the smallest batch alone.
+    /// Whether the engine opens further shapes in the background when they are needed. Warm-up then
+    /// uses only the smallest batch.
     fn opens_on_demand(&self) -> bool {
         false
     }
 
-    /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest
-    /// segment.
+    /// Whether the pose stage and the decoder accept calls shorter than the pack's longest segment.
     fn any_length(&self) -> bool {
         true
     }
 
-    /// Token count and root trajectory from constraints.
+    /// Computes token count and root trajectory from constraints.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    /// [`EngineError`] if the engine fails; the whole batch fails with it.
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError>;
 
-    /// Logits of every pose token.
+    /// Computes the logits of every pose token.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    /// [`EngineError`] if the engine fails; the whole batch fails with it.
     fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError>;
 
-    /// Frames from tokens.
+    /// Computes frames from tokens.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    /// [`EngineError`] if the engine fails; the whole batch fails with it.
     fn decoder(
         &mut self,
         rows: usize,
@@ -107,74 +106,74 @@ pub enum EngineError {
     /// The ONNX Runtime library is missing or unusable.
     #[error("ONNX Runtime: {0}. Run `make runtime` to fetch it, or set ORT_DYLIB_PATH to libonnxruntime")]
     Library(String),
-    /// An engine that was asked for by name and does not serve.
+    /// The configuration names an engine that cannot serve.
     #[error("the engine {engine} cannot serve: {reason}")]
     Unusable {
-        /// The engine.
+        /// Name of the engine.
         engine: EngineKind,
-        /// Why not.
+        /// Why it cannot serve.
         reason: String,
     },
-    /// A pack of a family that this engine has no generator for.
+    /// This engine has no generator for the pack's family.
     #[error("the family {family:?} is unknown; allowed: {}", Family::ALL.map(Family::name).join(", "))]
     UnknownFamily {
-        /// What the manifest names.
+        /// The family in the manifest.
         family: String,
     },
-    /// A stage that does not load.
+    /// A network does not load.
     #[error("cannot load {file}: {reason}")]
     Load {
-        /// The stage's file.
+        /// Name of its file.
         file: &'static str,
-        /// What the runtime says.
+        /// The runtime's message.
         reason: String,
     },
-    /// A stage whose tensors differ from the contract.
+    /// A network whose tensors differ from the contract.
     #[error("{file}: {problem}")]
     Signature {
-        /// The stage's file.
+        /// Name of its file.
         file: &'static str,
-        /// Which tensor, what it is and what it must be.
+        /// Which tensor differs, what it is and what it must be.
         problem: String,
     },
-    /// A run that failed.
+    /// A stage failed.
     #[error("the {} stage failed: {reason}", stage.name())]
     Run {
-        /// The stage.
+        /// The stage at fault.
         stage: Stage,
-        /// What the runtime says.
+        /// The runtime's message.
         reason: String,
     },
-    /// A run that gave values out of the contract.
+    /// A stage gave values out of the contract.
     #[error("the {} stage gave {problem}", stage.name())]
     Output {
-        /// The stage.
+        /// The stage at fault.
         stage: Stage,
         /// What is wrong with its output.
         problem: String,
     },
-    /// A network of a family without stages that failed, or gave values out of the contract.
+    /// A network of a family without stages failed, or gave values out of the contract.
     #[error("{file}: {problem}")]
     Network {
-        /// The network's file.
+        /// Name of its file.
         file: &'static str,
         /// What is wrong.
         problem: String,
     },
-    /// A task out of the pack's ranges.
+    /// A task is out of the pack's ranges.
     #[error("the task's {field} is {found}; allowed: {allowed}")]
     Task {
-        /// The task's field.
+        /// The field at fault.
         field: &'static str,
-        /// What it holds.
+        /// The value that it has.
         found: String,
-        /// What it may hold.
+        /// The values that are allowed.
         allowed: String,
     },
-    /// A task of a kind that the pack has no networks for.
+    /// The pack has no networks for a task of this kind.
     #[error("the pack has no networks for such a task")]
     WrongTask,
-    /// A run that panicked: a defect of the engine. It takes the next batch all the same.
+    /// The engine panicked, which is a defect. It still takes the next batch.
     #[error("the engine panicked: {0}")]
     Panicked(String),
     /// The thread that owns the engine has ended.

@@ -1,31 +1,31 @@
-//! What this machine has for inference: CPU, cores, memory.
+//! What this machine offers for inference: CPU, cores, memory.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-/// The machine, as far as engines and their sizes depend on it.
+/// The properties of the machine that engines and their sizes depend on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Machine {
-    /// The CPU's name.
+    /// Name of the CPU model.
     pub cpu: String,
-    /// The features that decide how fast networks run on it.
+    /// CPU features that decide the speed of networks.
     pub features: Vec<&'static str>,
-    /// Cores that this process may use: affinity and container limits included.
+    /// Cores that this process may use, within its affinity and its container's limits.
     pub cores: usize,
     /// Cores of the machine.
     pub host_cores: usize,
-    /// Memory that this process may use, bytes: the container's limit, or the machine's memory.
+    /// Memory that this process may use, bytes: the container's limit, or all of the machine's.
     pub memory_bytes: u64,
-    /// Memory of the machine, bytes.
+    /// Memory of the whole machine, bytes.
     pub host_memory_bytes: u64,
 }
 
-/// Features that let the CPU compute in bf16.
+/// CPU features for computing in bf16.
 const BF16: [&str; 2] = ["avx512_bf16", "amx_bf16"];
 
 impl Machine {
-    /// Looks at this machine.
+    /// Detects this machine.
     pub fn detect() -> Self {
         use sysinfo::{CpuRefreshKind, MemoryRefreshKind, RefreshKind, System};
         let what = RefreshKind::nothing()
@@ -56,17 +56,17 @@ impl Machine {
     }
 }
 
-/// Cores that this process may use: affinity and container limits included.
+/// Cores that this process may use, within its affinity and its container's limits.
 pub fn available_cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Cores that are switched on, whoever may use them. A container sees all of them.
+/// Cores that are online, for any process. A container sees all of them.
 fn online_cores() -> Option<usize> {
     parse_ranges(&std::fs::read_to_string(Path::new("/sys/devices/system/cpu/online")).ok()?)
 }
 
-/// How many numbers a list such as `0-3,8` names.
+/// Count of numbers in a list such as `0-3,8`.
 fn parse_ranges(list: &str) -> Option<usize> {
     let count = |range: &str| -> Option<usize> {
         let (first, last) = range.split_once('-').unwrap_or((range, range));

@@ -6,19 +6,19 @@ use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::Stage;
 use crate::{EngineError, Pipeline, StageTimes, TrialRun};
 
-/// The three stages of a pack, one batch at a time.
+/// The three stages of a pack, run one batch at a time.
 pub struct MotionBricks {
     pipeline: Pipeline,
     max_batch: usize,
     ids: Vec<JobId>,
     tasks: Vec<KeyframeTask>,
-    /// Tasks that it has no networks for.
+    /// Jobs with tasks that it has no networks for.
     foreign: Vec<JobId>,
 }
 
 impl MotionBricks {
-    /// A generator over a pipeline, which is warm. Steps have up to `max_batch` jobs, as many as
-    /// the pipeline was made for.
+    /// A generator over a warmed-up pipeline. Steps have up to `max_batch` jobs, which the pipeline
+    /// must have been made for.
     pub fn new(pipeline: Pipeline, max_batch: usize) -> Self {
         Self {
             pipeline,

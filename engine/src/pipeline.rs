@@ -1,12 +1,13 @@
-//! Takes a batch of characters through root, pose and decoder.
+//! Runs a batch of characters through the stages root, pose and decoder.
 //!
-//! Where the engine is slow in shapes that it has not met, batches are padded to one of its
-//! [sizes](BatchSizes) with neutral rows, so that it sees few shapes. Behind the root stage, which
-//! chooses token counts, rows part into groups of one [length](lengths) each, so that a short
-//! segment does not pay for a long one beside it. A row's own token count decides its length: the
-//! same request has the same frames, bit for bit, whatever it travels with. In a group, rows are
-//! ordered by their number of pose passes: the pose stage runs on a shrinking prefix, and
-//! characters that asked for one pass do not pay for those that asked for ten.
+//! Some engines are slow when they meet a tensor shape for the first time. For them, batches are
+//! padded with neutral rows to one of a few [sizes](BatchSizes).
+//!
+//! The root stage chooses token counts. The stages behind it run rows in groups of one
+//! [length](lengths) each, so that a short segment does not cost as much as a long one. A row's own
+//! token count decides its length: the same request has the same frames, bit for bit, in any batch.
+//! In a group, rows are ordered by their number of pose passes. The pose stage runs on a shrinking
+//! prefix of the group, so that characters with one pass do not cost as much as those with ten.
 
 use std::cmp::Reverse;
 use std::time::{Duration, Instant};
@@ -21,12 +22,12 @@ use crate::generator::Generator;
 use crate::motionbricks::MotionBricks;
 use crate::pack::Stage;
 
-/// Token axes that an engine is asked for, in rising order: the most tokens, three quarters of it,
-/// and so on down to half. It is the most alone where the engine does not take `any` length.
+/// Token counts that batches are padded to, in rising order: the most tokens, three quarters of
+/// that, and so on down to half. Only the most tokens, unless the engine takes `any` length.
 ///
-/// They are few, for a batch of segments of all lengths parts into a group for each. A call of a
-/// stage costs as much as one or two rows of the longest segment do, and with OpenVINO each length
-/// has networks of its own.
+/// The list is short, because a batch of segments of all lengths is split into one group a length.
+/// A call of a stage costs at least as much as one or two rows of the longest segment, and OpenVINO
+/// has separate networks for each length.
 pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
     let shortest = match any {
         true => (dims.max_tokens / 2).max(dims.min_tokens),
@@ -39,53 +40,53 @@ pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
     lengths
 }
 
-/// Which of [`lengths`] a segment of `tokens` tokens is padded to.
+/// The index in [`lengths`] that a segment of `tokens` tokens is padded to.
 pub fn length_of(lengths: &[usize], tokens: usize) -> usize {
     let longer = lengths.iter().copied().find(|&length| length >= tokens);
     longer.or(lengths.last().copied()).unwrap_or(tokens)
 }
 
-/// Rows of the batch that [`Pipeline::trial`] tells of, where so many fit: what a busy server has
-/// at least.
+/// Rows of the batch that [`Pipeline::trial`] measures, or the largest batch if it is smaller. A
+/// busy server has at least so many.
 const TRIAL_ROWS: usize = 8;
 
-/// Where a batch's time in the engine went.
+/// Durations of the parts of a batch.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StageTimes {
-    /// Filling input tensors, the choice of tokens included.
+    /// Filling the input tensors and choosing tokens.
     pub assemble: Duration,
     /// The root stage.
     pub root: Duration,
-    /// All passes of the pose stage, over all groups.
+    /// All passes of the pose stage, summed over all groups.
     pub pose: Duration,
-    /// The decoder, over all groups.
+    /// The decoder, summed over all groups.
     pub decoder: Duration,
     /// Copying each character's rows out of the output tensors.
     pub scatter: Duration,
-    /// Rows of the batch in the root stage, padding included.
+    /// Rows of the batch in the root stage, with padding.
     pub bucket: usize,
 }
 
 impl StageTimes {
-    /// The three stages together.
+    /// Root, pose and decoder together.
     pub fn inference(&self) -> Duration {
         self.root + self.pose + self.decoder
     }
 }
 
-/// A batch of rows of the longest length, run to see how fast they are.
+/// A batch of rows of the longest length, run to measure the speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TrialRun {
     /// Rows of the batch.
     pub rows: usize,
-    /// How long the three stages took together.
+    /// Duration of the three stages together.
     pub took: Duration,
 }
 
-/// What a batch has for one character.
+/// The motion of one character in a batch, or its error.
 pub type RowAnswer = Result<Motion, EngineError>;
 
-/// The stages of one pack and the buffers between them.
+/// The stages of one pack, and the buffers between them.
 pub struct Pipeline {
     dims: Dims,
     stages: Box<dyn Stages>,
@@ -100,7 +101,7 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// A pipeline for batches of up to `max_batch` characters, all buffers allocated.
+    /// A pipeline for batches of up to `max_batch` characters. It allocates all buffers.
     pub fn new(dims: Dims, stages: Box<dyn Stages>, max_batch: usize) -> Self {
         let rows = max_batch.max(1);
         Self {
@@ -117,25 +118,25 @@ impl Pipeline {
         }
     }
 
-    /// The stages, for other use.
+    /// The stages, for another use.
     pub fn into_stages(self) -> Box<dyn Stages> {
         self.stages
     }
 
-    /// A generator of the stages, which takes up to `max_batch` jobs in a step: as many as the
-    /// pipeline was made for.
+    /// A generator that runs the stages and takes up to `max_batch` jobs in a step: the `max_batch`
+    /// of the pipeline.
     pub fn into_generator(self, max_batch: usize) -> Box<dyn Generator> {
         Box::new(MotionBricks::new(self, max_batch))
     }
 
-    /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet
-    /// a caller. The largest comes first, for the engine's memory grows by less then. An engine
-    /// that takes any batch runs the largest and the smallest alone, and one that [opens shapes on
-    /// demand](Stages::opens_on_demand) the smallest. Then a batch is run again, for its
-    /// [time](Pipeline::trial).
+    /// Runs every stage once in every shape, because the first run of a shape is slow and must not
+    /// delay a request. The largest shape comes first: the engine then needs less memory for the
+    /// others. An engine that takes any batch runs the largest and the smallest only; one that
+    /// [opens shapes on demand](Stages::opens_on_demand) runs the smallest. Then the batch of the
+    /// [trial](Pipeline::trial) is timed.
     ///
     /// # Errors
-    /// [`EngineError`] where a stage fails.
+    /// [`EngineError`] if a stage fails.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
         let mut sizes = self.sizes.all().to_vec();
         let on_demand = self.stages.opens_on_demand();
@@ -159,8 +160,8 @@ impl Pipeline {
         self.check_finite(rows)
     }
 
-    /// Whether networks that were given nothing answered with numbers. Those of a broken pack do
-    /// not.
+    /// Fails if the networks answer neutral rows with values that are not finite: the pack is
+    /// broken.
     fn check_finite(&self, rows: usize) -> Result<(), EngineError> {
         let all = |values: &Rows<f32>| (0..rows).all(|row| all_finite(values.row(row)));
         let stages = [
@@ -174,8 +175,7 @@ impl Pipeline {
         match stages.into_iter().find(|(_, finite)| !finite) {
             Some((stage, _)) => Err(EngineError::Output {
                 stage,
-                problem: "values that are not finite, although it was given nothing; the pack is broken"
-                    .to_owned(),
+                problem: "values that are not finite, for neutral rows; the pack is broken".to_owned(),
             }),
             None => Ok(()),
         }
@@ -186,7 +186,7 @@ impl Pipeline {
         self.sizes.largest()
     }
 
-    /// How long a batch took when everything was warm. None before [`Pipeline::warm_up`].
+    /// How long a batch took after the warm-up. None before [`Pipeline::warm_up`].
     pub fn trial(&self) -> Option<TrialRun> {
         self.trial
     }
@@ -206,12 +206,12 @@ impl Pipeline {
             .decoder(rows, &self.token_input, &mut self.decoder_output)
     }
 
-    /// Runs a batch; the answers are in the order of `items`, which must not be more than the
-    /// largest batch. A character for which a stage gives values out of the contract has an error
-    /// of its own; the others are served.
+    /// Runs a batch of at most [`Pipeline::max_batch`] items. The answers have the order of
+    /// `items`. A character for which a stage gives invalid values has an error of its own, and the
+    /// others have their motion.
     ///
     /// # Errors
-    /// [`EngineError`] where a stage fails. The whole batch fails with it.
+    /// [`EngineError`] if a stage fails. The whole batch fails with it.
     pub fn run(&mut self, items: &[KeyframeTask]) -> Result<(Vec<RowAnswer>, StageTimes), EngineError> {
         let bucket = self.sizes.for_rows(items.len());
         let mut times = StageTimes {
@@ -240,14 +240,15 @@ impl Pipeline {
         for group in members.chunk_by(|a, b| a.length == b.length) {
             self.run_group(group, &mut answers, &mut times)?;
         }
-        // Every row is a member of a group, or failed.
+        // Every row is either in a group or has failed.
         let answers = answers
             .into_iter()
             .map(|answer| answer.unwrap_or(Err(EngineError::Stopped)));
         Ok((answers.collect(), times))
     }
 
-    /// Runs the stages behind the root for rows of one length, ordered by falling number of passes.
+    /// Runs the stages behind the root stage for rows of one length, ordered by falling number of
+    /// passes.
     fn run_group(
         &mut self,
         group: &[Member<'_>],
@@ -294,7 +295,7 @@ impl Pipeline {
         self.clear_padding(items.len(), bucket);
     }
 
-    /// Lays the token input out for a group and fills it from the root stage's answer.
+    /// Resizes the token input for a group and fills it from the root stage's output.
     fn fill_tokens(&mut self, group: &[Member<'_>], bucket: usize) {
         self.set_length(group.first().map_or(self.dims.max_tokens, |member| member.length));
         for (row, member) in group.iter().enumerate() {
@@ -311,8 +312,8 @@ impl Pipeline {
         }
     }
 
-    /// Gives the decoder the roots of those that override them. The pose stage has run on the
-    /// predicted ones.
+    /// Gives the decoder the root trajectories that tasks override. The pose stage runs on the
+    /// predicted trajectories.
     fn override_roots(&mut self, group: &[Member<'_>]) {
         for (row, member) in group.iter().enumerate() {
             if let Some(given) = &member.item.root_override {
@@ -322,7 +323,8 @@ impl Pipeline {
         }
     }
 
-    /// The token count that the root stage chose for a row, where its trajectory is usable.
+    /// The token count that the root stage chose for a row. Fails if the count or the trajectory is
+    /// invalid.
     fn root_answer(&self, row: usize, item: &KeyframeTask) -> Result<usize, EngineError> {
         let tokens = self.checked_count(self.root_output.num_tokens.row(row)[0], item)?;
         let frames = tokens * self.dims.frames_per_token;
@@ -352,8 +354,8 @@ impl Pipeline {
             })
     }
 
-    /// Runs the pose stage until every row of the group has its tokens. A row whose logits are not
-    /// usable goes on as padding.
+    /// Runs the pose stage until every row of the group has its tokens. A row with invalid logits
+    /// remains in the group as padding.
     fn choose_tokens(
         &mut self,
         group: &[Member<'_>],
@@ -389,7 +391,7 @@ impl Pipeline {
     }
 }
 
-/// The answer of a group's row number `row`, of what the stages made.
+/// Copies the motion of the group's row `row` out of the outputs.
 fn copy_out(
     dims: &Dims,
     (root, input, decoder): (&RootOutput, &TokenInput, &DecoderOutput),
@@ -411,13 +413,13 @@ fn copy_out(
     }
 }
 
-/// A row of the batch behind the root stage.
+/// A row in one of the groups behind the root stage.
 struct Member<'a> {
-    /// Its row in the root stage, and its place among the answers.
+    /// Its row in the root stage, which is also its index among the answers.
     row: usize,
     item: &'a KeyframeTask,
     tokens: usize,
-    /// Tokens with padding.
+    /// Tokens, with padding.
     length: usize,
 }
 

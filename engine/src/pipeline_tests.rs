@@ -16,14 +16,14 @@ const DIMS: Dims = Dims {
     root_choices: 0,
 };
 
-/// Stage, rows, and token axis of a call; 0 for the root stage, which has none.
+/// Stage, rows and token count of a call; the count is 0 for the root stage, which has none.
 type Call = (Stage, usize, usize);
 
-/// Rows in, rows out: each stage writes values that tell which row's input they came from.
+/// Stages whose outputs name the row that the input came from.
 #[derive(Default)]
 struct Echo {
     calls: Arc<Mutex<Vec<Call>>>,
-    /// The noise of every row that the root stage met.
+    /// The noise of every row that the root stage saw.
     root_noise: Arc<Mutex<Vec<Vec<f32>>>>,
     break_stage: Option<Stage>,
     count: Option<i64>,
@@ -105,7 +105,7 @@ impl Stages for Echo {
                 reason: "broken".into(),
             });
         }
-        // An engine that runs a batch in calls of fixed sizes reads the rows behind it too.
+        // An engine that runs a batch in calls of fixed sizes also reads the rows behind the batch.
         for row in 0..rows.next_multiple_of(ROOM_MULTIPLE) {
             let tokens = input.tokens.row(row);
             assert!(
@@ -125,7 +125,7 @@ impl Stages for Echo {
     }
 }
 
-/// A task whose root stays at `mark`, and which takes `mark` tokens more than the fewest.
+/// A task with a root that stays at `mark`. It takes `mark` tokens more than the fewest.
 fn item(mark: f32, pose_steps: u32) -> KeyframeTask {
     item_of(mark, DIMS.min_tokens + mark as usize, pose_steps)
 }
@@ -151,7 +151,7 @@ fn item_of(mark: f32, tokens: usize, pose_steps: u32) -> KeyframeTask {
     }
 }
 
-/// The motions of a batch in which no row fails.
+/// The motions of a batch; no row may fail.
 fn run(pipeline: &mut Pipeline, items: &[KeyframeTask]) -> Vec<Motion> {
     let (answers, _) = pipeline.run(items).unwrap();
     answers.into_iter().map(Result::unwrap).collect()
@@ -197,7 +197,7 @@ fn warm_up_runs_every_stage_in_every_shape() {
                 expected.extend([(Stage::Pose, rows, length), (Stage::Decoder, rows, length)]);
             }
         }
-        // And once more, for the time that it takes.
+        // One more run, which is timed.
         let longest = DIMS.max_tokens;
         expected.extend([
             (Stage::Root, 8, 0),
@@ -209,7 +209,7 @@ fn warm_up_runs_every_stage_in_every_shape() {
 }
 
 #[test]
-fn answers_come_in_the_order_of_the_items_whatever_their_lengths_and_passes() {
+fn answers_come_in_the_order_of_the_items_for_all_lengths_and_passes() {
     for one_length in [false, true] {
         let echo = Echo {
             one_length,
@@ -234,10 +234,10 @@ fn answers_come_in_the_order_of_the_items_whatever_their_lengths_and_passes() {
 }
 
 #[test]
-fn rows_run_in_groups_of_one_length_and_passes_for_those_who_asked() {
+fn rows_run_in_groups_of_one_length_with_their_own_number_of_passes() {
     let echo = Echo::default();
     let calls = echo.calls.clone();
-    // Eleven and twelve tokens share a length; eight have the one below.
+    // Eleven and twelve tokens have the same length; eight have a shorter one.
     let items = [(8, 1), (12, 1), (11, 3), (12, 2), (8, 1), (12, 1), (12, 1)];
     let items = items.map(|(tokens, steps)| item_of(1.0, tokens, steps));
     let (_, times) = pipeline(echo).run(&items).unwrap();
@@ -255,7 +255,7 @@ fn rows_run_in_groups_of_one_length_and_passes_for_those_who_asked() {
 }
 
 #[test]
-fn what_a_failed_batch_left_behind_reaches_no_call() {
+fn values_of_a_failed_batch_reach_no_later_call() {
     let mut pipeline = pipeline(Echo {
         any_batch: true,
         ..Echo::default()
@@ -263,7 +263,7 @@ fn what_a_failed_batch_left_behind_reaches_no_call() {
     for row in 0..8 {
         pipeline.token_input.tokens.fill_row(row, DIMS.codes as i64);
     }
-    // The engine asserts it for the rows that it may read.
+    // The engine asserts this for the rows that it may read.
     pipeline.run(&vec![item_of(1.0, 10, 1); 3]).unwrap();
 }
 
@@ -308,7 +308,7 @@ fn a_character_alone_and_in_a_batch_is_the_same() {
     .collect();
     let together = run(&mut pipeline, &items);
     for (item, together) in items.iter().zip(together) {
-        // The toy decoder writes the call's length into the contacts.
+        // The toy decoder writes the call's token count into the contacts.
         assert_eq!(run(&mut pipeline, std::slice::from_ref(item)), [together]);
     }
 }
@@ -350,8 +350,8 @@ fn the_decoder_alone_sees_an_overridden_root() {
         assert_eq!(trace.root_r_g3, [3.0; 24 * 5]);
         assert_eq!(trace.tokens, [3; 12], "tokens of the predicted root");
     }
-    // The toy decoder writes where it ends into the rotations, and answers the roots that it was
-    // given.
+    // The toy decoder writes the end of its root into the rotations, and answers the roots of its
+    // input.
     assert_eq!(motions[0].rotations, [3.0; 24 * 12]);
     assert_eq!(motions[1].rotations, [4.0; 24 * 12]);
     let root = |frame: usize| &motions[1].root[frame * 5..][..3];
@@ -373,7 +373,7 @@ fn the_root_stage_gets_noise_that_follows_seed_and_temperature() {
         let echo = Echo::default();
         let noise = echo.root_noise.clone();
         let mut pipeline = Pipeline::new(dims, Box::new(echo), 8);
-        // What was in the rows before must not stay.
+        // Values that were in these rows before must not remain.
         pipeline.run(&vec![drawn(9, 2.0); 8]).unwrap();
         noise.lock().unwrap().clear();
         pipeline.run(items).unwrap();
@@ -397,7 +397,7 @@ fn the_root_stage_gets_noise_that_follows_seed_and_temperature() {
     assert_eq!(
         noise_of(&[drawn(2, 1.0)]),
         std::slice::from_ref(two),
-        "alone and in company"
+        "alone and in a batch"
     );
 }
 
@@ -418,9 +418,9 @@ fn drawn(seed: u64, temperature: f32) -> KeyframeTask {
 }
 
 #[test]
-fn outputs_out_of_the_contract_fail_their_own_row_only() {
-    // The engine spoils row 0: in the root stage that is the first item, behind it the one with the
-    // most passes.
+fn invalid_outputs_fail_their_own_row_only() {
+    // The engine spoils row 0: the first item in the root stage, and the item with the most passes
+    // behind it.
     let items = [(1.0, 1), (2.0, 3), (3.0, 2)].map(|(mark, steps)| item_of(mark, 5, steps));
     let good = run(&mut pipeline(Echo::default()), &items);
     for (stage, bad, says) in [
@@ -462,7 +462,7 @@ fn a_failing_stage_fails_the_batch() {
 }
 
 #[test]
-fn a_pack_whose_networks_give_no_numbers_does_not_become_ready() {
+fn a_pack_whose_networks_give_values_that_are_not_finite_fails_warm_up() {
     for (stage, name) in [(Stage::Root, "root"), (Stage::Pose, "pose")] {
         let error = pipeline(Echo {
             break_stage: Some(stage),

@@ -1,5 +1,4 @@
-//! Counter-based random numbers: they depend on a seed and a counter alone, never on what was drawn
-//! before.
+//! Random numbers from a seed and a counter: they do not depend on numbers that were drawn before.
 
 use std::f64::consts::TAU;
 
@@ -13,13 +12,13 @@ fn mix64(z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// 64 random bits of a base and an index: `mix64(base + GOLDEN (index + 1))`.
+/// 64 random bits for a base and an index: `mix64(base + GOLDEN (index + 1))`.
 pub(crate) fn step64(base: u64, index: u64) -> u64 {
     mix64(base.wrapping_add(GOLDEN.wrapping_mul(index.wrapping_add(1))))
 }
 
-/// Standard normal noise: Box and Muller on the two halves of `step64(key, pair)` for each pair of
-/// numbers, in 64 bits, rounded to 32.
+/// Standard normal noise by the transform of Box and Muller. Each pair of numbers comes from the
+/// two halves of `step64(key, pair)`, is computed in 64 bits and rounded to 32.
 pub(crate) fn normal(key: u64, out: &mut [f32]) {
     let unit = |half: u64| (half as f64 + 0.5) / 2_f64.powi(32);
     for (pair, out) in out.chunks_mut(2).enumerate() {

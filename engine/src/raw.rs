@@ -1,5 +1,5 @@
-//! The stages alone in a loop, with inputs that are filled once: what an engine could do at best,
-//! with no request around it. Benchmarks and `troupe-server doctor` measure with it.
+//! Runs the stages alone in a loop, on inputs that are filled once: the best that an engine could
+//! reach, without requests around it. Benchmarks and `troupe-server doctor` measure with it.
 
 use std::time::Instant;
 
@@ -11,7 +11,7 @@ use super::{
     lengths,
 };
 
-/// One batch of a fixed size and length, to run again and again.
+/// One batch of a fixed size and length, for repeated runs.
 pub struct RawLoop {
     stages: Box<dyn Stages>,
     rows: usize,
@@ -38,7 +38,7 @@ impl RawLoop {
         raw
     }
 
-    /// Goes on with batches of another shape, of no more rows than at first.
+    /// Changes the shape of the batches, to at most as many rows as at first.
     pub fn set_shape(&mut self, dims: &Dims, rows: usize, frames: usize) {
         let item = straight_walk(dims, frames);
         let tokens = dims.tokens_for(frames);
@@ -51,7 +51,7 @@ impl RawLoop {
         for row in 0..rows {
             item.fill_root_input(dims, row, &mut self.root_input);
             item.fill_token_input(dims, row, tokens, &standing, &mut self.token_input);
-            // Codes for the decoder; the pose stage takes them as well as masks.
+            // Codes, as the decoder needs them; the pose stage takes them as well as masks.
             self.token_input.tokens.fill_row(row, 0);
         }
     }
@@ -59,7 +59,7 @@ impl RawLoop {
     /// Runs the three stages once.
     ///
     /// # Errors
-    /// [`EngineError`] where a stage fails.
+    /// [`EngineError`] if a stage fails.
     pub fn run(&mut self) -> Result<StageTimes, EngineError> {
         let front = self.run_front()?;
         let decoder = self.run_decoder()?;
@@ -72,7 +72,7 @@ impl RawLoop {
     /// Runs the stages before the decoder once.
     ///
     /// # Errors
-    /// [`EngineError`] where a stage fails.
+    /// [`EngineError`] if a stage fails.
     pub fn run_front(&mut self) -> Result<StageTimes, EngineError> {
         let started = Instant::now();
         self.stages
@@ -91,7 +91,7 @@ impl RawLoop {
     /// Runs the decoder once.
     ///
     /// # Errors
-    /// [`EngineError`] where it fails.
+    /// [`EngineError`] if it fails.
     pub fn run_decoder(&mut self) -> Result<StageTimes, EngineError> {
         let started = Instant::now();
         self.stages
@@ -104,8 +104,8 @@ impl RawLoop {
     }
 }
 
-/// A straight walk of `frames` frames (at 1.2 m/s where there are 30 a second) towards one target,
-/// with the same neutral pose feature at each keyframe: a task for measurements.
+/// A straight walk of `frames` frames towards one target, at 1.2 m/s if a second has 30 frames.
+/// Each keyframe has the same neutral pose feature: the task is for measurements.
 pub fn straight_walk(dims: &Dims, frames: usize) -> KeyframeTask {
     const SPEED_MPS: f32 = 1.2;
     let tokens = dims.tokens_for(frames);

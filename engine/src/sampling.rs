@@ -1,6 +1,6 @@
 //! Random choices: token counts, root trajectories and pose tokens. Every character has its own
-//! generator, so that a choice depends on the character's seed and logits alone, never on the batch
-//! it travels in.
+//! generator: a choice depends on the character's seed and logits alone, never on the other rows of
+//! the batch.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -11,8 +11,8 @@ use troupe_motion::model::all_finite;
 
 use crate::random::normal;
 
-/// Random streams of a character, one a purpose: a choice in one stage does not shift those of
-/// another.
+/// Random streams of a character. Each stage has one, so that choices of one stage do not shift
+/// those of another.
 #[derive(Debug, Clone, Copy)]
 enum Stream {
     Count = 1,
@@ -26,8 +26,8 @@ fn generator(seed: u64, stream: Stream) -> ChaCha8Rng {
     generator
 }
 
-/// Fills `noise` with `temperature` times standard Gumbel noise: added to log-probabilities, the
-/// largest sum is a sample at that temperature. All zero at temperature 0.
+/// Fills `noise` with `temperature` times standard Gumbel noise; all 0 at temperature 0. The index
+/// of the largest sum of log-probability and noise is a sample at that temperature.
 pub(super) fn fill_count_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
     noise.fill(0.0);
     if temperature > 0.0 {
@@ -38,8 +38,8 @@ pub(super) fn fill_count_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
     }
 }
 
-/// Fills `noise` with `temperature` times standard normal numbers, which choose a root trajectory.
-/// All zero at temperature 0.
+/// Fills `noise` with `temperature` times standard normal numbers, which choose a root trajectory;
+/// all 0 at temperature 0.
 pub(super) fn fill_root_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
     noise.fill(0.0);
     if temperature > 0.0 && !noise.is_empty() {
@@ -50,13 +50,13 @@ pub(super) fn fill_root_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
     }
 }
 
-/// Uniform in (0, 1), both ends excluded, with 24 random bits.
+/// A uniform number between 0 and 1, both excluded, with 24 random bits.
 fn open_unit(generator: &mut ChaCha8Rng) -> f32 {
     ((generator.next_u32() >> 8) as f32 + 0.5) / (1 << 24) as f32
 }
 
-/// How many of `total` tokens stay masked after `pass` of `passes`: the cosine schedule of MaskGIT
-/// (Chang et al. 2022, section 3.3), which the pose module uses (MotionBricks, section 5).
+/// How many of `total` tokens remain masked after `pass` of `passes`: the cosine schedule of
+/// MaskGIT (Chang et al. 2022, section 3.3), which the pose module uses (MotionBricks, section 5).
 pub(super) fn masked_after(total: usize, pass: u32, passes: u32) -> usize {
     if pass >= passes {
         return 0;
@@ -70,7 +70,8 @@ pub(super) struct PoseSampler {
     generator: ChaCha8Rng,
     temperature: f32,
     passes: u32,
-    /// `(confidence, entry, code)` of the entries still masked; kept to reuse its memory.
+    /// `(confidence, entry, code)` of the entries that are still masked; a field so that its memory
+    /// is reused.
     candidates: Vec<(f32, usize, usize)>,
 }
 
@@ -84,12 +85,12 @@ impl PoseSampler {
         }
     }
 
-    /// Commits tokens after pass number `pass` (from 1): all that are masked in the last pass, else
-    /// the most confident.
+    /// Commits tokens after pass number `pass` (from 1): the most confident ones, and all that
+    /// remain in the last pass.
     ///
-    /// `tokens` are the character's (token, head) entries without padding, `logits` their `codes`
-    /// logits each. An entry equal to `codes` is masked. Answers `false`, with nothing committed,
-    /// where a logit is not finite.
+    /// `tokens` are the character's (token, head) entries without padding. `logits` has `codes`
+    /// numbers for each entry. An entry equal to `codes` is masked. Returns `false` and commits
+    /// nothing if a logit is not finite.
     pub(super) fn commit(&mut self, pass: u32, codes: usize, logits: &[f32], tokens: &mut [i64]) -> bool {
         let masked = codes as i64;
         self.candidates.clear();
@@ -113,7 +114,7 @@ impl PoseSampler {
             self.candidates.push((confidence, entry, code));
         }
         let stay = masked_after(tokens.len(), pass, self.passes);
-        // Every pass commits something, so that no pass is wasted on rounding.
+        // Every pass commits at least one entry, so that rounding does not waste a pass.
         let commit = self.candidates.len().saturating_sub(stay).max(1);
         self.candidates
             .sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -124,10 +125,9 @@ impl PoseSampler {
     }
 }
 
-/// Index of the largest value, the first of equals; 0 of none.
+/// Index of the largest value, the first of equal ones; 0 for an empty slice.
 fn argmax(values: &[f32]) -> usize {
-    // As many running maxima as a processor takes at once; which of them has the largest is looked
-    // up after.
+    // As many running maxima as a processor computes at once. The index is searched afterwards.
     const LANES: usize = 8;
     let larger = |a: f32, b: f32| if b > a { b } else { a };
     let (chunks, rest) = values.as_chunks::<LANES>();
@@ -144,7 +144,8 @@ fn argmax(values: &[f32]) -> usize {
     values.iter().position(|&value| value == top).unwrap_or(0)
 }
 
-/// Inverse-CDF sample of `softmax(logits / temperature)` at `unit` in [0, 1).
+/// A sample of `softmax(logits / temperature)` by the inverse of its distribution function, at
+/// `unit` in [0, 1).
 fn sample(logits: &[f32], temperature: f32, unit: f32) -> usize {
     let top = logits[argmax(logits)];
     let weight = |logit: f32| f64::from((logit - top) / temperature).exp();

@@ -115,13 +115,13 @@ fn root_noise_is_normal_and_follows_the_seed() {
     let first = other[0];
     fill_root_noise(2, 1.0, &mut other);
     assert_ne!(first, other[0]);
-    // Seeds in a row draw numbers that have nothing to do with each other.
+    // Neighbouring seeds draw independent numbers.
     let pairs = noise.iter().zip(&other).map(|(a, b)| 2.0 * a * b);
     assert!((pairs.sum::<f32>() / 10_000.0).abs() < 0.05);
 }
 
 #[test]
-fn a_packs_number_of_choices_does_not_change_the_first_ones() {
+fn the_number_of_root_choices_does_not_change_the_first_ones() {
     let (mut few, mut many) = ([0.0; 5], [0.0; 16]);
     fill_root_noise(7, 1.0, &mut few);
     fill_root_noise(7, 1.0, &mut many);

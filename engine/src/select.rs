@@ -1,4 +1,4 @@
-//! Which engine serves a pack, and why.
+//! Chooses the engine that serves a pack, and says why.
 
 use std::time::{Duration, Instant};
 
@@ -17,56 +17,56 @@ use crate::pack::{Family, Pack};
 use crate::unimogen::UniMoGen;
 use crate::vermo::VerMo;
 
-/// What serves a pack, and why.
+/// The engine that serves a pack, with the reason.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Decision {
     /// What runs its networks.
     pub engine: EngineKind,
     /// Threads that run them.
     pub workers: Workers,
-    /// How it takes batches.
+    /// How the engine takes batches.
     pub batching: Batching,
-    /// Why this one and no other.
+    /// Why this engine serves and no other; a text for logs and `doctor`.
     pub why: String,
     /// The accuracy check of the engine that was to be had beside the reference, if there was one.
     pub check: Option<Check>,
 }
 
-/// An accuracy check.
+/// The result of comparing an engine with the reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Check {
-    /// The engine that was compared with [`EngineKind::Cpu`].
+    /// The engine that was compared with the reference, [`EngineKind::Cpu`].
     pub engine: EngineKind,
-    /// How far it is from that.
+    /// Its distance from the reference.
     pub accuracy: Accuracy,
-    /// Whether that is near enough.
+    /// Whether all distances are within their bounds.
     pub passed: bool,
-    /// Time that the check took, loading included.
+    /// Duration of the check, loading included.
     pub took: Duration,
 }
 
-/// Chooses engines.
+/// Chooses engines and loads networks.
 #[derive(Clone)]
 pub struct Selector {
-    /// The library.
+    /// ONNX Runtime.
     pub runtime: Runtime,
     /// Cores and instructions of this computer.
     pub machine: Machine,
-    /// What is asked for.
+    /// The engine that the configuration asks for.
     pub choice: EngineChoice,
-    /// What becomes of engines that are off.
+    /// What happens to engines that fail the accuracy check.
     pub accuracy_check: AccuracyCheck,
-    /// The workers of each pack.
+    /// Number and threads of each pack's workers.
     pub workers: Workers,
-    /// Packs that are served, which share the memory there is.
+    /// Number of packs that are served: they share the memory.
     pub packs: usize,
     /// See [`SessionOptions::spin`].
     pub spin: bool,
     /// Networks of fixed shapes.
     pub pool: NetworkPool,
-    /// When more of those are opened.
+    /// When the pool opens more of those networks.
     pub growth: Growth,
-    /// Where results of accuracy checks are kept.
+    /// Where results of accuracy checks are stored.
     pub cache: CheckCache,
 }
 
@@ -74,8 +74,9 @@ impl Selector {
     /// Chooses the engine for `pack`. An engine other than the reference is checked for accuracy.
     ///
     /// # Errors
-    /// [`EngineError::Unusable`] where an engine is named and cannot serve, and what else fails on
-    /// the way.
+    /// [`EngineError::Unusable`] if the configuration names an engine that cannot serve, and errors
+    /// of
+    /// loading and running networks.
     pub fn choose(&self, pack: &Pack) -> Result<Decision, EngineError> {
         let family = known(pack)?;
         let missing = |engine| self.missing(engine);
@@ -93,7 +94,7 @@ impl Selector {
             _ => None,
         };
         if let (EngineKind::OpenvinoBf16, Some(reason)) = (engine, &no_fixed_shapes) {
-            why = format!("{why}; one network takes all shapes and is slower, for {reason}");
+            why = format!("{why}; one network takes all shapes and is slower, because {reason}");
         }
         let decision = Decision {
             engine,
@@ -120,7 +121,7 @@ impl Selector {
             workers,
             threads,
             why = decision.why,
-            "engine chosen"
+            "chose the engine"
         );
         if let Some(check) = &decision.check {
             for bar in check.accuracy.bars() {
@@ -130,8 +131,9 @@ impl Selector {
         Ok(decision)
     }
 
-    /// [`Selector::choose`] for all packs that are served, side by side: an accuracy check takes
-    /// seconds, most of them on one core.
+    /// [`Selector::choose`] for all packs that are served, in parallel: an accuracy check takes
+    /// seconds,
+    /// most of them on one core.
     pub fn choose_all(&self, packs: &[Pack]) -> Vec<Result<Decision, EngineError>> {
         std::thread::scope(|scope| {
             let choosing: Vec<_> = packs
@@ -145,8 +147,8 @@ impl Selector {
         })
     }
 
-    /// The generator of one worker, warm, for up to `max_batch` jobs at a time. The pack's family
-    /// decides which.
+    /// The generator of one worker, warmed up, for up to `max_batch` jobs at a time. The pack's
+    /// family decides the generator.
     ///
     /// # Errors
     /// [`EngineError`] for a family that the engine does not know, and for networks that do not load
@@ -179,7 +181,7 @@ impl Selector {
         }
     }
 
-    /// How a worker's networks run that take every shape.
+    /// Session options for networks that take every shape.
     fn any_shape(&self, engine: EngineKind) -> SessionOptions {
         SessionOptions {
             engine,
@@ -190,26 +192,26 @@ impl Selector {
         }
     }
 
-    /// The network of one worker, of a pack whose one network moves many bodies.
+    /// The network of one worker for a pack of the family UniMoGen.
     ///
     /// # Errors
-    /// [`EngineError`] where it does not load.
+    /// [`EngineError`] if it does not load.
     pub fn load_denoiser(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxDenoiser, EngineError> {
         OnnxDenoiser::load(&self.runtime, pack, self.any_shape(engine))
     }
 
-    /// The networks of one worker, of a pack with a language model.
+    /// The networks of one worker for a pack with a language model.
     ///
     /// # Errors
-    /// [`EngineError`] where they do not load.
+    /// [`EngineError`] if they do not load.
     pub(crate) fn load_language(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxVerMo, EngineError> {
         OnnxVerMo::load(&self.runtime, pack, self.any_shape(engine))
     }
 
-    /// The stages of one worker, of a pack that has three.
+    /// The stages of one worker for a pack of the family MotionBricks.
     ///
     /// # Errors
-    /// [`EngineError`] where they do not load.
+    /// [`EngineError`] if they do not load.
     pub fn load(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxStages, EngineError> {
         self.load_growing(pack, engine, self.growth)
     }
@@ -230,14 +232,13 @@ impl Selector {
         OnnxStages::load(&self.runtime, pack, options, &self.pool)
     }
 
-    /// Why there are no networks of fixed shapes for this pack, in its part of the pool. None where
-    /// there are.
+    /// Why this pack has no networks of fixed shapes in its share of the pool. None if it has them.
     fn no_fixed_shapes(&self, pack: &Pack) -> Option<String> {
         let memory_bytes = self.pool.budget_bytes() / self.packs.max(1) as u64;
         no_fixed_shapes(&self.runtime, pack, memory_bytes)
     }
 
-    /// What the machine or the library lacks for an engine.
+    /// What an engine needs and the machine or the library lacks. None if the engine can run.
     pub fn missing(&self, engine: EngineKind) -> Option<String> {
         if engine == EngineKind::OpenvinoBf16 && !self.machine.has_bf16() {
             return Some("the CPU has neither AVX512-BF16 nor AMX".to_owned());
@@ -271,15 +272,16 @@ impl Selector {
         Ok(check)
     }
 
-    /// Compares an engine, as it would serve, with the reference.
+    /// Compares an engine, with the options of a server, with the reference.
     ///
     /// # Errors
-    /// [`EngineError`] where a network of either does not load or run.
+    /// [`EngineError`] if a network of either does not load or run.
     pub fn check(&self, pack: &Pack, engine: EngineKind) -> Result<Check, EngineError> {
         let started = Instant::now();
         let reference = SessionOptions {
             engine: EngineKind::Cpu,
-            // This pack's part of all threads: only the other packs are being checked.
+            // This pack's share of all threads: other packs are checked at the same time, and
+            // nothing else runs.
             threads: (self.workers.threads * self.workers.count / self.packs.max(1)).max(1),
             spin: false,
             fixed_shapes: false,
@@ -321,20 +323,20 @@ impl Selector {
     }
 }
 
-/// Why a VerMo pack has one engine.
-const F32_ALONE: &str = "networks of VerMo packs run in f32 alone";
+/// Why a VerMo pack has only one engine.
+const F32_ALONE: &str = "networks of VerMo packs run only in f32";
 
-/// The family of a pack that the engine runs.
+/// The family of a pack. Fails if the engine does not run it.
 pub(crate) fn known(pack: &Pack) -> Result<Family, EngineError> {
     pack.manifest.family().ok_or_else(|| EngineError::UnknownFamily {
         family: pack.manifest.family.clone(),
     })
 }
 
-/// An engine, why it serves, and its check.
+/// An engine, the reason for it, and its accuracy check.
 type Choice = (EngineKind, String, Option<Check>);
 
-/// The engine that the configuration names, where it can serve.
+/// The engine that the configuration names. Fails if it cannot serve.
 fn named(
     engine: EngineKind,
     mode: AccuracyCheck,
@@ -346,18 +348,18 @@ fn named(
         return Err(unusable(missing));
     }
     if engine == EngineKind::Cpu {
-        return Ok((engine, "it is named".to_owned(), None));
+        return Ok((engine, "the configuration names it".to_owned(), None));
     }
     let check = check(engine).map_err(|error| unusable(error.to_string()))?;
     let why = match (check.passed, mode) {
-        (true, _) => "it is named, and passes the accuracy check".to_owned(),
+        (true, _) => "the configuration names it, and it passes the accuracy check".to_owned(),
         (false, AccuracyCheck::Report) => format!(
-            "it is named, and serves although it fails the accuracy check: {}",
+            "the configuration names it, and it serves although it fails the accuracy check: {}",
             check.accuracy.failures()
         ),
         (false, AccuracyCheck::Enforce) => {
             return Err(unusable(format!(
-                "it fails the accuracy check: {}. With accuracy_check = \"report\" it serves all the same",
+                "it fails the accuracy check: {}. With accuracy_check = \"report\" it serves nevertheless",
                 check.accuracy.failures()
             )));
         }
@@ -365,7 +367,7 @@ fn named(
     Ok((engine, why, Some(check)))
 }
 
-/// OpenVINO in bf16 where it can serve, else the reference.
+/// OpenVINO in bf16 if it can serve, else the reference.
 fn best(
     mode: AccuracyCheck,
     missing: impl Fn(EngineKind) -> Option<String>,

@@ -30,7 +30,7 @@ use AccuracyCheck::{Enforce, Report};
 use EngineKind::{Cpu, Cuda, OpenvinoBf16};
 
 #[test]
-fn auto_takes_bf16_where_it_is_near_enough() {
+fn auto_takes_bf16_if_it_passes_the_check() {
     let (engine, why, found) = best(Enforce, here, |engine| Ok(check(engine, true)));
     assert_eq!(engine, OpenvinoBf16);
     assert!(why.contains("passes"), "{why}");
@@ -38,7 +38,7 @@ fn auto_takes_bf16_where_it_is_near_enough() {
 }
 
 #[test]
-fn auto_falls_back_and_says_why() {
+fn auto_falls_back_to_the_reference_with_a_reason() {
     let (engine, why, found) = best(Enforce, elsewhere, |_| panic!("nothing to check"));
     assert_eq!((engine, found), (Cpu, None));
     assert_eq!(why, "openvino-bf16 cannot serve: the CPU is too old");
@@ -61,7 +61,7 @@ fn auto_falls_back_and_says_why() {
 }
 
 #[test]
-fn an_engine_that_is_named_serves_or_says_why_not() {
+fn a_named_engine_serves_or_fails_with_a_reason() {
     let (engine, _, found) = named(Cpu, Enforce, here, |_| panic!("the reference needs no check")).unwrap();
     assert_eq!((engine, found), (Cpu, None));
     for mode in [Enforce, Report] {

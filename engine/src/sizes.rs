@@ -1,9 +1,9 @@
-//! The batch sizes that an engine is asked for.
+//! The batch sizes that an engine gets.
 
 use std::iter::successors;
 
-/// The batch sizes that an engine is asked for. One that takes any batch as it is gets every size;
-/// for another there are few, and its batches are padded up to one of them, so that it sees few
+/// The batch sizes that an engine gets. An engine that takes any batch gets every size. For others
+/// the list is short, and each batch is padded up to one of the sizes, so that the engine sees few
 /// shapes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BatchSizes {
@@ -13,8 +13,9 @@ pub struct BatchSizes {
 
 impl BatchSizes {
     /// Sizes of batches of up to `max_batch` rows, at least one, for an engine that takes `any`
-    /// batch or pads. The sizes of one that pads are powers of two, from 4 on the numbers half-way
-    /// between them, and `max_batch` itself: less than a third of a batch is padding.
+    /// batch or for one that needs padding. With padding the sizes are powers of two, from 4 on
+    /// also the numbers half-way between them, and `max_batch` itself: less than a third of a batch
+    /// is padding.
     pub fn new(max_batch: usize, any: bool) -> Self {
         let largest = max_batch.max(1);
         let sizes = match any {
@@ -29,8 +30,9 @@ impl BatchSizes {
         Self { sizes }
     }
 
-    /// Sizes of batches of up to `max_batch` rows for an engine that cuts them into calls of up to
-    /// `rows`, at least one: any up to half of that, then whole calls, and `max_batch` itself.
+    /// Sizes of batches of up to `max_batch` rows for an engine that splits them into calls of up
+    /// to `rows`, at least one: every size up to half a call, then multiples of whole calls, and
+    /// `max_batch` itself.
     pub fn of_calls(max_batch: usize, rows: usize) -> Self {
         let (largest, rows) = (max_batch.max(1), rows.max(1));
         let sizes = (1..=rows / 2)
@@ -47,19 +49,19 @@ impl BatchSizes {
         &self.sizes
     }
 
-    /// The largest batch.
+    /// The size of the largest batch.
     pub fn largest(&self) -> usize {
         self.sizes.last().copied().unwrap_or(1)
     }
 
-    /// The size of a batch of so many rows, padding included: the smallest that holds them. More
-    /// than the largest batch are left as they are.
+    /// The smallest size that holds so many rows: padding fills the rest. A number above the
+    /// largest batch is returned unchanged.
     pub fn for_rows(&self, rows: usize) -> usize {
         let size = self.sizes.iter().find(|&&size| size >= rows);
         size.copied().unwrap_or(rows)
     }
 
-    /// The largest size that so many rows fill without padding; none fill none.
+    /// The largest size that so many rows fill without padding; 0 if they fill none.
     pub fn within(&self, rows: usize) -> usize {
         let size = self.sizes.iter().rev().find(|&&size| size <= rows);
         size.copied().unwrap_or(rows)
@@ -111,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn there_is_a_size_even_where_no_batch_may_be() {
+    fn there_is_a_size_even_if_the_largest_batch_is_0() {
         for any in [true, false] {
             let sizes = BatchSizes::new(0, any);
             assert_eq!((sizes.all(), sizes.within(0)), (&[1][..], 0));
@@ -119,14 +121,14 @@ mod tests {
     }
 
     #[test]
-    fn more_than_the_largest_batch_are_not_padded_and_fill_the_largest() {
+    fn more_rows_than_the_largest_batch_get_no_padding_and_fill_it() {
         let sizes = BatchSizes::new(10, false);
         assert_eq!((sizes.for_rows(11), sizes.within(11)), (11, 10));
     }
 
     proptest! {
         #[test]
-        fn a_batch_has_the_nearest_sizes_around_it(max_batch in 1_usize..=300, share in 0.0..1.0, any: bool) {
+        fn a_batch_lies_between_the_two_nearest_sizes(max_batch in 1_usize..=300, share in 0.0..1.0, any: bool) {
             let rows = 1 + (share * max_batch as f64) as usize;
             let sizes = BatchSizes::new(max_batch, any);
             let (padded, filled) = (sizes.for_rows(rows), sizes.within(rows));

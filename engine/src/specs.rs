@@ -1,10 +1,10 @@
-//! The tensors of the three stages, which follow from a pack's sizes (docs/motionbricks-pack.md).
+//! The tensors of the three stages, computed from a pack's sizes (docs/motionbricks-pack.md).
 
 use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
 use crate::pack::Stage;
 
-/// Element type of a tensor.
+/// Element type of a tensor in the ONNX files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TensorType {
     /// 32-bit float.
@@ -13,21 +13,21 @@ pub enum TensorType {
     I64,
 }
 
-/// One tensor of a stage; its first axis, the batch, is left out of `shape`.
+/// One tensor of a stage. `shape` leaves out the first axis, which is the batch.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TensorSpec {
-    /// Its name in the ONNX file.
+    /// The tensor's name in the ONNX file.
     pub name: &'static str,
-    /// Its element type.
+    /// The type of one element.
     pub ty: TensorType,
-    /// Its axes after the batch; time, where it is one of them, at its longest.
+    /// The axes after the batch. A time axis has its greatest length.
     pub shape: Vec<usize>,
-    /// Whether the first axis of `shape` is time that a graph may leave open.
+    /// Whether the first axis of `shape` is time: a graph may leave its length open.
     pub open_time: bool,
 }
 
 impl TensorSpec {
-    /// Elements of one batch row.
+    /// Elements of one row of a batch.
     pub fn row(&self) -> usize {
         self.shape.iter().product()
     }
@@ -40,14 +40,14 @@ impl TensorSpec {
     }
 }
 
-/// The tensors of the stages of a pack of these sizes.
+/// The tensors of the stages of a pack with these sizes.
 pub trait StageTensors {
-    /// Input tensors of a stage, in the order in which the engine hands them over. Time is open
-    /// where a graph takes any number N of tokens from the fewest to the most, and N times
+    /// Input tensors of a stage, in the order in which the engine passes them. Time is open if a
+    /// graph takes any number N of tokens from the fewest to the most, and N times
     /// [`Dims::frames_per_token`] frames.
     fn inputs(&self, stage: Stage) -> Vec<TensorSpec>;
 
-    /// Output tensors of a stage.
+    /// Output tensors of a stage, in the order in which the engine reads them.
     fn outputs(&self, stage: Stage) -> Vec<TensorSpec>;
 }
 

@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
-/// Inputs have room for a multiple of so many rows: an engine may run a batch in calls of fixed
-/// sizes, up to this one, and the last of them reads rows behind the batch.
+/// Inputs have room for a multiple of this number of rows. An engine may run a batch in calls of
+/// fixed sizes up to this one, and its last call then reads rows behind the batch.
 pub(super) const ROOM_MULTIPLE: usize = 8;
 
-/// A batch of equally wide rows in one allocation, without gaps: the first rows are a tensor as
-/// they lie.
+/// A batch of rows of equal width in one allocation without gaps: the first rows in memory are a
+/// tensor.
 #[derive(Debug, Clone)]
 pub struct Rows<T> {
     data: Vec<T>,
@@ -17,7 +17,7 @@ pub struct Rows<T> {
 }
 
 impl<T: Copy + Default> Rows<T> {
-    /// `rows` rows of `width` elements, all default.
+    /// `rows` rows of `width` elements, all with the default value.
     pub fn new(rows: usize, width: usize) -> Self {
         Self {
             data: vec![T::default(); rows * width],
@@ -25,13 +25,13 @@ impl<T: Copy + Default> Rows<T> {
         }
     }
 
-    /// Makes every row `width` elements wide, at most the width it was made with. What rows hold is
-    /// lost.
+    /// Makes every row `width` elements wide, at most as wide as at creation. The contents of the
+    /// rows are lost.
     fn set_width(&mut self, width: usize) {
         self.width = width;
     }
 
-    /// One row.
+    /// The elements of one row.
     ///
     /// # Panics
     /// If there are no more than `row` rows.
@@ -39,7 +39,7 @@ impl<T: Copy + Default> Rows<T> {
         &self.data[row * self.width..(row + 1) * self.width]
     }
 
-    /// One row, to write.
+    /// The elements of one row, for writing.
     ///
     /// # Panics
     /// If there are no more than `row` rows.
@@ -47,12 +47,12 @@ impl<T: Copy + Default> Rows<T> {
         &mut self.data[row * self.width..(row + 1) * self.width]
     }
 
-    /// Elements of a row.
+    /// Number of elements of a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Some rows in one slice.
+    /// A range of rows as one slice.
     ///
     /// # Panics
     /// If there are fewer rows.
@@ -60,7 +60,7 @@ impl<T: Copy + Default> Rows<T> {
         &self.data[rows.start * self.width..rows.end * self.width]
     }
 
-    /// Some rows in one slice, to write.
+    /// A range of rows as one slice, for writing.
     ///
     /// # Panics
     /// If there are fewer rows.
@@ -68,14 +68,14 @@ impl<T: Copy + Default> Rows<T> {
         &mut self.data[rows.start * self.width..rows.end * self.width]
     }
 
-    /// Sets every element of `row`.
+    /// Sets every element of `row` to `value`.
     pub fn fill_row(&mut self, row: usize, value: T) {
         self.row_mut(row).fill(value);
     }
 }
 
-/// Input of the root stage. `S` slots: the context frames, then the last frames of the segment;
-/// absent entries are zero.
+/// Input of the root stage. It has `S` slots: first the context frames, then the last frames of the
+/// segment. Absent entries are zero.
 #[derive(Debug, Clone)]
 pub struct RootInput {
     /// `[S, 4]`: velocity x and z in m/s, angular velocity in rad/s, height in metres; segment
@@ -85,23 +85,23 @@ pub struct RootInput {
     pub key_global_root: Rows<f32>,
     /// `[S, joints * 9]`: pose features; segment frame.
     pub key_pose: Rows<f32>,
-    /// `[S]`: 1 where the slot has a local root.
+    /// `[S]`: 1 if the slot has a local root, else 0.
     pub has_local_root: Rows<f32>,
-    /// `[S]`: 1 where the slot has a global root.
+    /// `[S]`: 1 if the slot has a global root, else 0.
     pub has_global_root: Rows<f32>,
-    /// `[S]`: 1 where the slot has a pose.
+    /// `[S]`: 1 if the slot has a pose, else 0.
     pub has_pose: Rows<f32>,
-    /// `[counts]`: 1 where the token count may be chosen.
+    /// `[counts]`: 1 if the token count may be chosen, else 0.
     pub allowed_counts: Rows<f32>,
     /// `[counts]`: added to the counts' log-probabilities before the choice.
     pub count_noise: Rows<f32>,
-    /// `[root choices]`: which of the ways to the targets the trajectory takes, temperature times
-    /// standard normal numbers. Empty for a pack whose root stage has no such input.
+    /// `[root choices]`: temperature times standard normal numbers, which decide between possible
+    /// trajectories to the targets. Empty for a pack whose root stage has no such input.
     pub root_noise: Rows<f32>,
 }
 
 impl RootInput {
-    /// Buffers for up to `rows` characters.
+    /// Allocates buffers for up to `rows` characters.
     pub fn new(dims: &Dims, rows: usize) -> Self {
         let rows = rows.next_multiple_of(ROOM_MULTIPLE);
         let slots = dims.slots();
@@ -148,7 +148,7 @@ pub struct RootOutput {
 }
 
 impl RootOutput {
-    /// Buffers for up to `rows` characters.
+    /// Allocates buffers for up to `rows` characters.
     pub fn new(dims: &Dims, rows: usize) -> Self {
         Self {
             num_tokens: Rows::new(rows, 1),
@@ -158,25 +158,26 @@ impl RootOutput {
     }
 }
 
-/// Input of the pose stage and of the decoder, laid out for calls of N tokens and F frames: N is
+/// Input of the pose stage and of the decoder, with the shape of calls of N tokens and F frames. N
+/// is
 /// [`Self::length`].
 #[derive(Debug, Clone)]
 pub struct TokenInput {
     length: usize,
-    /// `[N, heads]`: pose tokens; the number of codes stands for a masked token.
+    /// `[N, heads]`: pose tokens; a masked token is the number of codes.
     pub tokens: Rows<i64>,
-    /// `[]`: tokens of the segment, N or fewer.
+    /// `[]`: number of tokens of the segment, at most N.
     pub num_tokens: Rows<i64>,
     /// `[F, 5]`: r_g3 in the segment frame.
     pub global_root: Rows<f32>,
     /// `[F, joints * 9]`: pose features at the frames of pose keyframes, zero elsewhere.
     pub frame_pose: Rows<f32>,
-    /// `[F]`: 1 at the frames of pose keyframes.
+    /// `[F]`: 1 at the frames of pose keyframes, else 0.
     pub frame_mask: Rows<f32>,
 }
 
 impl TokenInput {
-    /// Buffers for up to `rows` characters, laid out for the longest segments.
+    /// Allocates buffers for up to `rows` characters, with the shape of the longest segments.
     pub fn new(dims: &Dims, rows: usize) -> Self {
         let rows = rows.next_multiple_of(ROOM_MULTIPLE);
         let frames = dims.max_frames();
@@ -190,13 +191,13 @@ impl TokenInput {
         }
     }
 
-    /// N, the token axis of a call: every row has room for so many tokens, padding included.
+    /// N, the token count of a call: every row has room for so many tokens, padding included.
     pub fn length(&self) -> usize {
         self.length
     }
 
-    /// Lays the rows out for calls of `length` tokens, at most the pack's most. What rows hold is
-    /// lost.
+    /// Changes the shape to calls of `length` tokens, at most the pack's most. The contents of the
+    /// rows are lost.
     pub(super) fn set_length(&mut self, dims: &Dims, length: usize) {
         let frames = length * dims.frames_per_token;
         self.length = length;
@@ -206,15 +207,15 @@ impl TokenInput {
         self.frame_mask.set_width(frames);
     }
 
-    /// Makes `row`, which is no part of the batch, harmless for a call that reads it: whatever else
-    /// it holds, its codes and its token count are such as there are.
+    /// Makes `row`, which is not part of the batch, harmless for a call that reads it: its codes
+    /// and its token count become valid. Other values remain.
     pub fn spare_row(&mut self, row: usize, num_tokens: usize) {
         self.tokens.fill_row(row, 0);
         self.num_tokens.fill_row(row, num_tokens as i64);
     }
 
-    /// Makes `row` neutral: `num_tokens` tokens of code 0 without any keyframe, standing at the
-    /// origin.
+    /// Makes `row` neutral: `num_tokens` tokens of code 0, no keyframes, and a root that stands at
+    /// the origin.
     pub fn clear_row(&mut self, row: usize, num_tokens: usize) {
         self.tokens.fill_row(row, 0);
         self.num_tokens.fill_row(row, num_tokens as i64);
@@ -226,7 +227,7 @@ impl TokenInput {
     }
 }
 
-/// Output of the pose stage, laid out as its input is.
+/// Output of the pose stage, with the shape of its input.
 #[derive(Debug, Clone)]
 pub struct PoseOutput {
     /// `[N, heads, codes]`: unnormalised log-probability of each code.
@@ -234,20 +235,20 @@ pub struct PoseOutput {
 }
 
 impl PoseOutput {
-    /// Buffers for up to `rows` characters.
+    /// Allocates buffers for up to `rows` characters.
     pub fn new(dims: &Dims, rows: usize) -> Self {
         Self {
             logits: Rows::new(rows, dims.max_tokens * dims.heads * dims.codes),
         }
     }
 
-    /// Lays the rows out for calls of `length` tokens. What rows hold is lost.
+    /// Changes the shape to calls of `length` tokens. The contents of the rows are lost.
     pub(super) fn set_length(&mut self, dims: &Dims, length: usize) {
         self.logits.set_width(length * dims.heads * dims.codes);
     }
 }
 
-/// Output of the decoder, as far as the server reads it, laid out as its input is.
+/// The outputs of the decoder that the server reads, with the shape of its input.
 #[derive(Debug, Clone)]
 pub struct DecoderOutput {
     /// `[F, joints, 6]`: 6D rotations in the segment frame.
@@ -259,7 +260,7 @@ pub struct DecoderOutput {
 }
 
 impl DecoderOutput {
-    /// Buffers for up to `rows` characters.
+    /// Allocates buffers for up to `rows` characters.
     pub fn new(dims: &Dims, rows: usize) -> Self {
         let frames = dims.max_frames();
         Self {
@@ -269,7 +270,7 @@ impl DecoderOutput {
         }
     }
 
-    /// Lays the rows out for calls of `length` tokens. What rows hold is lost.
+    /// Changes the shape to calls of `length` tokens. The contents of the rows are lost.
     pub(super) fn set_length(&mut self, dims: &Dims, length: usize) {
         let frames = length * dims.frames_per_token;
         self.rotations.set_width(frames * dims.joints * SIX_D);

@@ -1,9 +1,10 @@
-//! A tiny model family without networks, for tests: what it can do is known, and it needs several
-//! steps for each job.
+//! A tiny model family without networks, for tests. Its motion is easy to predict, and each of its
+//! jobs needs several steps.
 //!
-//! It proves that scheduler, sessions and API know no family. Keyframes are met by a straight walk,
-//! after [`STEPS`] steps, and paths are followed in the neutral pose. Words are acted out a part of
-//! [`PART_FRAMES`] frames a step, one part a word. A motion is put into words, a word a step.
+//! With it, tests prove that scheduler, sessions and API do not depend on a family. Keyframes: a
+//! straight walk meets them after [`STEPS`] steps. Paths: the neutral pose follows them. Prompts:
+//! each word gives a part of
+//! [`PART_FRAMES`] frames, one part a step. Descriptions: one word a step.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -16,20 +17,20 @@ use troupe_motion::rotation::{six_d, yaw};
 use crate::EngineError;
 use crate::generator::{Generator, JobId, Progress, StepReport};
 
-/// The family's name in a manifest.
+/// Name of the family in a manifest.
 pub const FAMILY: &str = "toy";
-/// Steps that keyframes take.
+/// Steps of a job with keyframes.
 pub const STEPS: usize = 3;
-/// Frames of one part of an acted prompt.
+/// Frames of the part that one word of a prompt gives.
 pub const PART_FRAMES: usize = 4;
-/// Way of one frame of an acted prompt, metres.
+/// How far the root moves in one frame of a prompt's motion, metres.
 const STRIDE_M: f32 = 0.04;
-/// A seed moves the root up and down by up to so much, metres.
+/// A seed raises or lowers the root by up to this height, metres.
 const SWAY_M: f32 = 0.01;
-/// A 6D rotation that turns nothing.
+/// 6D rotation of an unrotated joint.
 const UPRIGHT: [f32; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// The toy family on one worker.
+/// The toy family's generator for one worker.
 pub struct Toy {
     dims: Dims,
     slots: usize,
@@ -39,12 +40,12 @@ pub struct Toy {
 struct Job {
     id: JobId,
     task: Task,
-    /// Steps that it took part in.
+    /// Steps that the job has taken part in.
     steps: usize,
 }
 
 impl Toy {
-    /// A generator that holds up to `slots` jobs.
+    /// A generator that holds up to `slots` jobs at a time.
     pub fn new(dims: Dims, slots: usize) -> Self {
         Self {
             dims,
@@ -95,7 +96,7 @@ impl Generator for Toy {
     }
 }
 
-/// What a job's step number `step` gives.
+/// The result of a job's step number `step`.
 fn advance(dims: &Dims, task: &Task, step: usize) -> Option<Progress> {
     match task {
         Task::Keyframes(task) => {
@@ -103,14 +104,15 @@ fn advance(dims: &Dims, task: &Task, step: usize) -> Option<Progress> {
         }
         Task::Path(task) => (step + 1 == STEPS).then(|| Progress::Done(Output::Motion(follow(task)))),
         Task::Prompt(task) => Some(act(dims, task, step)),
-        Task::Describe(task) => Some(tell(task, step)),
+        Task::Describe(task) => Some(describe(task, step)),
     }
 }
 
-/// A part of a straight walk, as many parts as the prompt has words; a prompt of "fail" fails.
+/// A part of a straight walk. The motion has as many parts as the prompt has words. The prompt
+/// "fail" fails.
 fn act(dims: &Dims, task: &PromptTask, step: usize) -> Progress {
     if task.text == "fail" {
-        return Progress::Failed(EngineError::Panicked("it was asked to".to_owned()));
+        return Progress::Failed(EngineError::Panicked("the prompt asks for a failure".to_owned()));
     }
     let parts = match task.frames {
         Some(frames) => frames.div_ceil(PART_FRAMES),
@@ -129,8 +131,8 @@ fn act(dims: &Dims, task: &PromptTask, step: usize) -> Progress {
     }
 }
 
-/// "walks", then how far.
-fn tell(task: &DescribeTask, step: usize) -> Progress {
+/// First "walks", then the distance.
+fn describe(task: &DescribeTask, step: usize) -> Progress {
     let place = |key: Option<&KeyTensors>| key.and_then(|key| key.global_root).unwrap_or_default();
     let ([from_x, _, from_z, ..], [to_x, _, to_z, ..]) =
         (place(task.frames.first()), place(task.frames.last()));
@@ -143,7 +145,7 @@ fn tell(task: &DescribeTask, step: usize) -> Progress {
     }
 }
 
-/// From the last context frame to the last target in a straight line.
+/// A motion in a straight line from the last context frame to the last target.
 fn walk(dims: &Dims, task: &KeyframeTask) -> Motion {
     let shortest = task.allowed_counts.iter().position(|&may| may).unwrap_or(0);
     let frames = task.frames(dims, dims.min_tokens + shortest);
@@ -166,7 +168,7 @@ fn walk(dims: &Dims, task: &KeyframeTask) -> Motion {
     motion_of(dims, roots, pose)
 }
 
-/// Along the path in the neutral pose.
+/// A motion along the path in the neutral pose.
 fn follow(task: &PathTask) -> Motion {
     let body = &task.body;
     let mut motion = Motion::default();
@@ -185,7 +187,7 @@ fn follow(task: &PathTask) -> Motion {
     motion
 }
 
-/// Frames at those roots, all in one pose.
+/// A motion with a frame at each of those roots, all in one pose.
 fn motion_of(dims: &Dims, roots: impl Iterator<Item = [f32; GLOBAL_ROOT]>, pose: Option<&[f32]>) -> Motion {
     let mut motion = Motion::default();
     for root in roots {
@@ -245,7 +247,7 @@ mod tests {
         })
     }
 
-    /// Steps until all is done; every job's parts in order.
+    /// Takes steps until all jobs are done. The result has every job's parts in order.
     fn run(toy: &mut Toy, mut between: impl FnMut(&mut Toy, usize)) -> BTreeMap<u64, Vec<Output>> {
         let mut parts: BTreeMap<u64, Vec<Output>> = BTreeMap::new();
         for step in 0.. {
@@ -265,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn jobs_join_and_leave_between_steps_and_give_what_they_give_alone() {
+    fn jobs_that_join_and_leave_between_steps_have_the_same_results_as_alone() {
         let mut alone = BTreeMap::new();
         for (request, text) in [(1, "walk on and on"), (2, "stop here"), (3, "go")] {
             let mut toy = Toy::new(DIMS, 4);
@@ -295,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_is_put_into_words() {
+    fn a_motion_is_described_in_words() {
         let frame = |z| KeyTensors {
             global_root: Some([0.0, 0.9, z, 1.0, 0.0]),
             ..KeyTensors::default()
@@ -314,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn paths_are_followed_by_any_body() {
+    fn every_body_follows_paths() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/unimogen");
         let pack = crate::pack::Pack::load(&folder).unwrap();
         let task = crate::unimogen::probe_task(&pack, 1, 20).unwrap();

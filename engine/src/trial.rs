@@ -1,4 +1,4 @@
-//! The networks of one worker without scheduler and jobs, to be loaded, warmed up and timed.
+//! The networks of one worker, without scheduler and jobs: to be loaded, warmed up and timed.
 
 use troupe_motion::model::PathTask;
 
@@ -8,7 +8,7 @@ use crate::unimogen::{UniMoGen, probe_task};
 use crate::vermo::VerMo;
 use crate::{EngineError, EngineKind, Pipeline, RawLoop, Selector};
 
-/// The networks of one worker.
+/// The networks of one worker, whatever the pack's family.
 pub struct Networks(Loaded);
 
 enum Loaded {
@@ -18,11 +18,11 @@ enum Loaded {
 }
 
 impl Selector {
-    /// The networks of one worker for batches of up to `max_batch`, loaded as a server loads them,
-    /// but not warm.
+    /// Loads the networks of one worker for batches of up to `max_batch`, with the options of a
+    /// server, but does not warm them up.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine does not know the family, or the networks do not load.
+    /// [`EngineError`] if the engine does not know the family, or the networks do not load.
     pub fn networks(
         &self,
         pack: &Pack,
@@ -48,10 +48,10 @@ impl Selector {
 }
 
 impl Networks {
-    /// Runs everything once that a server runs before it serves.
+    /// Warms up as a server does before it serves.
     ///
     /// # Errors
-    /// [`EngineError`] where a network fails.
+    /// [`EngineError`] if a network fails.
     pub fn warm_up(&mut self, pack: &Pack) -> Result<(), EngineError> {
         match &mut self.0 {
             Loaded::Stages(pipeline) => pipeline.warm_up(),
@@ -60,8 +60,8 @@ impl Networks {
         }
     }
 
-    /// A loop over batches of motions of `frames` frames. It runs nothing before
-    /// [`set_batch`](NetworkLoop::set_batch).
+    /// A loop over batches of motions of `frames` frames. Call
+    /// [`set_batch`](NetworkLoop::set_batch) before the first run.
     pub fn into_loop(self, pack: &Pack, max_batch: usize, frames: usize) -> NetworkLoop {
         NetworkLoop(match self.0 {
             Loaded::Stages(pipeline) => {
@@ -75,19 +75,19 @@ impl Networks {
     }
 }
 
-/// Runs batches of one size again and again.
+/// Runs batches of one size repeatedly.
 pub struct NetworkLoop(Looped);
 
 enum Looped {
     Stages(Box<RawLoop>),
     Paths(Box<UniMoGen>, Vec<PathTask>),
-    /// With the jobs of a batch, and the frames of each.
+    /// With the number of jobs of a batch, and the frames of each.
     Words(Box<VerMo>, usize, usize),
 }
 
 impl NetworkLoop {
-    /// From now on batches have so many characters; those of a pack with many bodies have these in
-    /// turns.
+    /// Sets the number of characters of the following batches. If the pack has several bodies, the
+    /// characters take them in turns.
     pub fn set_batch(&mut self, pack: &Pack, batch: usize, frames: usize) {
         match &mut self.0 {
             Looped::Stages(stages) => stages.set_shape(&pack.rig.dims, batch, frames),
@@ -100,11 +100,11 @@ impl NetworkLoop {
         }
     }
 
-    /// Runs one batch: of stages the networks alone, of a sampler all its steps, of a language
-    /// model whole answers.
+    /// Runs one batch: the three stages, all steps of a sampler, or whole answers of a language
+    /// model.
     ///
     /// # Errors
-    /// [`EngineError`] where a network fails.
+    /// [`EngineError`] if a network fails.
     pub fn run(&mut self) -> Result<(), EngineError> {
         match &mut self.0 {
             Looped::Stages(stages) => stages.run().map(|_| ()),

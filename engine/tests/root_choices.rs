@@ -1,7 +1,8 @@
-//! Roots that are drawn, on ONNX Runtime. Needs the library (`make runtime`).
+//! Tests of root trajectories drawn from noise, with ONNX Runtime. They need the library
+//! (`make runtime`).
 //!
-//! The packs are that of the robot, which has none of its own, with a root stage that adds a mix of
-//! its noise to the trajectory's x and z.
+//! The pack is the robot's, whose root stage has no noise input. The tests add a root stage that
+//! adds a mix of its noise to the trajectory's x and z.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -22,7 +23,7 @@ use troupe_motion::model::{GLOBAL_ROOT, KeyframeTask, Motion};
 
 /// Numbers that a trajectory is drawn from.
 const CHOICES: usize = 16;
-/// Of an ONNX file.
+/// Name of the root stage's output for trajectories.
 const TRAJECTORY: &str = "global_root";
 
 fn robot() -> Pack {
@@ -30,14 +31,14 @@ fn robot() -> Pack {
     Pack::load(&folder).unwrap()
 }
 
-/// What one of the numbers moves a trajectory by: x and z in metres.
+/// The shift of the trajectory by one of the numbers: x and z in metres.
 fn way(choice: usize) -> [f32; 2] {
     let angle = choice as f32;
     [0.02 * angle.sin(), 0.02 * angle.cos()]
 }
 
-/// The pack of the robot with other files: its root stage takes `choices` numbers, and the manifest
-/// speaks of `promised`.
+/// The robot's pack with other files: its root stage takes `choices` numbers, and the manifest
+/// names `promised`.
 fn drawing(name: &str, choices: usize, promised: usize) -> Pack {
     let mut pack = robot();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -55,7 +56,7 @@ fn drawing(name: &str, choices: usize, promised: usize) -> Pack {
     Pack::from_manifest(manifest, &folder).unwrap()
 }
 
-/// A root stage whose trajectory is that of `file`, moved by its noise.
+/// A root stage that shifts the trajectory of `file` by its noise.
 fn with_noise(file: &[u8], choices: usize) -> Vec<u8> {
     let mut model = onnx_rs::parse(file).unwrap();
     let graph = model.graph.as_mut().unwrap();
@@ -132,12 +133,12 @@ fn selector() -> Selector {
     }
 }
 
-/// The engines that run here.
+/// The engines that can run on this machine.
 fn engines(selector: &Selector) -> Vec<EngineKind> {
     let runs = |engine: &EngineKind| {
         let missing = selector.missing(*engine);
         if let Some(missing) = &missing {
-            println!("{engine} is not tested here: {missing}");
+            println!("{engine} is not tested on this machine: {missing}");
         }
         missing.is_none()
     };
@@ -149,7 +150,7 @@ fn run(pipeline: &mut Pipeline, items: &[KeyframeTask]) -> Vec<Motion> {
     answers.into_iter().map(Result::unwrap).collect()
 }
 
-/// The tasks of the accuracy check, at that temperature.
+/// The tasks of the accuracy check at `temperature`.
 fn tasks(selector: &Selector, pack: &Pack, temperature: f32) -> Vec<KeyframeTask> {
     let reference = selector.load(pack, EngineKind::Cpu).unwrap();
     let Probe { batches, .. } = probe(pack, Box::new(reference)).unwrap();
@@ -161,13 +162,13 @@ fn tasks(selector: &Selector, pack: &Pack, temperature: f32) -> Vec<KeyframeTask
     tasks
 }
 
-/// Roots as the root stage gave them.
+/// The root trajectory as the root stage gave it.
 fn trajectory(motion: &Motion) -> &[f32] {
     &motion.trace.as_deref().unwrap().root_r_g3
 }
 
 #[test]
-fn at_temperature_0_roots_are_those_of_the_pack_without_choices() {
+fn at_temperature_0_roots_equal_those_of_the_pack_without_choices() {
     let (selector, plain) = (selector(), robot());
     let drawing = drawing("choices-zero", CHOICES, CHOICES);
     let items = tasks(&selector, &plain, 0.0);
@@ -181,7 +182,7 @@ fn at_temperature_0_roots_are_those_of_the_pack_without_choices() {
 }
 
 #[test]
-fn above_temperature_0_the_seed_moves_the_root_alone_and_in_company() {
+fn above_temperature_0_the_seed_moves_the_root_alone_and_in_a_batch() {
     let selector = selector();
     let pack = drawing("choices-drawn", CHOICES, CHOICES);
     let likeliest = tasks(&selector, &pack, 0.0);
@@ -193,7 +194,7 @@ fn above_temperature_0_the_seed_moves_the_root_alone_and_in_company() {
         let (before, after) = (run(&mut pipeline, &likeliest), run(&mut pipeline, &drawn));
         let mut moves = Vec::new();
         for (before, after) in before.iter().zip(&after) {
-            // The networks choose the same length: the tasks fix it.
+            // The tasks fix the length, so both networks choose the same.
             let (before, after) = (trajectory(before), trajectory(after));
             assert_eq!(before.len(), after.len());
             let step = [0, 2].map(|axis| after[axis] - before[axis]);
@@ -204,7 +205,8 @@ fn above_temperature_0_the_seed_moves_the_root_alone_and_in_company() {
                     "{engine}"
                 );
             }
-            // Sixteen numbers of 2 cm each: 5.7 cm along each axis, as a standard deviation.
+            // Sixteen numbers that shift by 2 cm each: a standard deviation of 5.7 cm along each
+            // axis.
             assert!(
                 step[0].hypot(step[1]) > 1e-3 && step[0].hypot(step[1]) < 0.4,
                 "{step:?}"
@@ -224,7 +226,7 @@ fn above_temperature_0_the_seed_moves_the_root_alone_and_in_company() {
 }
 
 #[test]
-fn the_accuracy_check_looks_at_drawn_roots() {
+fn the_accuracy_check_compares_drawn_roots() {
     let selector = selector();
     let pack = drawing("choices-accuracy", CHOICES, CHOICES);
     let load = |pack: &Pack| -> Box<dyn Stages> { Box::new(selector.load(pack, EngineKind::Cpu).unwrap()) };
@@ -234,19 +236,19 @@ fn the_accuracy_check_looks_at_drawn_roots() {
     } = probe(&pack, load(&pack)).unwrap();
     let same = compare(&pack, &mut *reference, &mut *load(&pack), &batches).unwrap();
     assert_eq!((same.root_max_m, same.passes()), (0.0, true));
-    // An engine that loses the noise is as good as the reference at temperature 0 alone.
-    let mut deaf = Deaf(load(&pack));
-    let accuracy = compare(&pack, &mut *reference, &mut deaf, &batches).unwrap();
+    // An engine that loses the noise equals the reference at temperature 0 only.
+    let mut ignores_noise = IgnoresNoise(load(&pack));
+    let accuracy = compare(&pack, &mut *reference, &mut ignores_noise, &batches).unwrap();
     assert!(
         !accuracy.passes() && accuracy.failures().contains("root_"),
         "{accuracy:?}"
     );
 }
 
-/// Stages that do not hear the noise.
-struct Deaf(Box<dyn Stages>);
+/// Stages that ignore the noise.
+struct IgnoresNoise(Box<dyn Stages>);
 
-impl Stages for Deaf {
+impl Stages for IgnoresNoise {
     fn root(
         &mut self,
         rows: usize,
@@ -278,7 +280,7 @@ impl Stages for Deaf {
 }
 
 #[test]
-fn the_graph_and_the_manifest_speak_of_the_same_choices() {
+fn the_graph_and_the_manifest_must_have_the_same_number_of_choices() {
     let selector = selector();
     for (name, choices, promised, says) in [
         (
@@ -305,7 +307,7 @@ fn the_graph_and_the_manifest_speak_of_the_same_choices() {
 }
 
 #[test]
-fn choices_are_read_from_a_packs_files() {
+fn choices_are_read_from_the_files_of_a_pack() {
     let folder: PathBuf = drawing("choices-files", CHOICES, CHOICES).folder;
     let mut manifest = robot().manifest;
     manifest.root_choices = Some(CHOICES);

@@ -1,8 +1,9 @@
-//! UniMoGen on ONNX Runtime: the reference's motion, and the same bits alone and in company. Needs
-//! the library (`make runtime`).
+//! Tests of UniMoGen with ONNX Runtime: the motion equals the reference's, and has the same bits
+//! alone and in a batch. They need the library (`make runtime`).
 //!
-//! 200 random mixes on each engine, of the trained pack's bodies and of made-up ones with 19 to 100
-//! joints, take minutes: `cargo test -p troupe-engine --test unimogen -- --ignored --nocapture`
+//! The test of 200 random mixes on each engine takes minutes. Its bodies are the trained pack's and
+//! random ones with 19 to 100 joints:
+//! `cargo test -p troupe-engine --test unimogen -- --ignored --nocapture`
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -73,7 +74,7 @@ fn generator(pack: &Pack, engine: EngineKind) -> UniMoGen {
 
 fn key(body: &Body, root: Vec3, rotations: &[Quat]) -> KeyTensors {
     let mut pose = vec![0.0; body.joints() * FEATURES_PER_JOINT];
-    // Positions are not read.
+    // Positions are not used.
     pose_features_from_world(root, &vec![root; body.joints()], rotations, &mut pose);
     KeyTensors {
         global_root: Some([root.x, root.y, root.z, 1.0, 0.0]),
@@ -82,10 +83,10 @@ fn key(body: &Body, root: Vec3, rotations: &[Quat]) -> KeyTensors {
     }
 }
 
-/// From this step on no job joins.
+/// The last step before which a job may join.
 const LATEST: usize = 3;
 
-/// Steps until all is done. Before each step `between` may admit jobs.
+/// Takes steps until all jobs are done. `between` may admit jobs before each step.
 fn run(generator: &mut UniMoGen, mut between: impl FnMut(&mut UniMoGen, usize)) -> BTreeMap<u64, Motion> {
     let mut done = BTreeMap::new();
     for step in 0.. {
@@ -115,7 +116,7 @@ fn id(request: usize) -> JobId {
 }
 
 #[test]
-fn the_reference_gets_the_references_motion() {
+fn the_tasks_of_the_reference_have_its_motion() {
     let pack = Pack::load(&tiny()).unwrap();
     let text = std::fs::read_to_string(tiny().join("reference.json")).unwrap();
     let reference: Reference = serde_json::from_str(&text).unwrap();
@@ -165,7 +166,7 @@ fn the_reference_gets_the_references_motion() {
     }
 }
 
-/// A body of 19 to 100 joints that no pack has.
+/// A random body of 19 to 100 joints that no pack has.
 fn made_up_body(pack: &Pack, rng: &mut ChaCha8Rng) -> Body {
     let joints = (0..rng.random_range(19..=100_usize)).map(|joint| {
         let parent = (joint > 0).then(|| rng.random_range(joint.saturating_sub(4)..joint));
@@ -183,7 +184,7 @@ fn made_up_body(pack: &Pack, rng: &mut ChaCha8Rng) -> Body {
     skeleton.body("made-up", 30.0, &pack.rig.dims).unwrap()
 }
 
-/// A task of any body: a walk on a curve, with a past or without, some with a target, some guided.
+/// A task for any body: a walk on a curve. Some have a context, some a target, some guidance.
 fn any_task(pack: &Pack, frames: usize, seed: u64) -> PathTask {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let body = match rng.random_bool(0.5) {
@@ -227,7 +228,7 @@ fn any_task(pack: &Pack, frames: usize, seed: u64) -> PathTask {
     }
 }
 
-/// Mixes of tasks that join one another at any step, against the same tasks alone.
+/// Compares mixes of tasks that join at random steps with the same tasks alone.
 fn compare_mixes(pack: &Pack, engine: EngineKind, tasks: usize, mixes: usize) -> usize {
     let mut generator = generator(pack, engine).with_call_rows(1000);
     let lengths = [20, 36, 68];
@@ -247,7 +248,7 @@ fn compare_mixes(pack: &Pack, engine: EngineKind, tasks: usize, mixes: usize) ->
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut differ = 0;
     for mix in 0..mixes {
-        // Distinct tasks, and the step before which each joins.
+        // Distinct tasks, each with the step before which it joins.
         let mut joining = BTreeMap::new();
         for _ in 0..rng.random_range(2..=9) {
             joining.insert(rng.random_range(0..tasks.len()), rng.random_range(0..LATEST));
@@ -270,7 +271,7 @@ fn compare_mixes(pack: &Pack, engine: EngineKind, tasks: usize, mixes: usize) ->
     differ
 }
 
-/// f32, and bf16 where it is to be had.
+/// f32, and bf16 if this machine has it.
 fn engines() -> Vec<EngineKind> {
     let offered = Runtime::new(None).unwrap().offers(EngineKind::OpenvinoBf16);
     let mut engines = vec![EngineKind::Cpu];
@@ -281,7 +282,7 @@ fn engines() -> Vec<EngineKind> {
 }
 
 #[test]
-fn any_mixture_gets_the_same_bits_alone() {
+fn tasks_have_the_same_bits_alone_and_in_any_mixture() {
     let pack = Pack::load(&tiny()).unwrap();
     for engine in engines() {
         assert_eq!(compare_mixes(&pack, engine, 12, 12), 0, "{engine}");

@@ -1,8 +1,8 @@
-//! VerMo on ONNX Runtime: the reference's logits, tokens and frames, and the same bits alone and in
-//! company. Needs the library (`make runtime`).
+//! Tests of VerMo with ONNX Runtime: logits, tokens and frames equal the reference's, and have the
+//! same bits alone and in a batch. They need the library (`make runtime`).
 //!
-//! 200 random mixes take minutes: `cargo test -p troupe-engine --test vermo -- --ignored
-//! --nocapture`
+//! The test of 200 random mixes takes minutes:
+//! `cargo test -p troupe-engine --test vermo -- --ignored --nocapture`
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -25,9 +25,9 @@ use troupe_motion::model::{
     Telling,
 };
 
-/// The id that ends a reply.
+/// The id of the token that ends a reply.
 const EOS: u32 = 2;
-/// From this step on no job joins.
+/// The last step before which a job may join.
 const LATEST: usize = 12;
 
 #[derive(Deserialize)]
@@ -102,14 +102,14 @@ fn id(request: u64) -> JobId {
 }
 
 #[test]
-fn a_prompt_gets_the_references_logits() {
+fn a_prompt_has_the_logits_of_the_reference() {
     let pack = Pack::load(&tiny()).unwrap();
     let mut networks = networks(&pack, 1);
     let shape = Shape::new(table(&pack).unwrap());
     let lexicon = lexicon(&pack).unwrap();
     let mut compared = 0;
     for message in &reference().messages {
-        // Text pieces stand in the prompt as the library makes them.
+        // The prompt has the text pieces that the tokenizer library makes.
         let first = vocabulary(&pack).range(Kind::Text).start;
         for text in message.text.split(" / ").filter(|text| !text.is_empty()) {
             let pieces: Vec<u32> = lexicon
@@ -148,7 +148,7 @@ fn a_prompt_gets_the_references_logits() {
 }
 
 #[test]
-fn replies_are_those_of_the_reference() {
+fn replies_equal_those_of_the_reference() {
     let pack = Pack::load(&tiny()).unwrap();
     let mut networks = networks(&pack, 1);
     let shape = Shape::new(table(&pack).unwrap());
@@ -192,7 +192,7 @@ fn replies_are_those_of_the_reference() {
             .unwrap();
     }
     for (mut reply, message) in replies.into_iter().zip(&messages) {
-        // Text and audio are cut in the reference.
+        // The reference cuts text and audio off.
         reply.truncate(message.reply.len());
         assert_eq!(reply, message.reply, "{}", message.task);
     }
@@ -217,10 +217,10 @@ fn frames_are_encoded_and_decoded_as_in_the_reference() {
     }
 }
 
-/// What a job gave, all of it.
+/// All outputs of a job, joined.
 type Given = Result<Output, String>;
 
-/// Steps until all is done. Before each step `between` may admit jobs.
+/// Takes steps until all jobs are done. `between` may admit jobs before each step.
 fn run(vermo: &mut VerMo, mut between: impl FnMut(&mut VerMo, usize)) -> BTreeMap<u64, Given> {
     let mut given: BTreeMap<u64, Given> = BTreeMap::new();
     for step in 0.. {
@@ -241,7 +241,7 @@ fn run(vermo: &mut VerMo, mut between: impl FnMut(&mut VerMo, usize)) -> BTreeMa
     given
 }
 
-/// Frames of decoded random tokens.
+/// Frames of random tokens.
 fn keys(networks: &mut OnnxVerMo, tokens: usize, rng: &mut ChaCha8Rng) -> Vec<KeyTensors> {
     let codes: Vec<u32> = (0..tokens).map(|_| rng.random_range(0..4375)).collect();
     let frames = networks.decode(&[&codes]).unwrap().remove(0);
@@ -258,7 +258,7 @@ fn keys(networks: &mut OnnxVerMo, tokens: usize, rng: &mut ChaCha8Rng) -> Vec<Ke
         .collect()
 }
 
-/// A task of any kind.
+/// A task of one of all kinds, chosen by the seed.
 fn any_task(networks: &mut OnnxVerMo, seed: u64) -> Task {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let sampling = SamplingTask {
@@ -322,7 +322,7 @@ fn any_task(networks: &mut OnnxVerMo, seed: u64) -> Task {
     })
 }
 
-/// Mixes of tasks that join one another at any step, against the same tasks alone.
+/// Compares mixes of tasks that join at random steps with the same tasks alone.
 fn compare_mixes(threads: usize, tasks: u64, mixes: usize) -> usize {
     let pack = Pack::load(&tiny()).unwrap();
     let mut maker = networks(&pack, 1);
@@ -367,7 +367,7 @@ fn compare_mixes(threads: usize, tasks: u64, mixes: usize) -> usize {
 }
 
 #[test]
-fn any_mixture_gets_the_same_bits_alone() {
+fn tasks_have_the_same_bits_alone_and_in_any_mixture() {
     assert_eq!(compare_mixes(1, 24, 8), 0);
 }
 
@@ -382,7 +382,7 @@ fn any_mixture_gets_the_same_bits_alone_with_one_thread_and_two() {
 }
 
 #[test]
-fn a_long_motion_goes_on_without_a_jump_and_its_parts_are_the_whole() {
+fn a_long_motion_continues_without_a_jump_and_its_parts_make_the_whole() {
     let pack = Pack::load(&tiny()).unwrap();
     let mut vermo = VerMo::new(&pack, Box::new(networks(&pack, 1)), 4).unwrap();
     vermo.warm_up().unwrap();
@@ -404,7 +404,7 @@ fn a_long_motion_goes_on_without_a_jump_and_its_parts_are_the_whole() {
     };
     assert_eq!(motion.frames(), 300);
     assert_eq!(motion.contacts.len(), 300 * pack.rig.dims.contacts);
-    // Random weights jerk between any two frames; seams are no worse than the rest.
+    // With random weights, motion jerks between all frames; seams must not be worse.
     let steps = steps(motion);
     let seams = [15, 47, 79, 111, 255, 271];
     let longest = |is_wanted: &dyn Fn(&usize) -> bool| {
@@ -421,7 +421,7 @@ fn a_long_motion_goes_on_without_a_jump_and_its_parts_are_the_whole() {
     );
 }
 
-/// Steps of the root on the ground, metres.
+/// Distances between neighbouring frames of the root on the ground, metres.
 fn steps(motion: &Motion) -> Vec<f32> {
     let roots: Vec<&[f32]> = motion.root.chunks_exact(5).collect();
     let steps = roots

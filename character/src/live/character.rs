@@ -21,9 +21,9 @@ use super::planning::{Planned, Planning};
 use super::request::Context;
 use super::timeline::{Barrier, Stop, Timeline};
 use super::{
-    Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    EventKind, HeldObject, Intent, LivePlan, PerformanceEnd, PlanFailed, PlanRequest, Refusal, Start, Stats,
-    Strain, WaitingCommand, World,
+    Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandError,
+    CommandOutcome, EventKind, HeldObject, Intent, LivePlan, PerformanceEnd, PlanFailed, PlanRequest, Start,
+    Stats, Strain, WaitingCommand, World,
 };
 use crate::post::part_legs;
 use crate::primitives::path::MAX_LEAD_M;
@@ -117,13 +117,13 @@ impl Character {
     /// [`Clock::Waits`], or reaches in [`Clock::Runs`].
     ///
     /// # Errors
-    /// [`Refusal`] for what the character could not do now.
+    /// [`CommandError`] for what the character could not do now.
     pub fn give(
         &mut self,
         sequence: u64,
         at_frame: Option<u64>,
         intent: Intent,
-    ) -> Result<CommandOutcome, Refusal> {
+    ) -> Result<CommandOutcome, CommandError> {
         let now = self.frame();
         let at = at_frame.unwrap_or(now).max(now);
         if sequence > self.inbox.last_sequence() {
@@ -134,10 +134,10 @@ impl Character {
     }
 
     /// Whether the character could carry out a command now.
-    fn check(&mut self, intent: &Intent) -> Result<(), Refusal> {
+    fn check(&mut self, intent: &Intent) -> Result<(), CommandError> {
         match intent {
-            Intent::Interact { .. } if self.rig.by_path.is_some() => return Err(Refusal::ByPath),
-            Intent::Skill { .. } if self.rig.by_path.is_some() => return Err(Refusal::SkillByPath),
+            Intent::Interact { .. } if self.rig.by_path.is_some() => return Err(CommandError::ByPath),
+            Intent::Skill { .. } if self.rig.by_path.is_some() => return Err(CommandError::SkillByPath),
             Intent::Skill { name, variant } => {
                 return behaviour::skill(&self.skills, self.rig.name(), name, variant.as_deref(), 0)
                     .map(|_| ());
@@ -147,14 +147,14 @@ impl Character {
                 let off_m = path.lead_m(root);
                 return match off_m <= MAX_LEAD_M {
                     true => Ok(()),
-                    false => Err(Refusal::PathTooFar { off_m }),
+                    false => Err(CommandError::PathTooFar { off_m }),
                 };
             }
             _ => {}
         }
         match (self.acting(), intent) {
             (Some((behaviour, parts)), intent) => behaviour.check(intent, &parts),
-            (None, Intent::Interact { .. }) => Err(Refusal::NoScene),
+            (None, Intent::Interact { .. }) => Err(CommandError::NoScene),
             (None, _) => Ok(()),
         }
     }

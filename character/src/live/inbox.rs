@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
-use super::{CommandOutcome, Intent, Refusal, WaitingCommand};
+use super::{CommandError, CommandOutcome, Intent, WaitingCommand};
 
 /// Most commands of a session that wait for their frames, plus one to move over the ground.
 pub const MAX_WAITING_COMMANDS: usize = 8;
@@ -47,13 +47,13 @@ impl Inbox {
     /// Checks that there is room for a command.
     ///
     /// # Errors
-    /// [`Refusal::TooManyCommands`] if not.
-    pub(super) fn check(&self, intent: &Intent) -> Result<(), Refusal> {
+    /// [`CommandError::TooManyCommands`] if not.
+    pub(super) fn check(&self, intent: &Intent) -> Result<(), CommandError> {
         let stay = self.others.iter().filter(|waiting| !replaces(intent, waiting));
         match intent {
             intent if intent.moves() => Ok(()),
             _ if stay.count() < MAX_WAITING_COMMANDS => Ok(()),
-            _ => Err(Refusal::TooManyCommands),
+            _ => Err(CommandError::TooManyCommands),
         }
     }
 

@@ -78,7 +78,7 @@ pub enum Intent {
 /// Why a command is refused: the character could not carry it out now. Nothing has changed, and the
 /// sequence number is free. A reason that is found later comes as [`EventKind::Failed`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Refusal {
+pub enum CommandError {
     /// The session has no scene.
     #[error("the session has no scene; set `scene` when you create it")]
     NoScene,

@@ -27,7 +27,7 @@ pub use buffer::CROSSFADE_FRAMES;
 pub use character::Character;
 pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
 pub use inbox::MAX_WAITING_COMMANDS;
-pub use intent::{Intent, Refusal, World};
+pub use intent::{CommandError, Intent, World};
 pub use performance::{
     MAX_PAST_FRAMES, MAX_PERFORMANCE_FRAMES, MAX_UNKNOWN_WORDS, OtherSkeleton, PartReader, PerformCommand,
     PerformanceEnd, WordsPart, WordsRequest,

@@ -12,7 +12,7 @@ use super::{
     ReleaseDoc, Socket, SocketDoc,
 };
 use crate::document::check::{count, format, listed, name, named, number, rotation, vector};
-use crate::scene::{Body, Shape, Volume, shape_error};
+use crate::scene::{ObjectBody, Shape, Volume, shape_error};
 use crate::{FieldError, Path};
 use troupe_motion::model::Rig;
 
@@ -65,7 +65,7 @@ impl Definition {
     }
 }
 
-fn check_body(path: &Path<'_>, doc: &ObjectDoc, shape: &Shape) -> Result<Body, FieldError> {
+fn check_body(path: &Path<'_>, doc: &ObjectDoc, shape: &Shape) -> Result<ObjectBody, FieldError> {
     let trigger = path.field("trigger");
     number(&trigger.field("reach_m"), doc.trigger.reach_m, 0.0, MAX_REACH_M)?;
     let volume =
@@ -76,7 +76,7 @@ fn check_body(path: &Path<'_>, doc: &ObjectDoc, shape: &Shape) -> Result<Body, F
         None => Volume::grown(shape, doc.trigger.reach_m)
             .map_err(|error| shape_error(&path.field("shape"), doc.shape.kind(), error))?,
     };
-    Ok(Body {
+    Ok(ObjectBody {
         volume,
         trigger,
         solid: doc.solid,

@@ -42,7 +42,7 @@ use std::sync::Arc;
 
 use troupe_motion::{Quat, Vec3};
 
-use crate::scene::{Body, Shape};
+use crate::scene::{ObjectBody, Shape};
 
 pub use anchor::{Anchor, WorldKeyframe, WorldPoint};
 pub use approach::Choice;
@@ -104,7 +104,7 @@ pub struct Definition {
     /// The object's shape in its own frame of reference.
     pub shape: Shape,
     /// Shape and trigger as a scene needs them.
-    pub body: Arc<Body>,
+    pub body: Arc<ObjectBody>,
     /// The point that keyframes turn about, in the object's frame of reference, metres.
     pub pivot_m: Vec3,
     /// Sides that a character may come from. Empty: any side, starting where the character is.

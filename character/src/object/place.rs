@@ -98,14 +98,14 @@ mod tests {
     use super::super::testing::definition;
     use super::*;
     use crate::scene::testing::{any_rotation, any_shape, place};
-    use crate::scene::{Body, Collider, ColliderShape, Shape, Volume};
+    use crate::scene::{Collider, ColliderShape, ObjectBody, Shape, Volume};
     use proptest::prelude::*;
 
     fn with_shape(shape: &Shape, align: Align) -> Definition {
         let mut cup = definition();
-        cup.body = Arc::new(Body {
+        cup.body = Arc::new(ObjectBody {
             volume: Volume::new(shape).unwrap(),
-            ..Body::clone(&cup.body)
+            ..ObjectBody::clone(&cup.body)
         });
         cup.release.align = align;
         cup.release.max_slope = 1.0;

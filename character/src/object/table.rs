@@ -8,7 +8,7 @@ use arc_swap::ArcSwap;
 use super::{Definition, MAX_DEFINITIONS};
 use crate::document::MAX_NAME_CHARS;
 use crate::document::check::listed;
-use crate::scene::{Bodies, Body, Scene, SceneTable};
+use crate::scene::{Bodies, ObjectBody, Scene, SceneTable};
 
 /// An entry of the table.
 #[derive(Debug, Clone)]
@@ -56,7 +56,7 @@ impl DefinitionList {
 }
 
 impl Bodies for DefinitionList {
-    fn body(&self, definition: &str) -> Option<Arc<Body>> {
+    fn body(&self, definition: &str) -> Option<Arc<ObjectBody>> {
         let listed = self.by_name.get(definition)?;
         Some(Arc::clone(&listed.definition.body))
     }

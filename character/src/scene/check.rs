@@ -8,8 +8,8 @@ use troupe_motion::rotation::yaw;
 use super::collider::Placed;
 use super::error::{self, SceneError, ShapeError};
 use super::{
-    Body, Collider, ColliderDoc, ColliderShape, ColliderShapeDoc, FORMAT, InstanceDoc, MAX_COLLIDERS,
-    MAX_COORDINATE_M, MAX_HEIGHT_SAMPLES, MAX_INSTANCES, Scene, SceneDoc, Transform,
+    Collider, ColliderDoc, ColliderShape, ColliderShapeDoc, FORMAT, InstanceDoc, MAX_COLLIDERS,
+    MAX_COORDINATE_M, MAX_HEIGHT_SAMPLES, MAX_INSTANCES, ObjectBody, Scene, SceneDoc, Transform,
 };
 use crate::document::check::{entries, format, listed, name, number, rotation, unique, vector};
 use crate::{FieldError, Path};
@@ -17,7 +17,7 @@ use crate::{FieldError, Path};
 /// Finds the bodies of the objects that a scene names.
 pub trait Bodies {
     /// The body of the definition of this name.
-    fn body(&self, definition: &str) -> Option<Arc<Body>>;
+    fn body(&self, definition: &str) -> Option<Arc<ObjectBody>>;
 
     /// Names of all definitions, for error messages.
     fn names(&self) -> Vec<&str>;
@@ -61,7 +61,11 @@ impl Scene {
 }
 
 /// The body of the definition that `path` names.
-pub fn body_of(path: &Path<'_>, definition: &str, bodies: &impl Bodies) -> Result<Arc<Body>, FieldError> {
+pub fn body_of(
+    path: &Path<'_>,
+    definition: &str,
+    bodies: &impl Bodies,
+) -> Result<Arc<ObjectBody>, FieldError> {
     bodies.body(definition).ok_or_else(|| {
         let known = listed(bodies.names());
         path.error(

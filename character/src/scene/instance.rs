@@ -7,7 +7,7 @@ use super::{Transform, Volume};
 
 /// Shape and rules that all instances of one definition share.
 #[derive(Debug, Clone)]
-pub struct Body {
+pub struct ObjectBody {
     /// Shape of the object itself.
     pub volume: Volume,
     /// A character whose box reaches this volume can use the object.
@@ -71,7 +71,7 @@ pub struct Instance {
     /// Name of its definition.
     pub object: Arc<str>,
     /// Shape and trigger of the definition.
-    pub body: Arc<Body>,
+    pub body: Arc<ObjectBody>,
     /// Place in the world. While held: the place that it was taken from.
     pub transform: Transform,
     /// Who has it.

@@ -49,7 +49,7 @@ pub use check::{body_of, field_error, shape_error};
 pub use collider::{Collider, ColliderShape};
 pub use error::{SceneError, ShapeError};
 pub use heightfield::Heightfield;
-pub use instance::{Body, Holder, Instance, State};
+pub use instance::{Holder, Instance, ObjectBody, State};
 pub use query::{Detected, RayHit, Surface};
 pub use read::{NamedScene, load_file, load_folder};
 pub use resident::Resident;

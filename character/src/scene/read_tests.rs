@@ -57,10 +57,10 @@ rotation = [1.0, 0.0, 0.0, 0.0]
 "#;
 
 /// Knows only crates.
-struct Crates(Arc<Body>);
+struct Crates(Arc<ObjectBody>);
 
 impl Bodies for Crates {
-    fn body(&self, definition: &str) -> Option<Arc<Body>> {
+    fn body(&self, definition: &str) -> Option<Arc<ObjectBody>> {
         (definition == "crate").then(|| Arc::clone(&self.0))
     }
 

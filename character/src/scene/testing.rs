@@ -5,7 +5,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use troupe_motion::{Quat, Vec3};
 
-use super::{Body, Shape, Transform, Volume};
+use super::{ObjectBody, Shape, Transform, Volume};
 
 /// A box around its origin.
 pub fn box_shape(half: Vec3) -> Shape {
@@ -16,13 +16,13 @@ pub fn box_shape(half: Vec3) -> Shape {
 }
 
 /// A solid cube with a trigger 0.5 m around it.
-pub fn boxed(half: f32) -> Arc<Body> {
+pub fn boxed(half: f32) -> Arc<ObjectBody> {
     body(&box_shape(Vec3::splat(half)), 0.5)
 }
 
 /// A solid body of any shape.
-pub fn body(shape: &Shape, reach_m: f32) -> Arc<Body> {
-    Arc::new(Body {
+pub fn body(shape: &Shape, reach_m: f32) -> Arc<ObjectBody> {
+    Arc::new(ObjectBody {
         volume: Volume::new(shape).unwrap(),
         trigger: Volume::grown(shape, reach_m).unwrap(),
         solid: true,

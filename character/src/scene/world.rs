@@ -7,7 +7,7 @@ use parry3d::partitioning::Bvh;
 
 use super::collider::{Colliders, Placed};
 use super::error::{self, SceneError};
-use super::{Body, Collider, Holder, Instance, MAX_COORDINATE_M, MAX_INSTANCES, State, Transform};
+use super::{Collider, Holder, Instance, MAX_COORDINATE_M, MAX_INSTANCES, ObjectBody, State, Transform};
 
 /// Rough memory of a scene, bytes: of its own, and for each instance.
 const SCENE_BYTES: usize = 4096;
@@ -146,7 +146,7 @@ impl Scene {
         &mut self,
         id: &str,
         object: &str,
-        body: Arc<Body>,
+        body: Arc<ObjectBody>,
         transform: Transform,
     ) -> Result<(), SceneError> {
         error::id("the id of an object", id)?;
@@ -217,7 +217,7 @@ impl Scene {
 
     /// Gives every instance of definition `object` a new body, after the definition was replaced.
     /// Returns their number.
-    pub fn replace_body(&mut self, object: &str, body: &Arc<Body>) -> usize {
+    pub fn replace_body(&mut self, object: &str, body: &Arc<ObjectBody>) -> usize {
         let of_object = |instance: &Arc<Instance>| &*instance.object == object;
         let slots: Vec<u32> = (0..self.slots.len() as u32)
             .filter(|&slot| self.at_slot(slot).is_some_and(of_object))

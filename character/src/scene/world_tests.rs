@@ -72,9 +72,9 @@ fn characters_that_left_hold_nothing() {
 #[test]
 fn shared_objects_stay_free() {
     let mut scene = Scene::new(0.0).unwrap();
-    let body = Arc::new(Body {
+    let body = Arc::new(ObjectBody {
         shared: true,
-        ..Body::clone(&boxed(0.5))
+        ..ObjectBody::clone(&boxed(0.5))
     });
     scene.add("sign", "sign", body, Transform::IDENTITY).unwrap();
     for name in ["a", "b"] {

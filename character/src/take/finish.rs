@@ -19,29 +19,30 @@ use super::request::{Effector, Take};
 use super::track::Track;
 use crate::post::{PIN_REACH_FRAMES, onto_hinges};
 
-/// A root that is moved farther than this gets a note, metres.
+/// A root that moves farther than this gets a note, metres.
 const NOTED_M: f32 = 0.3;
-/// An effector that is missed by more gets a note, metres.
+/// An effector that stays farther away than this gets a note, metres.
 const MISSED_M: f32 = 0.02;
-/// A robot's pose that its hinges miss by more gets a note, radians.
+/// A robot's pose gets a note if its hinges differ by more than this, radians.
 const HINGES_RAD: f32 = 0.2;
-/// Frames over which the height of the first frame fades.
+/// Frames over which a correction of the first frame's height fades.
 const FADE_FRAMES: f32 = 30.0;
-/// Farthest that a foot is moved: of bodies that walk, and of bodies that follow, metres.
+/// Farthest that a foot is moved, metres: first for bodies that walk, then for bodies that follow a
+/// path.
 const HELD_M: (f32, f32) = (0.25, 0.05);
 
 /// A finished motion, in the frames of the answer.
 #[derive(Debug, Clone)]
 pub struct Made {
-    /// As many frames as the answer has.
+    /// The frames of the answer, at its own rate.
     pub track: Track,
     /// Frames at which windows begin.
     pub boundaries: Vec<usize>,
-    /// What a caller should know of it.
+    /// Notes for the caller.
     pub notes: Vec<Note>,
 }
 
-/// What the root of a frame must be.
+/// The constraints on the root of one frame.
 #[derive(Debug, Clone, Copy, Default)]
 struct Fixed {
     place: Option<[f32; 2]>,
@@ -49,7 +50,7 @@ struct Fixed {
     heading: Option<f32>,
 }
 
-/// Finishes the motion of a sample, which has the body's own frames.
+/// Finishes the motion of a sample. `track` has the body's own frame rate.
 pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note>) -> Made {
     let rig = &*take.subject.rig;
     let mut work = Work {
@@ -98,7 +99,7 @@ pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note
     }
 }
 
-/// The roots that constraints fix, by frame.
+/// The constraints on the root, by frame.
 fn fixed(take: &Take) -> BTreeMap<usize, Fixed> {
     let mut fixed: BTreeMap<usize, Fixed> = BTreeMap::new();
     for knot in &take.wanted.path {
@@ -154,7 +155,7 @@ impl Work<'_> {
         self.track.root(frame, &self.rig.skeleton)
     }
 
-    /// The root that a frame must have. Parts that are not fixed stay as they were made.
+    /// The root that a frame must have. Parts without constraint stay as the model made them.
     fn pinned(&self, frame: usize, fixed: &Fixed) -> GlobalRoot {
         let mut root = self.root(frame);
         if let Some([x, z]) = fixed.place {
@@ -165,8 +166,8 @@ impl Work<'_> {
         root
     }
 
-    /// Moves roots to the places that are fixed: the first one with all frames, others by an offset
-    /// that fades.
+    /// Moves roots to their fixed positions: the first one together with all frames, later ones by
+    /// an offset that fades.
     fn meet_roots(&mut self) {
         let last = self.last();
         if let Some(first) = self.fixed.get(&0).copied() {
@@ -215,7 +216,7 @@ impl Work<'_> {
         }
     }
 
-    /// The effectors of each frame but those of the root.
+    /// The effectors of each frame, except those of the root.
     fn effectors(&self) -> BTreeMap<usize, Vec<Effector>> {
         let mut frames: BTreeMap<usize, Vec<Effector>> = BTreeMap::new();
         for effector in self
@@ -244,7 +245,7 @@ impl Work<'_> {
         reach_pose(&self.rig.skeleton, &self.rig.legs, base, points, &options)
     }
 
-    /// Brings roots that are not fixed within reach of their effectors.
+    /// Brings roots without constraint within reach of their effectors.
     fn approach(&mut self) {
         let floor = &self.take.wanted.ground;
         let mut pins = BTreeMap::new();
@@ -286,7 +287,7 @@ impl Work<'_> {
         self.pin_roots(&pins);
     }
 
-    /// Frames that have a whole pose.
+    /// Whole poses of the request, by frame.
     fn whole(&self) -> BTreeMap<usize, Vec<Quat>> {
         let keys = self.take.wanted.keys.iter();
         let keys = keys.filter(|key| key.frame < self.track.len());
@@ -314,7 +315,7 @@ impl Work<'_> {
         self.pin_poses(&poses);
     }
 
-    /// Holds feet between the frames that have a whole pose.
+    /// Holds standing feet still between the frames with whole poses.
     fn hold_feet(&mut self) {
         let count = self.track.len();
         let mut ends: Vec<usize> = self.whole().into_keys().collect();
@@ -335,7 +336,7 @@ impl Work<'_> {
         for range in ranges.into_iter().filter(|range| !range.is_empty()) {
             let options = FootLock {
                 max_offset_m: if follows { HELD_M.1 } else { HELD_M.0 },
-                // The root keeps its way and its height.
+                // The root keeps its path and its height.
                 max_drop_m: 0.0,
                 floor_m: (!follows).then_some(0.0),
                 ..FootLock::over(range)
@@ -349,7 +350,7 @@ impl Work<'_> {
         }
     }
 
-    /// Lifts the motion, which was made on a floor at 0, onto the ground.
+    /// Lifts the motion, which the model made for a floor at height 0, onto the ground.
     fn lift(&mut self) {
         let ground = &self.take.wanted.ground;
         if let Some(level) = ground.level() {
@@ -383,7 +384,8 @@ impl Work<'_> {
         }
     }
 
-    /// Meets parts of poses, and places of joints, over a few frames on either side.
+    /// Meets partial poses and positions of joints, with a transition of a few frames on either
+    /// side.
     fn meet_parts(&mut self) {
         let mut poses = BTreeMap::new();
         let mut kept = self.whole();
@@ -420,7 +422,7 @@ impl Work<'_> {
         if poses.is_empty() {
             return;
         }
-        // All other given poses stay as they are by now.
+        // All other given poses stay as they are at this step.
         kept.retain(|frame, _| !poses.contains_key(frame));
         if self.take.is_loop {
             kept.insert(0, Vec::new());
@@ -433,7 +435,7 @@ impl Work<'_> {
         self.pin_poses(&poses);
     }
 
-    /// Turns a joint as an effector asks for.
+    /// Turns a joint to the rotation that an effector asks for.
     fn turn(&self, frame: usize, effector: &Effector, pose: &mut [Quat]) {
         let joint = &self.rig.skeleton.joints[effector.joint];
         let (Some(rotation), Some(parent)) = (effector.rotation, joint.parent) else {

@@ -1,4 +1,5 @@
-//! Motion of a body whose network takes paths: segment after segment, each window after window.
+//! Motion of a body whose network follows paths: one segment after another, each made window by
+//! window.
 
 use std::sync::Arc;
 
@@ -18,21 +19,21 @@ use crate::limits::MAX_DISTANCE_M;
 use crate::post::{NonFinite, check_finite};
 use crate::{FieldError, Path};
 
-/// A loop is made from this many frames earlier, so that it begins on its way.
+/// A loop is made from so many frames before its start, so that it starts in motion.
 const BEFORE: usize = 20;
-/// Frames over which a stretch leads over from one that is too short to go on from.
+/// Frames of the transition to a stretch whose predecessor is too short to be its context.
 const LEAD_FRAMES: usize = 8;
-/// Points a second of a path that the network gets.
+/// Points a second of the path that the network gets.
 const POINTS_PER_S: f32 = 10.0;
 
-/// A motion on its way.
+/// A motion in progress.
 #[derive(Debug)]
 pub(super) struct Follow {
     take: Arc<Take>,
     follower: Follower,
     sample: usize,
     way: Way,
-    /// Stretches of the motion: one a segment, and one in front of a loop.
+    /// The stretches of the motion: one a segment, and one before the start of a loop.
     stretches: Vec<Stretch>,
     next: usize,
     plan: Option<(PathPlan, SegmentFrame)>,
@@ -42,20 +43,20 @@ pub(super) struct Follow {
     notes: Vec<Note>,
 }
 
-/// Frames that one plan makes.
+/// The frames that one plan makes.
 #[derive(Debug, Clone, Copy)]
 struct Stretch {
-    /// First frame of the motion that it makes, negative before the motion's begin.
+    /// First frame of the stretch; negative before the start of the motion.
     from: i64,
-    /// The frame behind its last one.
+    /// The frame after the last one.
     to: i64,
     seed: u64,
-    /// Set for a stretch that ends in the first frames of a loop: the frames that the plan makes.
+    /// For a stretch that ends in the first frames of a loop: how many frames the plan makes.
     closes: Option<usize>,
 }
 
 impl Follow {
-    /// A sample of a take.
+    /// Begins a sample of a take.
     pub(super) fn new(take: &Arc<Take>, follower: &Follower, sample: usize) -> Self {
         let mut notes = Vec::new();
         let by_path = take.subject.rig.by_path.as_ref();
@@ -74,22 +75,22 @@ impl Follow {
                     seed,
                     closes: None,
                 });
-                // Windows have whole tokens, so the end may come a few frames later.
+                // A window has whole tokens, so the motion may end a few frames later.
                 let fresh = (take.frames - 1).next_multiple_of(dims.frames_per_token);
                 stretches.push(Stretch {
                     from: 1,
                     to: frames,
-                    seed: window_seed(take.parts[0].seed.unwrap_or(take.seed), sample, 0),
+                    seed: window_seed(take.segments[0].seed.unwrap_or(take.seed), sample, 0),
                     closes: Some(fresh.max(dims.min_frames())),
                 });
                 BEFORE
             }
             false => {
                 let mut from = 0;
-                for (index, part) in take.parts.iter().enumerate() {
-                    let to = part.end as i64;
+                for (index, segment) in take.segments.iter().enumerate() {
+                    let to = segment.end as i64;
                     if to > from {
-                        let seed = window_seed(part.seed.unwrap_or(take.seed), sample, index);
+                        let seed = window_seed(segment.seed.unwrap_or(take.seed), sample, index);
                         stretches.push(Stretch {
                             from,
                             to,
@@ -117,10 +118,10 @@ impl Follow {
         }
     }
 
-    /// The task of the next window; none behind the last.
+    /// The task of the next window; none after the last.
     ///
     /// # Errors
-    /// [`FieldError`] for a path that the network does not take.
+    /// [`FieldError`] for a path that the network does not accept.
     pub(super) fn next_task(&mut self) -> Result<Option<Task>, FieldError> {
         loop {
             if let Some((plan, frame)) = &mut self.plan {
@@ -136,13 +137,13 @@ impl Follow {
                 return Ok(None);
             };
             self.next += 1;
-            // A stretch of a single frame is made longer.
+            // A stretch of one frame replaces frames that were made beyond its start.
             let begun = (self.lead as i64 + stretch.from).max(0) as usize;
             if self.track.len() > begun {
                 self.track = self.track.part(0, begun);
             }
             let mut plan = PathPlan::new(self.request(&stretch)?)?;
-            // Each sample would say the same.
+            // The notes of all samples would be equal.
             if self.sample == 0 {
                 let notes = std::mem::take(&mut plan.notes).into_iter();
                 self.notes.extend(notes.map(|note| Note::warning("path", note)));
@@ -152,10 +153,10 @@ impl Follow {
         }
     }
 
-    /// Takes what the network made of [`next_task`](Self::next_task).
+    /// Appends the network's answer to [`next_task`](Self::next_task).
     ///
     /// # Errors
-    /// [`NonFinite`] for numbers that are not usable.
+    /// [`NonFinite`] if the answer has values that are not finite.
     pub(super) fn receive(&mut self, motion: &Motion) -> Result<(), NonFinite> {
         check_finite(motion)?;
         let Some((plan, frame)) = &mut self.plan else {
@@ -167,20 +168,20 @@ impl Follow {
         let mut made = Track::of_motion(&fresh, frame, &plan.body.rig);
         let before = self.track.len();
         if let Some(last) = before.checked_sub(1).filter(|_| before >= context) {
-            // The network's own context is only near the frames that it got.
+            // The network's answer repeats the context only approximately.
             let of = |track: &Track, frame: usize| (track.roots[frame], track.pose(frame).to_vec());
             let (was, is) = (of(&whole, context - 1), of(&self.track, last));
             made.join((was.0, &was.1), (is.0, &is.1), LEAD_FRAMES);
         }
         self.track.extend(&made, 0, made.len());
-        // So few frames are no past to go on from.
+        // Fewer frames than a context cannot serve as the network's past.
         if before < self.rig().dims.context_frames {
             self.track.lead_over(before, LEAD_FRAMES);
         }
         Ok(())
     }
 
-    /// The frames, those at which windows begin, and what a caller should know.
+    /// The frames, the frames at which windows begin, and the notes.
     pub(super) fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
         let frames = self.take.frames;
         let inside = self
@@ -205,7 +206,7 @@ impl Follow {
         (from..end).map(key).collect()
     }
 
-    /// The pose of a frame of the track, with its root at `place`.
+    /// The pose of a frame of the track as a keyframe, with its root at `place`.
     fn keyframe(&self, place: Vec3, frame: usize) -> Checked {
         let pose = self
             .track
@@ -217,13 +218,14 @@ impl Follow {
         Checked::of(Some(GlobalRoot::new(place, heading)), None, None, Some(pose))
     }
 
-    /// The path of a stretch. Its time 0 is the newest frame that is made, or its own first one.
+    /// The path of a stretch. Its time 0 is the newest finished frame, or the stretch's own first
+    /// frame.
     fn request(&self, stretch: &Stretch) -> Result<PathRequest, FieldError> {
         let fps = self.take.clock.native_fps;
         let past = self.past();
         let begin = stretch.from - i64::from(!past.is_empty());
         let frames = (stretch.to - 1 - begin) as f32;
-        // A stretch that closes a loop is made a little longer, and pressed together again.
+        // A stretch that closes a loop is made a little longer, and [`Self::close`] shortens it.
         let made = stretch.closes.map_or(frames, |fresh| fresh as f32);
         let count = (frames / fps * POINTS_PER_S).ceil().max(1.0) as usize;
         let times = (0..=count).map(|nth| nth as f32 / count as f32);
@@ -265,7 +267,7 @@ impl Follow {
         })
     }
 
-    /// Presses a loop that was made longer into the frames that it must have.
+    /// Resamples a loop that was made longer to the number of frames that it must have.
     fn close(&mut self) {
         let Some(stretch) = self.next.checked_sub(1).map(|index| self.stretches[index]) else {
             return;
@@ -290,7 +292,7 @@ impl Follow {
     }
 }
 
-/// A path of points that are within reach, and whose times grow.
+/// Checks that the points are within bounds and their times rise.
 fn ground_path(points: Vec<PathPoint>) -> Result<GroundPath, FieldError> {
     let root = Path::root();
     let path = root.field("path");

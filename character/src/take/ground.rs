@@ -1,10 +1,10 @@
-//! The ground that a motion stands on: points of its surface.
+//! The ground below a motion, as points of its surface.
 
 use troupe_motion::Vec3;
 
-/// A foot stands on the nearest point within this distance over the ground, metres.
+/// Largest horizontal distance between a foot and the point that gives its ground height, metres.
 const REACH_M: f32 = 1.0;
-/// Points whose heights differ by less are level, metres.
+/// Ground is level if its points' heights differ by less than this, metres.
 const LEVEL_M: f32 = 1e-3;
 
 /// Points of the surface, world, metres. Without points the ground is a floor at height 0.
@@ -12,7 +12,7 @@ const LEVEL_M: f32 = 1e-3;
 pub struct Ground(pub Vec<Vec3>);
 
 impl Ground {
-    /// The one height of level ground, metres; none for ground that is not level.
+    /// The height of level ground, metres; none if the ground is not level.
     pub fn level(&self) -> Option<f32> {
         let low = self.0.iter().map(|point| point.y).fold(f32::INFINITY, f32::min);
         let high = self
@@ -26,7 +26,7 @@ impl Ground {
         }
     }
 
-    /// Height of the nearest point to a place, metres; none for a place that has no point near.
+    /// Height of the point nearest to a place, metres; none if no point is near.
     pub fn height(&self, x: f32, z: f32) -> Option<f32> {
         if let Some(level) = self.level_of_few() {
             return Some(level);
@@ -36,7 +36,7 @@ impl Ground {
         (away(&nearest) <= REACH_M * REACH_M).then_some(nearest.y)
     }
 
-    /// No points are a floor at 0, and one point is a floor at its height.
+    /// The height for no points, which is 0, and for one point, which is its own.
     fn level_of_few(&self) -> Option<f32> {
         match self.0.as_slice() {
             [] => Some(0.0),
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_point_counts_unless_it_is_far() {
+    fn the_nearest_point_gives_the_height_unless_it_is_far() {
         let stairs = Ground(vec![Vec3::ZERO, Vec3::new(0.0, 0.2, 1.0)]);
         assert_eq!(stairs.level(), None);
         assert_eq!(stairs.height(0.0, 0.3), Some(0.0));

@@ -1,4 +1,4 @@
-//! One sample of a take on its way.
+//! Makes one sample of a take.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use super::walk::Walk;
 use crate::FieldError;
 use crate::post::NonFinite;
 
-/// A motion on its way: it asks a generator for one window at a time.
+/// A motion in progress. It needs a generator for one window at a time.
 #[derive(Debug)]
 pub struct Making {
     take: Arc<Take>,
@@ -26,9 +26,9 @@ enum Chain {
 }
 
 impl Making {
-    /// A sample of a take. Samples differ in their random choices.
+    /// Begins a sample of a take. Samples differ in their random choices.
     pub fn new(take: &Arc<Take>, sample: usize) -> Self {
-        let is_free = take.parts.iter().all(|part| part.prompt == Prompt::Free);
+        let is_free = take.segments.iter().all(|segment| segment.prompt == Prompt::Free);
         let chain = match &take.subject.follower {
             Some(follower) if is_free => Chain::Follow(Box::new(Follow::new(take, follower, sample))),
             Some(_) | None => Chain::Walk(Box::new(Walk::new(take, sample))),
@@ -39,10 +39,10 @@ impl Making {
         }
     }
 
-    /// The task of the next window; none behind the last.
+    /// The task of the next window; none after the last.
     ///
     /// # Errors
-    /// [`FieldError`] for a path that the network does not take.
+    /// [`FieldError`] for a path that the network does not accept.
     pub fn next_task(&mut self) -> Result<Option<Task>, FieldError> {
         match &mut self.chain {
             Chain::Walk(walk) => Ok(walk.next_task()),
@@ -50,20 +50,20 @@ impl Making {
         }
     }
 
-    /// Takes what the generator made of [`next_task`](Self::next_task). A text is what it read in a
-    /// motion, as long as a prompt may be: it is acted out next.
+    /// Appends the generator's answer to [`next_task`](Self::next_task). A text describes a motion
+    /// of the request, and is at most as long as a prompt: the next task is motion for this text.
     ///
     /// # Errors
-    /// [`NonFinite`] for numbers that are not usable.
+    /// [`NonFinite`] if the answer has values that are not finite.
     pub fn receive(&mut self, made: &Output) -> Result<(), NonFinite> {
         match (&mut self.chain, made) {
             (Chain::Walk(walk), Output::Motion(motion)) => walk.receive(motion),
             (Chain::Walk(walk), Output::Text(text)) => {
-                walk.hear(text);
+                walk.receive_text(text);
                 Ok(())
             }
             (Chain::Follow(follow), Output::Motion(motion)) => follow.receive(motion),
-            // No task of theirs has such an answer.
+            // Their tasks have no such answers.
             (_, Output::Text(_) | Output::Motions(_) | Output::Audio(_)) => Err(NonFinite),
         }
     }

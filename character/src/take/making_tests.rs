@@ -22,7 +22,7 @@ fn a_path_is_met_at_its_knots_however_long_it_is() {
         take.wanted.path = vec![knot(0.0, 1.0, 2.0), knot(last, 1.0, 2.0 + last * 0.04)];
         let (made, windows) = run(&Arc::new(take), 0);
         assert_eq!(made.track.len(), frames);
-        // A motion that begins on its way is made from 36 frames earlier; a window has 24.
+        // A motion that starts in motion is made from 36 frames before; a window has 24.
         assert_eq!(windows, (36 + frames).div_ceil(24), "{frames} frames");
         assert!(near(place(&made, 0), [1.0, 2.0], 1e-3));
         let end = place(&made, frames - 1);
@@ -31,7 +31,7 @@ fn a_path_is_met_at_its_knots_however_long_it_is() {
 }
 
 #[test]
-fn a_pose_is_met_on_the_way_and_what_comes_after_goes_on_from_it() {
+fn a_pose_on_the_way_is_met_and_the_motion_continues_from_it() {
     let mut take = take(120);
     take.wanted.path = vec![knot(0.0, 0.0, 0.0), knot(119.0, 0.0, 4.0)];
     let mut rotations = vec![Quat::IDENTITY; take.subject.rig.dims.joints];
@@ -53,7 +53,7 @@ fn a_pose_is_met_on_the_way_and_what_comes_after_goes_on_from_it() {
 }
 
 #[test]
-fn a_loop_ends_in_the_pose_that_it_begins_in() {
+fn a_loop_ends_in_its_first_pose() {
     let mut take = take(90);
     take.is_loop = true;
     take.wanted.path = vec![knot(0.0, 0.0, 0.0), knot(89.0, 0.0, 3.0)];
@@ -65,18 +65,18 @@ fn a_loop_ends_in_the_pose_that_it_begins_in() {
 }
 
 #[test]
-fn samples_differ_and_each_is_the_same_every_time() {
+fn samples_differ_and_repeat_exactly() {
     let take = Arc::new(take(60));
     let [first, again, other] = [0, 0, 1].map(|sample| run(&take, sample).0);
     assert_eq!(first.track, again.track);
     assert_ne!(first.track, other.track);
     let note = &first.notes[0];
     assert_eq!((note.code, note.severity), ("path_drawn", Severity::Info));
-    assert!(other.notes.is_empty(), "once for all samples");
+    assert!(other.notes.is_empty(), "a note appears once for all samples");
 }
 
 #[test]
-fn answers_of_another_kind_are_no_motion() {
+fn answers_of_another_kind_add_no_frames() {
     let take = Arc::new(take(30));
     let mut making = Making::new(&take, 0);
     making.next_task().unwrap().unwrap();

@@ -1,4 +1,4 @@
-//! Takes: motions of any length, made window after window.
+//! Takes: motions of any length, made window by window.
 //!
 //! A [`Take`] says what a motion must meet: a path over the ground, poses, places of joints. A
 //! [`Making`] asks a generator for one window at a time. A body with styles goes from keyframe to
@@ -32,7 +32,7 @@ pub use making::Making;
 pub use note::{Note, Severity};
 pub use path_plan::{PathPlan, PathRequest, speed_mps};
 pub use request::{
-    Clock, Effector, Follower, Knot, Look, MotionFrames, Part, PoseKey, Prompt, Subject, Take, Wanted,
+    Clock, Effector, Follower, Knot, Look, MotionFrames, PoseKey, Prompt, Subject, Take, TakeSegment, Wanted,
 };
 pub use track::Track;
 pub use trajectory::{Shape, Trajectory, trajectory};

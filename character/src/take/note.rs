@@ -1,30 +1,30 @@
-//! What a caller should know of a motion beside its frames.
+//! Notes for the caller about a motion.
 
 use serde::Serialize;
 
-/// How much a note matters.
+/// How important a note is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// Good to know.
+    /// The motion is as requested.
     Info,
-    /// Something differs from what was asked for.
+    /// The motion differs from the request.
     Warning,
 }
 
-/// Something that a caller should know of a motion.
+/// A note about a motion.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Note {
     /// A word for programs, such as `root_moved`.
     pub code: &'static str,
-    /// How much it matters.
+    /// How important the note is.
     pub severity: Severity,
     /// A sentence for people.
     pub message: String,
 }
 
 impl Note {
-    /// Something that is good to know.
+    /// A note about a motion that is as requested.
     pub fn info(code: &'static str, message: impl Into<String>) -> Self {
         Self {
             code,
@@ -33,7 +33,7 @@ impl Note {
         }
     }
 
-    /// Something that differs from what was asked for.
+    /// A note about a motion that differs from the request.
     pub fn warning(code: &'static str, message: impl Into<String>) -> Self {
         Self {
             severity: Severity::Warning,

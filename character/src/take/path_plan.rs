@@ -1,4 +1,4 @@
-//! A motion along a path by a network that takes paths: windows, one after another.
+//! A motion along a path, for a network that follows paths: one window after another.
 
 use std::sync::Arc;
 
@@ -12,53 +12,53 @@ use crate::keyframe::{Checked, KeyWriter};
 use crate::post::{parent_relative, roots, to_world_rotations};
 use crate::{FieldError, Path};
 
-/// Fastest way over the ground, metres a second.
+/// Fastest speed over the ground, metres a second.
 const MAX_SPEED_MPS: f32 = 15.0;
-/// Paths get a note above this speed, sizes of the body a second.
+/// A faster path gets a note, body sizes a second.
 const NOTED_SPEED: f32 = 5.0;
-/// Paths get a note above this turn rate.
+/// A path that turns faster gets a note, radians a second.
 const NOTED_TURN_RAD_PER_S: f32 = 4.0;
 /// Farthest that a given pose may be from the path, metres.
 const MAX_OFF_M: f32 = 5.0;
-/// A motion leads over from a given pose to the path, and from the path to one, for this long,
+/// Duration of the transition from a given pose to the path, and from the path to a given pose,
 /// seconds.
 pub(super) const LEAD_S: f32 = 0.5;
 
-/// A checked path, and how to follow it.
+/// A checked path, with the options of the sampler.
 #[derive(Debug, Clone)]
 pub struct PathRequest {
     /// The body that moves.
     pub body: Arc<Body>,
-    /// Where to be, and when. Time 0 is the first frame, or the last one of `past`.
+    /// Positions and their times. Time 0 is the first frame, or the last one of `past`.
     pub points: GroundPath,
-    /// Length of the motion, above 0.
+    /// Length of the motion in seconds, above 0.
     pub seconds: f32,
-    /// Frames that go before, each with root and pose: none, or as many as the context.
+    /// Frames before the motion, each with root and pose: none, or as many as the context.
     pub past: Vec<Checked>,
-    /// The last frames, each with root and pose: up to the body's `max_targets`.
+    /// The last frames of the motion, each with root and pose: at most the body's `max_targets`.
     pub targets: Vec<Checked>,
     /// A weight for each word of the network.
     pub style: Vec<f32>,
-    /// Steps of the sampler.
+    /// Steps of the network's sampler.
     pub steps: u32,
-    /// How much the style counts; 1 as it was trained.
+    /// Strength of the style; 1 is that of the training.
     pub guidance: f32,
-    /// All random choices follow from it.
+    /// Seed of all random choices.
     pub seed: u64,
 }
 
-/// A motion along a path: what is made of it, and what comes next.
+/// A motion along a path: its windows and the newest frames.
 #[derive(Debug)]
 pub struct PathPlan {
     /// The body that moves.
     pub body: Arc<Body>,
-    /// What the network may not do well.
+    /// Notes about paths that the network may not follow well.
     pub notes: Vec<String>,
     dims: Dims,
     /// World x, z and heading of every frame, those of the past included.
     path: Vec<[f32; 3]>,
-    /// The newest frames: the past, then those of the windows that are made. None or as many as the
-    /// context.
+    /// The newest frames: those of the past, then those of finished windows. None, or as many as
+    /// the context.
     last: Vec<Checked>,
     targets: Vec<Checked>,
     style: Vec<f32>,
@@ -69,12 +69,12 @@ pub struct PathPlan {
     done: usize,
 }
 
-/// A call of the network: frames of the path.
+/// A call of the network: a range of the path's frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Window {
-    /// The first frame that it makes.
+    /// The first frame that the window makes.
     start: usize,
-    /// How many it makes.
+    /// How many frames the window makes.
     fresh: usize,
     /// Frames of the call, those before `start` and behind the path included.
     frames: usize,
@@ -101,10 +101,10 @@ impl PathPlan {
         let path = root.field("path");
         let (dims, fps) = (body.rig.dims, body.rig.fps);
         let mut fresh = (seconds * fps).round().max(1.0) as usize;
-        // The first frame is the path's begin, unless that is the last one of the past.
+        // The first frame is the start of the path, unless the last frame of the past is.
         fresh += usize::from(past.is_empty());
         if !targets.is_empty() {
-            // The last window ends with them, and windows are of whole tokens.
+            // The last window ends with the targets, and windows have whole tokens.
             let unit = dims.frames_per_token;
             fresh = fresh.next_multiple_of(unit).max(dims.min_frames() - past.len());
         }
@@ -130,12 +130,12 @@ impl PathPlan {
         })
     }
 
-    /// The newest frames that are made, or the past; none or as many as the context.
+    /// The newest finished frames, or the past; none or as many as the context.
     pub fn newest(&self) -> &[Checked] {
         &self.last
     }
 
-    /// The frames that the motion ends in.
+    /// The last frames of the motion, which are given.
     pub fn targets(&self) -> &[Checked] {
         &self.targets
     }
@@ -145,7 +145,7 @@ impl PathPlan {
         &self.path
     }
 
-    /// The next window's task, and the place of its segment; none behind the last.
+    /// The next window's task, and the frame of reference of its segment; none after the last.
     pub fn next_task(&self) -> Option<(PathTask, SegmentFrame)> {
         let window = self.windows.get(self.done)?;
         let context = self.last.len();
@@ -172,14 +172,14 @@ impl PathPlan {
             style: self.style.clone(),
             steps: self.steps,
             guidance: self.guidance,
-            // Each window has its own noise.
+            // Each window has noise of its own.
             seed: self.seed.wrapping_add(self.done as u64),
         };
         Some((task, frame))
     }
 
-    /// Takes what the network made of [`next_task`](Self::next_task). Gives the new frames of it,
-    /// and whether they are the last.
+    /// Takes the network's answer to [`next_task`](Self::next_task). Returns the new frames, and
+    /// whether they are the last.
     pub fn receive(&mut self, motion: &Motion, frame: &SegmentFrame) -> (Motion, bool) {
         let (rig, context) = (&self.body.rig, self.dims.context_frames);
         let Some(window) = self.windows.get(self.done) else {
@@ -190,7 +190,8 @@ impl PathPlan {
         self.done += 1;
         let is_last = self.done == self.windows.len();
         if !is_last {
-            // The next window goes on from the network's own frames, not from a robot's hinges.
+            // The next window continues from the network's own frames, without limits of a robot's
+            // hinges.
             let tail = part(motion, from + window.fresh - context, context, &rig.dims);
             let joints = rig.dims.joints;
             let mut rotations = parent_relative(&tail, context, &rig.dims, &rig.skeleton);
@@ -207,7 +208,7 @@ impl PathPlan {
     }
 }
 
-/// A root on the ground.
+/// The root at a point of the path.
 fn lift([x, z, heading]: [f32; 3]) -> GlobalRoot {
     GlobalRoot::new(Vec3::new(x, 0.0, z), heading)
 }
@@ -228,8 +229,8 @@ fn part(motion: &Motion, from: usize, count: usize, dims: &Dims) -> Motion {
     }
 }
 
-/// The windows of a motion of `fresh` frames behind `past` ones. The last window of a motion that
-/// ends in targets ends with them.
+/// The windows of a motion of `fresh` frames after `past` ones. If the motion ends in targets, its
+/// last window ends with them.
 fn windows(past: usize, fresh: usize, dims: &Dims, ends_in_targets: bool) -> Vec<Window> {
     let (context, most) = (dims.context_frames, dims.max_frames());
     let mut windows = Vec::new();
@@ -274,7 +275,7 @@ pub(super) fn check_speed(
     }
 }
 
-/// Speed over the ground between two frames of a way, which are world x, z and heading.
+/// Speed over the ground between two frames of a way. A frame has world x, z and heading.
 pub fn speed_mps(pair: &[[f32; 3]], fps: f32) -> f32 {
     let [[ax, az, _], [bx, bz, _]] = [pair[0], pair[1]];
     distance([ax, az], [bx, bz]) * fps

@@ -1,4 +1,4 @@
-//! What a motion is made of: its body, its segments, and what it must meet.
+//! The description of a motion: its body, its segments, and its constraints.
 
 use std::sync::Arc;
 
@@ -9,52 +9,53 @@ use super::ground::Ground;
 use crate::live::request::Context;
 use crate::style::Style;
 
-/// The body of a take, and how its network is asked.
+/// The body of a take, with the values that its network needs.
 #[derive(Debug, Clone)]
 pub struct Subject {
-    /// The skeleton and the sizes of windows.
+    /// The body's skeleton, and the sizes of windows.
     pub rig: Arc<Rig>,
-    /// Rotations of the pose at rest, one a joint, relative to the parents. It stands and faces +Z.
+    /// Rotations of the pose at rest, one a joint, relative to the parents. In this pose the body
+    /// stands and faces +Z.
     pub rest: Vec<Quat>,
-    /// Height of the root in that pose, metres.
+    /// Height of the root in the pose at rest, metres.
     pub rest_height_m: f32,
-    /// Set for a body whose network takes paths; none for one that takes keyframes.
+    /// Set for a body whose network follows paths; none for one whose network takes keyframes.
     pub follower: Option<Follower>,
 }
 
-/// What a network that takes paths needs beside a path.
+/// The values that a network for paths needs besides a path.
 #[derive(Debug, Clone)]
 pub struct Follower {
-    /// The body as the network reads it.
+    /// The body in the network's format.
     pub body: Arc<Body>,
     /// The words that the network knows, in the order of its inputs.
     pub words: Arc<[String]>,
-    /// Steps of the sampler for a take that names none.
+    /// Steps of the sampler if the take names none.
     pub steps: u32,
 }
 
 /// One motion to make, or several samples of it.
 #[derive(Debug, Clone)]
 pub struct Take {
-    /// The body.
+    /// The body that moves.
     pub subject: Subject,
-    /// Segments of the motion, one after another; at least one.
-    pub parts: Vec<Part>,
-    /// Constraints.
+    /// Segments of the motion in order, at least one.
+    pub segments: Vec<TakeSegment>,
+    /// Constraints on the motion.
     pub wanted: Wanted,
-    /// All random choices follow from it.
+    /// Seed of all random choices.
     pub seed: u64,
     /// Frames to make, at the body's own rate.
     pub frames: usize,
     /// Frame rates of body and answer.
     pub clock: Clock,
-    /// Whether feet that stand are held still.
+    /// Whether standing feet are held still.
     pub hold_feet: bool,
-    /// Frames over which a segment of words leads over from the one before.
+    /// Frames of the transition to a segment of words from the one before.
     pub transition: usize,
-    /// Whether the last frame is the first one, carried along the way.
+    /// Whether the last frame has the pose of the first. It may be at another position.
     pub is_loop: bool,
-    /// How to move.
+    /// Style of the motion, and options of the sampler.
     pub look: Look,
     /// Frames that go before the motion's first one. Only for takes in parts.
     pub past: Option<Context>,
@@ -64,64 +65,65 @@ pub struct Take {
     pub in_parts: bool,
 }
 
-/// How to move.
+/// Style of the motion, and options of the sampler.
 #[derive(Debug, Clone, Default)]
 pub struct Look {
-    /// Of a body that takes keyframes: how it walks between them.
+    /// For a body that takes keyframes: how it walks between them.
     pub style: Option<Arc<Style>>,
-    /// Of a body that takes paths: one of [`Follower::words`].
+    /// For a body that follows paths: one of [`Follower::words`].
     pub word: Option<String>,
-    /// 0 for the most likely choices, above 0 to sample.
+    /// 0 for the likeliest choices, above 0 to sample.
     pub temperature: f32,
-    /// Steps of a sampler; none for the usual ones.
+    /// Steps of a sampler; none for the default.
     pub steps: Option<u32>,
-    /// How much the word counts; none for 1.
+    /// Strength of the word; none for 1.
     pub guidance: Option<f32>,
 }
 
-/// A segment.
+/// A part of the motion with its own prompt.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
-    /// The frame behind its last one.
+pub struct TakeSegment {
+    /// The frame after the last one of the segment, at the body's rate.
     pub end: usize,
-    /// Replaces the take's seed.
+    /// Replaces the take's seed for this segment.
     pub seed: Option<u64>,
-    /// What to do.
+    /// The request for this segment.
     pub prompt: Prompt,
 }
 
-/// A motion as a generator reads it, in the frame of its first root.
+/// A motion in the format of generators, relative to its first root.
 pub type MotionFrames = Arc<[KeyTensors]>;
 
-/// What a segment asks for.
+/// The request for a segment.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Prompt {
-    /// Whatever suits the constraints.
+    /// Any motion that meets the constraints.
     Free,
-    /// To act out words.
+    /// Motion for a text.
     Words(String),
-    /// Motion like another: the generator puts that into words, and acts them out.
+    /// Motion similar to another one: the generator describes that one in words, and makes motion
+    /// for the words.
     Like(MotionFrames),
 }
 
-/// The frames of an answer beside those that the body has.
+/// Frame rates of a body and of an answer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clock {
     /// Frames a second of the body.
     pub native_fps: f32,
     /// Frames a second of the answer.
     pub fps: f32,
-    /// Frames of the answer.
+    /// Number of frames of the answer.
     pub frames: usize,
 }
 
 impl Clock {
-    /// Whether the answer has a frame rate of its own.
+    /// Whether the answer's frame rate differs from the body's.
     pub fn resamples(&self) -> bool {
         (self.fps - self.native_fps).abs() > 1e-3
     }
 
-    /// The body's frame at a frame of the answer, between frames too.
+    /// The body's frame at the time of a frame of the answer; may be a fraction.
     pub fn native(&self, frame: usize) -> f32 {
         match self.resamples() {
             true => frame as f32 * (self.native_fps / self.fps),
@@ -129,64 +131,64 @@ impl Clock {
         }
     }
 
-    /// Frames that the generator makes.
+    /// Number of frames that the generator must make.
     pub fn native_frames(&self) -> usize {
         self.native(self.frames.saturating_sub(1)).ceil() as usize + 1
     }
 }
 
-/// What a motion must meet. Frames are the body's, and heights count from the ground.
+/// The constraints on a motion. Frames are the body's, and heights count from the ground.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Wanted {
-    /// Places of the root over the ground, in the order of their frames.
+    /// Positions of the root over the ground, in the order of their frames.
     pub path: Vec<Knot>,
-    /// Poses and parts of poses, in the order of their frames, at most one a frame.
+    /// Poses and partial poses, in the order of their frames, at most one a frame.
     pub keys: Vec<PoseKey>,
-    /// Places of joints, in the order of their frames.
+    /// Positions of joints, in the order of their frames.
     pub effectors: Vec<Effector>,
-    /// The surface below.
+    /// The surface below the motion.
     pub ground: Ground,
 }
 
-/// A place of the root over the ground.
+/// A position of the root over the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knot {
-    /// The frame, between frames too.
+    /// The frame; may be a fraction.
     pub frame: f32,
     /// World x and z, metres.
     pub place: [f32; 2],
-    /// Radians; none leaves it to the motion.
+    /// Heading in radians; none leaves it free.
     pub heading: Option<f32>,
 }
 
-/// A pose, or a part of one.
+/// A pose, or a partial pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseKey {
-    /// The frame that has it.
+    /// The frame with this pose.
     pub frame: usize,
-    /// One entry a joint: joint 0 in the world, others relative to their parents.
+    /// One entry a joint: joint 0 in world space, others relative to their parents.
     pub rotations: Vec<Option<Quat>>,
-    /// World place of the root, metres.
+    /// World position of the root, metres; none leaves it free.
     pub root: Option<Vec3>,
 }
 
 impl PoseKey {
-    /// All rotations; none for a part of a pose.
+    /// All rotations; none for a partial pose.
     pub fn whole(&self) -> Option<Vec<Quat>> {
         self.rotations.iter().copied().collect()
     }
 }
 
-/// The place of a joint.
+/// The position of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effector {
-    /// The frame that has it.
+    /// The frame of the constraint.
     pub frame: usize,
     /// Index into the skeleton's joints.
     pub joint: usize,
-    /// World place, metres.
+    /// World position, metres.
     pub point: Vec3,
-    /// World rotation.
+    /// World rotation; none leaves it free.
     pub rotation: Option<Quat>,
 }
 
@@ -195,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_may_have_a_frame_rate_of_its_own() {
+    fn an_answer_may_have_another_frame_rate_than_the_body() {
         let clock = |fps, frames| Clock {
             native_fps: 30.0,
             fps,

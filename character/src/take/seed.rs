@@ -1,16 +1,16 @@
-//! Random choices of a take: each sample and each window has numbers of its own.
+//! Random choices of a take: each sample and each window has its own random numbers.
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-/// The choices of one sample.
+/// The random numbers of one sample.
 pub(super) fn dice(seed: u64, sample: usize) -> ChaCha8Rng {
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
     dice.set_stream(sample as u64);
     dice
 }
 
-/// The seed of a window of a sample.
+/// The seed of one window of a sample.
 pub(super) fn window_seed(seed: u64, sample: usize, window: usize) -> u64 {
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
     // `dice` uses the streams below 2^32.

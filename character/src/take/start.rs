@@ -1,4 +1,4 @@
-//! How a motion begins: with the keyframes that are given, or at rest, or on its way.
+//! How a motion starts: with given keyframes, at rest, or in motion.
 
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Quat, Vec3};
@@ -8,10 +8,10 @@ use super::track::Track;
 use super::way::{STANDING_MPS, Way};
 use crate::live::CONTEXT_FRAMES;
 
-/// A motion that begins on its way is made from this many frames earlier.
+/// A motion that starts in motion is made from so many frames before.
 const BEFORE: usize = 36;
 
-/// The frames that a motion begins with, and how many of them come before its first one.
+/// The frames that a motion starts with, and the number of them before its first frame.
 pub(super) fn start(take: &Take, way: &mut Way) -> (Track, usize) {
     let mut track = Track::default();
     if let Some(past) = &take.past {
@@ -49,8 +49,8 @@ pub(super) fn start(take: &Take, way: &mut Way) -> (Track, usize) {
         return (track, CONTEXT_FRAMES - 1);
     }
     // A segment may be shorter than a frame of the body.
-    let begins = take.parts.iter().find(|part| part.end > 0);
-    if begins.is_some_and(|part| part.prompt != Prompt::Free) {
+    let begins = take.segments.iter().find(|segment| segment.end > 0);
+    if begins.is_some_and(|segment| segment.prompt != Prompt::Free) {
         return (track, 0);
     }
     let [x, z] = way.start_mps();

@@ -1,4 +1,4 @@
-//! A walker, and a generator that does exactly what it is asked to.
+//! A walking body, and a generator that meets every constraint exactly.
 
 use std::sync::Arc;
 
@@ -7,10 +7,10 @@ use troupe_motion::model::{KeyframeTask, Motion, Output, Rig, Task};
 use troupe_motion::rotation::{six_d, yaw};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::{Clock, Knot, Look, Made, Making, Part, Prompt, Subject, Take, Wanted};
+use super::{Clock, Knot, Look, Made, Making, Prompt, Subject, Take, TakeSegment, Wanted};
 use crate::style::testing::{walker_rig, walker_style};
 
-/// A take of a walker of `frames` frames, which is at rest in its style's idle pose.
+/// A take of `frames` frames for a walking body, whose pose at rest is its style's idle pose.
 pub(super) fn take(frames: usize) -> Take {
     let style = Arc::new(walker_style());
     Take {
@@ -20,7 +20,7 @@ pub(super) fn take(frames: usize) -> Take {
             rest_height_m: style.idle().height_m,
             follower: None,
         },
-        parts: vec![Part {
+        segments: vec![TakeSegment {
             end: frames,
             seed: None,
             prompt: Prompt::Free,
@@ -54,7 +54,8 @@ pub(super) fn knot(frame: f32, x: f32, z: f32) -> Knot {
     }
 }
 
-/// Roots on the task's guide, or on the line to its last target; upright, feet in the air.
+/// A motion whose root is on the task's guide, or else on the line to its last target; upright,
+/// with feet in the air.
 pub(super) fn made(task: &KeyframeTask, rig: &Rig) -> Motion {
     let frames = task.frames.unwrap_or(rig.dims.max_frames());
     let rooted =
@@ -85,7 +86,7 @@ pub(super) fn made(task: &KeyframeTask, rig: &Rig) -> Motion {
     motion
 }
 
-/// The whole take, and how many windows it has.
+/// Makes the whole take. Returns it with its number of windows.
 pub(super) fn run(take: &Arc<Take>, sample: usize) -> (Made, usize) {
     let mut making = Making::new(take, sample);
     let mut windows = 0;

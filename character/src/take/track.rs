@@ -1,4 +1,4 @@
-//! Frames of one motion, as they grow.
+//! The frames of one motion, as more are added.
 
 use troupe_motion::model::{Dims, Motion, Rig};
 use troupe_motion::pin::fade;
@@ -8,19 +8,19 @@ use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 
 use crate::post::{contact_bits, parent_relative, roots, to_world_rotations};
 
-/// Frames in the world.
+/// Frames of a motion in world space.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Track {
-    /// World places of the root, metres.
+    /// World positions of the root, metres.
     pub roots: Vec<Vec3>,
-    /// `frames * joints`: the root's in the world, others relative to their parents.
+    /// `frames * joints`: joint 0 in world space, others relative to their parents.
     pub rotations: Vec<Quat>,
     /// A byte a frame: bit i for contact joint i.
     pub contacts: Vec<u8>,
 }
 
 impl Track {
-    /// Frames of a generator's motion of `rig`, whose segment lies at `frame`.
+    /// The frames of a generator's motion. Its segment is placed at `frame`.
     pub fn of_motion(motion: &Motion, frame: &SegmentFrame, rig: &Rig) -> Self {
         let (dims, count): (&Dims, usize) = (&rig.dims, motion.frames());
         let mut rotations = parent_relative(motion, count, dims, &rig.skeleton);
@@ -33,12 +33,12 @@ impl Track {
         }
     }
 
-    /// How many frames there are.
+    /// Number of frames.
     pub fn len(&self) -> usize {
         self.roots.len()
     }
 
-    /// Whether there is no frame yet.
+    /// Whether there are no frames yet.
     pub fn is_empty(&self) -> bool {
         self.roots.is_empty()
     }
@@ -47,21 +47,21 @@ impl Track {
         self.rotations.len().checked_div(self.len()).unwrap_or(0)
     }
 
-    /// The rotations of a frame.
+    /// The rotations of a frame, one a joint.
     pub fn pose(&self, frame: usize) -> &[Quat] {
         let joints = self.joints();
         &self.rotations[frame * joints..(frame + 1) * joints]
     }
 
-    /// Adds one frame.
+    /// Appends one frame.
     pub fn push(&mut self, root: Vec3, pose: &[Quat], contacts: u8) {
         self.roots.push(root);
         self.rotations.extend_from_slice(pose);
         self.contacts.push(contacts);
     }
 
-    /// Adds the frames `from..from + count` of another motion, as far as it has them. Quaternions
-    /// keep to the hemispheres of the frame before.
+    /// Appends the frames `from..from + count` of another motion, or fewer if it has fewer. Each
+    /// quaternion has the sign that is nearer to the frame before.
     pub fn extend(&mut self, other: &Self, from: usize, count: usize) {
         for frame in from..(from + count).min(other.len()) {
             let start = self.rotations.len();
@@ -73,7 +73,7 @@ impl Track {
         }
     }
 
-    /// Has the frames from `from` on begin at the pose before them. What they are off by fades over
+    /// Makes the frames from `from` on continue the pose before them. The difference fades over
     /// `over` frames.
     pub fn lead_over(&mut self, from: usize, over: usize) {
         let len = self.len();
@@ -89,9 +89,9 @@ impl Track {
         self.extend(&behind, 0, len - from);
     }
 
-    /// Has the first frames go on from a frame other than the one that they were made for. `was` is
-    /// the root and pose that they expect before them, `is` what they find; the difference fades
-    /// over `over` frames.
+    /// Makes the first frames continue another frame than the one that they were made for. `was` is
+    /// the root and pose of that one, `is` the root and pose to continue. The difference fades over
+    /// `over` frames.
     pub fn join(&mut self, was: (Vec3, &[Quat]), is: (Vec3, &[Quat]), over: usize) {
         let joints = self.joints();
         let turns: Vec<Quat> = was
@@ -134,7 +134,7 @@ impl Track {
         }
     }
 
-    /// Moves and turns all frames so that a root at `from` comes to `to`. Heights stay.
+    /// Moves and turns all frames so that a root at `from` is at `to`. Heights stay.
     pub fn carry(&mut self, from: GlobalRoot, to: GlobalRoot) {
         let turn = yaw(to.heading - from.heading);
         let joints = self.joints();
@@ -147,8 +147,8 @@ impl Track {
         }
     }
 
-    /// `frames` frames, each from the place that `at` gives, between frames too. Places are
-    /// interpolated in a line, rotations on the shorter way.
+    /// `frames` frames, each taken at the frame that `at` gives, which may be a fraction. Positions
+    /// are interpolated in a line, rotations along the shorter arc.
     #[must_use]
     pub fn resampled(&self, frames: usize, at: impl Fn(usize) -> f32) -> Self {
         let joints = self.joints();
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_begins_where_it_was() {
+    fn following_frames_begin_at_the_pose_before_them() {
         let mut track = track(10);
         track.rotations[8..]
             .iter_mut()
@@ -205,11 +205,11 @@ mod tests {
         track.lead_over(4, 3);
         let turn = track.pose(3)[1].angle_between(track.pose(4)[1]);
         assert!(turn < 0.2, "{turn}");
-        assert_eq!(track.pose(9), end, "it fades");
+        assert_eq!(track.pose(9), end, "the difference fades");
     }
 
     #[test]
-    fn everything_moves_as_one_frame_does() {
+    fn all_frames_move_together() {
         let mut track = track(4);
         let from = GlobalRoot::new(track.roots[1], 0.1);
         let to = GlobalRoot::new(Vec3::new(5.0, 9.0, 5.0), 0.1 + std::f32::consts::FRAC_PI_2);

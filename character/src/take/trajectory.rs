@@ -1,4 +1,4 @@
-//! The way that a motion travels, without the sway of its steps: what a client takes out to play it
+//! The travel of a motion without the sway of its steps. A client subtracts it to play the motion
 //! in place.
 
 use troupe_motion::Skeleton;
@@ -6,30 +6,30 @@ use troupe_motion::root::wrap_angle;
 
 use super::track::Track;
 
-/// The root's way is averaged over this long, about a stride, seconds.
+/// The root's positions are averaged over this time, about a stride, seconds.
 const STRIDE_S: f32 = 1.0;
-/// A motion that stays this near to its begin is still, metres.
+/// A motion that stays this near to its start counts as still, metres.
 const STILL_M: f32 = 0.15;
-/// How far from a line a straight way may be: metres, and a share of its length.
+/// How far from a line a straight way may be: metres, plus a share of its length.
 const LINE: (f32, f32) = (0.03, 0.03);
-/// Turns of less than this are none, radians.
+/// Smaller turns count as none, radians.
 const STEADY_RAD: f32 = 0.07;
 
-/// The simplest shape that a way has.
+/// The simplest shape that describes a way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
-    /// It stays in one place.
+    /// The body stays in one place.
     Still,
-    /// It goes straight.
+    /// The body moves in a straight line.
     Line {
         /// Direction, degrees: 0 is +Z, 90 is +X.
         heading_deg: f32,
-        /// From its first place to its last, m/s.
+        /// Mean speed from the first position to the last, m/s.
         speed_mps: f32,
     },
-    /// It goes any way.
+    /// The body moves along a curve.
     Path {
-        /// Along the way, m/s.
+        /// Mean speed along the way, m/s.
         speed_mps: f32,
     },
 }
@@ -37,9 +37,9 @@ pub enum Shape {
 /// The way of a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
-    /// What it looks like.
+    /// The way's simplest shape.
     pub shape: Shape,
-    /// Whether the body faces the same way all the time; then `yaw` is 0.
+    /// Whether the body faces the same direction all the time; then all of `yaw` is 0.
     pub is_steady: bool,
     /// World x and z, one a frame, metres.
     pub places: Vec<[f32; 2]>,
@@ -47,7 +47,7 @@ pub struct Trajectory {
     pub yaw: Vec<f32>,
 }
 
-/// The way of a motion at so many frames a second.
+/// The way of a motion at `fps` frames a second.
 pub fn trajectory(track: &Track, skeleton: &Skeleton, fps: f32, is_loop: bool) -> Trajectory {
     let places: Vec<[f32; 2]> = track.roots.iter().map(|root| [root.x, root.z]).collect();
     let mut headings = Vec::with_capacity(track.len());
@@ -80,8 +80,8 @@ pub fn trajectory(track: &Track, skeleton: &Skeleton, fps: f32, is_loop: bool) -
     }
 }
 
-/// Means over up to `half` frames on either side. At the ends of a motion they are of fewer frames;
-/// a loop goes on into its next round.
+/// Means over up to `half` frames on either side: fewer at the ends of a motion. In a loop they
+/// continue in its next round.
 fn averaged(values: &[f32], half: usize, is_loop: bool) -> Vec<f32> {
     let count = values.len();
     let (Some(first), Some(last)) = (values.first(), values.last()) else {
@@ -114,7 +114,7 @@ fn averaged(values: &[f32], half: usize, is_loop: bool) -> Vec<f32> {
     (0..count).map(mean).collect()
 }
 
-/// The shape of a way, and the way as that shape has it.
+/// The shape of a way, and the way replaced by that shape.
 fn shaped(way: Vec<[f32; 2]>, fps: f32) -> (Shape, Vec<[f32; 2]>) {
     let (Some(&first), Some(&last)) = (way.first(), way.last()) else {
         return (Shape::Still, way);
@@ -179,7 +179,7 @@ mod tests {
         let travel = line.places[120][1] - line.places[0][1];
         assert!(
             (travel - 4.8).abs() < 1e-3,
-            "a loop closes on its travel: {travel}"
+            "a loop ends where its travel says: {travel}"
         );
     }
 

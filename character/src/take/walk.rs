@@ -1,4 +1,4 @@
-//! Motion of a body that goes from keyframe to keyframe, window after window.
+//! Motion of a body that goes from keyframe to keyframe, made window by window.
 //!
 //! A window ends with a keyframe that is near. Without one smart locomotion walks along the way in
 //! a style, as a live character does ([`plan`]). Words are acted out from the newest frames.
@@ -12,7 +12,7 @@ use troupe_motion::model::{DescribeTask, Motion, PromptTask, Rig, SamplingTask, 
 use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 
 use super::note::Note;
-use super::request::{MotionFrames, Part, Prompt, Take};
+use super::request::{MotionFrames, Prompt, Take, TakeSegment};
 use super::seed::window_seed;
 use super::settle::settle;
 use super::start::start;
@@ -24,7 +24,7 @@ use crate::post::{NonFinite, check_finite};
 use crate::primitives::{Locomotion, TargetKey};
 use plan::KEY_FRAMES;
 
-/// A motion on its way.
+/// A motion in progress.
 #[derive(Debug)]
 pub(super) struct Walk {
     take: Arc<Take>,
@@ -32,17 +32,17 @@ pub(super) struct Walk {
     sample: usize,
     /// Frames of the track before the motion's first one.
     lead: usize,
-    /// Whether the end of a loop is still open.
+    /// Whether the end of a loop has no keyframes yet.
     is_open: bool,
     /// Whole poses, by frame of the track.
     keys: BTreeMap<usize, TargetKey>,
     way: Way,
-    /// Made for the first window that needs it.
+    /// Created for the first window that needs it.
     locomotion: Option<Locomotion>,
     track: Track,
     pending: Option<Pending>,
-    /// Words that the generator found for a motion, which are to be acted out.
-    heard: Option<String>,
+    /// The generator's description of a motion: the next window is motion for it.
+    description: Option<String>,
     windows: usize,
     /// Frames of the track that [`new_part`](Self::new_part) gave.
     given: usize,
@@ -51,7 +51,7 @@ pub(super) struct Walk {
     notes: Vec<Note>,
 }
 
-/// A window that is being made.
+/// The window that the generator is making.
 #[derive(Debug)]
 enum Pending {
     Plan { shape: Box<LiveShape>, fresh: usize },
@@ -59,7 +59,7 @@ enum Pending {
 }
 
 impl Walk {
-    /// A sample of a take.
+    /// Begins a sample of a take.
     pub(super) fn new(take: &Arc<Take>, sample: usize) -> Self {
         let rig = take.subject.rig.clone();
         let mut notes = Vec::new();
@@ -90,7 +90,7 @@ impl Walk {
             locomotion: None,
             track,
             pending: None,
-            heard: None,
+            description: None,
             windows: 0,
             given: lead,
             boundaries: Vec::new(),
@@ -98,7 +98,7 @@ impl Walk {
         }
     }
 
-    /// The task of the next window; none behind the last.
+    /// The task of the next window; none after the last.
     pub(super) fn next_task(&mut self) -> Option<Task> {
         let end = self.lead + self.take.frames;
         let begin = self.track.len();
@@ -106,14 +106,14 @@ impl Walk {
             return None;
         }
         self.close_loop();
-        let part = self.part(begin).clone();
-        let left = (self.lead + part.end).min(end) - begin;
-        let seed = window_seed(part.seed.unwrap_or(self.take.seed), self.sample, self.windows);
+        let segment = self.segment(begin).clone();
+        let left = (self.lead + segment.end).min(end) - begin;
+        let seed = window_seed(segment.seed.unwrap_or(self.take.seed), self.sample, self.windows);
         self.windows += 1;
-        let words = match part.prompt {
+        let words = match segment.prompt {
             Prompt::Free => None,
             Prompt::Words(text) => Some(text),
-            Prompt::Like(motion) => match self.heard.take() {
+            Prompt::Like(motion) => match self.description.take() {
                 Some(text) => Some(text),
                 None => return Some(self.describe(&motion, seed)),
             },
@@ -125,17 +125,17 @@ impl Walk {
         }
     }
 
-    /// Takes the words that the generator found for a motion. They are acted out next.
-    pub(super) fn hear(&mut self, text: &str) {
+    /// Takes the generator's description of a motion. The next window is motion for it.
+    pub(super) fn receive_text(&mut self, text: &str) {
         let message = format!("a motion of the request was read as {text:?}");
         self.notes.push(Note::info("motion_reference", message));
-        self.heard = Some(text.to_owned());
+        self.description = Some(text.to_owned());
     }
 
-    /// Takes what the generator made of [`next_task`](Self::next_task).
+    /// Appends the generator's answer to [`next_task`](Self::next_task).
     ///
     /// # Errors
-    /// [`NonFinite`] for numbers that are not usable.
+    /// [`NonFinite`] if the answer has values that are not finite.
     pub(super) fn receive(&mut self, motion: &Motion) -> Result<(), NonFinite> {
         let before = self.track.len();
         match self.pending.take() {
@@ -168,7 +168,7 @@ impl Walk {
                 }
             }
         }
-        // A generator that makes nothing would never end.
+        // Without this, a generator that makes no frames would never end.
         match self.track.len() > before {
             true => Ok(()),
             false => Err(NonFinite),
@@ -204,16 +204,16 @@ impl Walk {
         (self.track.part(self.lead, frames), boundaries, self.notes)
     }
 
-    /// The segment of a frame of the track.
-    fn part(&self, frame: usize) -> &Part {
+    /// The segment that contains a frame of the track.
+    fn segment(&self, frame: usize) -> &TakeSegment {
         let frame = frame.saturating_sub(self.lead);
-        let parts = &self.take.parts;
-        let found = parts.iter().find(|part| frame < part.end);
-        found.unwrap_or(&parts[parts.len() - 1])
+        let segments = &self.take.segments;
+        let found = segments.iter().find(|segment| frame < segment.end);
+        found.unwrap_or(&segments[segments.len() - 1])
     }
 
-    /// Makes keys of the end of a loop once its first frame is there: the same frames, carried along
-    /// the way.
+    /// Makes keyframes for the end of a loop when its first frame is known: the same frames, moved
+    /// along the way.
     fn close_loop(&mut self) {
         if !self.is_open || self.track.len() <= self.lead {
             return;
@@ -253,12 +253,12 @@ impl Walk {
     fn words(&mut self, text: String, frames: usize, seed: u64) -> Task {
         let keys = self.last_keys();
         let origin = GlobalRoot::new(Vec3::ZERO, self.way.first_heading());
-        // With too few frames for a context the words begin at the newest one.
+        // With fewer frames than a context, the words begin at the newest one.
         let last = self.track.len().checked_sub(1);
         let last = last.map(|frame| self.track.root(frame, &self.rig.skeleton));
         let frame = SegmentFrame::from_root(last.unwrap_or(origin));
         self.pending = Some(Pending::Words { frame, fresh: frames });
-        // The words lead off the way: the next walk starts from their end.
+        // Motion for words leaves the way: the next walk starts at its end.
         self.locomotion = None;
         Task::Prompt(PromptTask {
             text,
@@ -282,7 +282,8 @@ impl Walk {
         (from..self.track.len()).map(key).collect()
     }
 
-    /// Repeats the first frame until there is a context: words may have made fewer frames.
+    /// Repeats the first frame until there are enough for a context: words may have given fewer
+    /// frames.
     fn fill_context(&mut self) {
         let missing = CONTEXT_FRAMES.saturating_sub(self.track.len());
         if missing == 0 || self.track.is_empty() {

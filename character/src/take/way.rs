@@ -1,4 +1,4 @@
-//! Where a motion goes over the ground.
+//! The way of a motion over the ground.
 
 use rand::RngExt as _;
 use troupe_motion::path::{GroundPath, PathPoint};
@@ -8,32 +8,32 @@ use super::note::Note;
 use super::request::{Effector, Knot, PoseKey, Take};
 use super::seed::dice;
 
-/// Frames between the knots of a way that is drawn.
+/// Frames between the knots of a random way.
 const STEP: usize = 10;
-/// A way that does not stand at its end goes on for this long, seconds.
+/// A way that does not stand at its end continues for this long, seconds.
 const BEYOND_S: f32 = 2.0;
-/// Range of a drawn speed, shares of the usual one.
+/// Range of a random speed, as a share of the style's default.
 const SPEEDS: std::ops::Range<f32> = 0.85..1.15;
-/// Range of a drawn turn, radians a second.
+/// Range of a random turn rate, radians a second.
 const TURNS: std::ops::Range<f32> = -0.35..0.35;
-/// A root stops this far before the place that a hand is to reach, metres.
+/// A root stops this far before the position that a hand must reach, metres.
 const REACH_M: f32 = 0.35;
-/// A way slower than this stands, m/s.
+/// A slower way counts as standing, m/s.
 pub(super) const STANDING_MPS: f32 = 0.1;
 
-/// A way through knots, by frame.
+/// A way through knots, in the order of their frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Way {
-    /// At least two, in the order of their frames.
+    /// At least two knots, in the order of their frames.
     pub knots: Vec<Knot>,
-    /// Frames a second.
+    /// Frames a second of the knots.
     pub fps: f32,
-    /// True for the way of a request, false for one that was drawn.
+    /// True for the way of a request, false for a random one.
     pub is_given: bool,
 }
 
 impl Way {
-    /// The way of a sample: that of the request, or a drawn one at about `usual_mps`.
+    /// The way of a sample: that of the request, or a random one at about `usual_mps`.
     pub fn of(take: &Take, sample: usize, usual_mps: f32, notes: &mut Vec<Note>) -> Self {
         let fps = take.clock.native_fps;
         let mut knots = given(take);
@@ -52,7 +52,7 @@ impl Way {
         }
         let end = knots[knots.len() - 1];
         let [x, z] = slope(&knots[knots.len() - 2..], fps);
-        // It stays at its last knot, unless that is the end of the motion.
+        // It stays at its last knot, unless the motion ends there.
         let goes_on = end.frame > last - 1.0;
         let beyond = if goes_on { BEYOND_S } else { 0.0 };
         knots.push(Knot {
@@ -63,7 +63,7 @@ impl Way {
         Self { knots, fps, is_given }
     }
 
-    /// Velocity over the ground at the first knot, m/s; 0 for a way that begins later than the
+    /// Velocity over the ground at the first knot, m/s; 0 for a way that starts later than the
     /// motion.
     pub fn start_mps(&self) -> [f32; 2] {
         match self.knots[0].frame < 1.0 {
@@ -81,7 +81,7 @@ impl Way {
         GroundPath::new(points.collect())
     }
 
-    /// World x, z and heading at a frame, between frames too.
+    /// World x, z and heading at a frame, which may be a fraction.
     pub fn at(&self, frame: f32) -> [f32; 3] {
         let made = self
             .ground()
@@ -103,7 +103,7 @@ impl Way {
         }
     }
 
-    /// Adds a knot in front: the way comes to its first one for `frames` frames.
+    /// Adds a knot in front, `frames` frames before the first one.
     pub fn begin_before(&mut self, frames: usize) {
         let first = self.knots[0];
         let [x, z] = self.start_mps();
@@ -118,7 +118,7 @@ impl Way {
         );
     }
 
-    /// Heading at the begin, radians.
+    /// Heading at the start, radians.
     pub fn first_heading(&self) -> f32 {
         if let Some(heading) = self.knots[0].heading {
             return heading;
@@ -135,7 +135,7 @@ fn slope(pair: &[Knot], fps: f32) -> [f32; 2] {
     [0, 1].map(|axis| (b.place[axis] - a.place[axis]) / time_s)
 }
 
-/// The knots of a request: those of its path, else of its poses and effectors.
+/// The knots of a request: those of its path, or else of its poses and effectors.
 fn given(take: &Take) -> Vec<Knot> {
     let wanted = &take.wanted;
     if !wanted.path.is_empty() {
@@ -157,10 +157,11 @@ fn given(take: &Take) -> Vec<Knot> {
     knots
 }
 
-/// Adds a knot from which an effector is within reach. Feet are below the root, hands before it.
+/// Adds a knot from which an effector is within reach. Feet are below the root, hands in front of
+/// it.
 fn add_effector(take: &Take, effector: &Effector, knots: &mut Vec<Knot>) {
     let frame = effector.frame as f32;
-    // A body that reaches for several things in a row stays.
+    // A body that reaches for several points in short succession stays in place.
     let near = take.clock.native_fps / 2.0;
     if knots.iter().any(|knot| (knot.frame - frame).abs() < near) {
         return;
@@ -190,7 +191,7 @@ fn add_effector(take: &Take, effector: &Effector, knots: &mut Vec<Knot>) {
     knots.insert(after, knot);
 }
 
-/// A way at a speed and a turn that are the sample's own.
+/// A way with a random speed and turn rate of the sample.
 fn drawn(take: &Take, sample: usize, from: Knot, usual_mps: f32, notes: &mut Vec<Note>) -> Vec<Knot> {
     let mut dice = dice(take.seed, sample);
     let fps = take.clock.native_fps;
@@ -201,7 +202,7 @@ fn drawn(take: &Take, sample: usize, from: Knot, usual_mps: f32, notes: &mut Vec
         dice.random_range(TURNS)
     };
     if sample == 0 && usual_mps > 0.0 {
-        let message = "no place was given to go to: each sample has a way, a speed and a turn of its own";
+        let message = "the request names no place to go to: each sample has a random way, speed and turn";
         notes.push(Note::info("path_drawn", message));
     }
     let mut heading = from.heading.unwrap_or(0.0);
@@ -218,7 +219,7 @@ fn drawn(take: &Take, sample: usize, from: Knot, usual_mps: f32, notes: &mut Vec
         knots.push(Knot {
             frame: from.frame + frame as f32,
             place,
-            // A body that stands goes on facing as before.
+            // A standing body keeps its heading.
             heading: (speed <= STANDING_MPS).then_some(heading),
         });
     }

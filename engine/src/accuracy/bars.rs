@@ -1,63 +1,63 @@
-//! What an engine may differ by, and still serve.
+//! How much an engine may differ and still serve.
 //!
-//! The bars lie well above what rounding to bf16 does (about half a millimetre in the mean of
-//! joints and roots, 3 % of the tokens, on the default pack) and well below what the pack itself
-//! gets wrong (7 cm of L2P in the shortest gaps that it is evaluated on) and what an eye sees. What
-//! keyframes fix is exact with any engine: it is pinned after the networks.
+//! The bars are well above the effect of rounding to bf16: about half a millimetre in the mean of
+//! joints and roots, and 3 % of the tokens, on the default pack. They are well below the pack's own
+//! error (7 cm of L2P in the shortest gaps that it is evaluated on), and below what is visible.
+//! Keyframes are exact with every engine, because they are pinned after the networks.
 
 use super::{Accuracy, Kind};
 
-/// Token counts are chosen by the largest of a few probabilities, and another one of nearly the
-/// same probability is as good an answer: 2 of the probe's 48 may be that near.
+/// The token count is the largest of a few probabilities. Another count with nearly the same
+/// probability is as good an answer: 2 of the probe's 48 may be so near.
 const COUNTS_DIFFER: f64 = 0.05;
-/// The root's path between keyframes: in the mean, a tenth of a walker's step in a frame (4 cm at
-/// 1.2 m/s).
+/// The root's path between keyframes, mean: a tenth of a walker's step in a frame (4 cm at 1.2
+/// m/s).
 const ROOT_MEAN_M: f64 = 0.004;
-/// Anywhere: less than a walker goes in a frame.
+/// The same, largest: less than a walker travels in a frame.
 const ROOT_MAX_M: f64 = 0.03;
-/// A heading that is 3 degrees off.
+/// Largest difference of a heading: 3 degrees.
 const ROOT_MAX_RAD: f64 = 0.05;
-/// Among 256 codes many are near ties; the next bar says whether the others are.
+/// Among 256 codes many are near ties; the next bar checks the others.
 const TOKENS_DIFFER: f64 = 0.10;
 /// Chosen codes are together 1 % less likely than the best: far less than sampling at any
-/// temperature does.
+/// temperature.
 const TOKEN_LOSS_NATS: f64 = 0.01;
-/// Joints, with equal tokens: about what feet slip by in a frame of recorded motion (2.5 mm) in the
-/// mean ...
+/// Mean distance of joints with equal tokens: about as far as feet slip in a frame of recorded
+/// motion (2.5 mm).
 const JOINT_MEAN_M: f64 = 0.002;
-/// ... and the width of a finger anywhere.
+/// Largest distance of joints with equal tokens: the width of a finger.
 const JOINT_MAX_M: f64 = 0.02;
-/// A foot's contact is a threshold on a probability: one in a hundred may fall on the other side.
+/// A foot's contact is a threshold on a probability: one in a hundred may be on the other side.
 const CONTACTS_DIFFER: f64 = 0.01;
 
-// Whole motions, of bodies that are scaled to a size of 1 m: three times what rounding to bf16 does
-// with the pack in `models/unimogen`, and well below what that pack gets wrong itself.
-/// The root: half of how far the network strays from its path (4 mm, people).
+// Whole motions, of bodies scaled to a size of 1 m: three times the effect of rounding to bf16 with
+// the pack in `models/unimogen`, and well below that pack's own error.
+/// Mean distance of the root: half of how far the network strays from its path (4 mm, people).
 const PATHS_ROOT_MEAN_M: f64 = 0.002;
-/// Anywhere: a third of a walker's step in a frame.
+/// Largest distance of the root: a third of a walker's step in a frame.
 const PATHS_ROOT_MAX_M: f64 = 0.015;
-/// A heading that is half as far off as the network's own error (0.4 degrees, people).
+/// Largest difference of a heading: half of the network's own error (0.4 degrees, people).
 const PATHS_ROOT_MAX_RAD: f64 = 0.005;
-/// Joints: a ninth of how far the network is from captures (45 mm, people).
+/// Mean distance of joints: a ninth of the network's distance from captures (45 mm, people).
 const PATHS_JOINT_MEAN_M: f64 = 0.005;
-/// Anywhere: the width of a hand.
+/// Largest distance of joints: the width of a hand.
 const PATHS_JOINT_MAX_M: f64 = 0.09;
 /// Contacts are thresholds on the height and speed of joints, and a step in bf16 moves both.
 const PATHS_CONTACTS_DIFFER: f64 = 0.07;
 
-/// A figure of the accuracy check, and the most that it may be.
+/// A figure of the accuracy check, with its limit.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Bar {
-    /// The figure's name: the field of [`Accuracy`].
+    /// Name of the figure: the field of [`Accuracy`].
     pub figure: &'static str,
-    /// What was found.
+    /// The measured value.
     pub found: f64,
-    /// The most that it may be.
+    /// The largest allowed value.
     pub most: f64,
 }
 
 impl Bar {
-    /// Whether the figure is within the bar; one that is not a number is not.
+    /// Whether the value is within the limit. A value that is not a number is not.
     pub fn holds(&self) -> bool {
         self.found <= self.most
     }
@@ -71,9 +71,9 @@ impl std::fmt::Display for Bar {
 }
 
 impl Accuracy {
-    /// The figures of what was compared, beside their bars.
+    /// All figures of the comparison, with their limits.
     pub fn bars(&self) -> Vec<Bar> {
-        // A figure, what was found, and its bar for stages and for paths.
+        // A figure, its value, and its limits for stages and for paths.
         let figures = [
             ("counts_differ", self.counts_differ, Some(COUNTS_DIFFER), None),
             (
@@ -130,12 +130,12 @@ impl Accuracy {
         figures.into_iter().filter_map(bar).collect()
     }
 
-    /// Whether every bar holds.
+    /// Whether every limit holds.
     pub fn passes(&self) -> bool {
         self.bars().iter().all(Bar::holds)
     }
 
-    /// The bars that do not hold, in words.
+    /// The limits that do not hold, as text.
     pub fn failures(&self) -> String {
         let failed: Vec<String> = self
             .bars()

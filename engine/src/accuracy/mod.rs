@@ -1,8 +1,8 @@
 //! How far an engine's answers are from the reference's: f32 on ONNX Runtime's own CPU kernels.
 //!
-//! Both engines run every stage on the same inputs, which the reference makes, so that a small
-//! difference in one stage is not taken for a large one in the next. The tasks are the pack's own
-//! motion, see [`probe`].
+//! Both engines run every stage on the same inputs, which the reference makes. Otherwise a small
+//! difference in one stage could grow in the next. The tasks are the pack's own motion, see
+//! [`probe`].
 
 mod bars;
 mod paths;
@@ -25,29 +25,29 @@ pub use bars::Bar;
 pub use paths::compare_paths;
 pub use probe::{PROBE_BATCH, Probe, probe};
 
-/// A contact probability from here on is contact.
+/// Contact probability from which on there is contact.
 const CONTACT: f32 = 0.5;
 
-/// What was compared.
+/// What is compared.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// The stages of MotionBricks, each on the reference's inputs.
+    /// The stages of MotionBricks, each with the reference's inputs.
     #[default]
     Stages,
-    /// Whole motions along paths. Lengths are those of bodies that are scaled to a size of 1 m.
+    /// Whole motions along paths. Lengths are those of bodies scaled to a size of 1 m.
     Paths,
 }
 
-/// How far an engine is from the reference, over the tasks of a probe. A figure that the family
+/// Distance of an engine from the reference over the tasks of a probe. A figure that the family
 /// does not have is 0.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Accuracy {
     /// What was compared.
     pub kind: Kind,
-    /// Characters compared.
+    /// Number of characters compared.
     pub characters: usize,
-    /// Share of them whose root stage chose another token count.
+    /// Share of characters whose root stage chose another token count.
     pub counts_differ: f64,
     /// Mean distance of roots (r_g3), metres.
     pub root_mean_m: f64,
@@ -55,23 +55,23 @@ pub struct Accuracy {
     pub root_max_m: f64,
     /// Largest difference in the heading of roots, radians.
     pub root_max_rad: f64,
-    /// Share of pose tokens whose most likely code is another.
+    /// Share of pose tokens with another most likely code.
     pub tokens_differ: f64,
-    /// What these other codes are less likely by in the reference, a token: mean log-probability
-    /// lost, nats.
+    /// Loss of those codes in the reference: mean log-probability a token, nats.
     pub token_loss_nats: f64,
-    /// Mean distance of joints in the world, metres: root and rotations through forward kinematics.
+    /// Mean distance of joints in the world, metres: from root and rotations by forward kinematics.
     pub joint_mean_m: f64,
-    /// Largest such distance, metres.
+    /// Largest distance of joints in the world, metres.
     pub joint_max_m: f64,
-    /// Share of contacts that are none in the reference, or the other way round.
+    /// Share of contacts that differ from the reference.
     pub contacts_differ: f64,
 }
 
-/// Compares `candidate` with `reference` on batches of tasks; each batch has one segment length.
+/// Compares `candidate` with `reference` on batches of tasks. All tasks of a batch have one segment
+/// length.
 ///
 /// # Errors
-/// [`EngineError`] where a stage of either fails.
+/// [`EngineError`] if a stage of either fails.
 pub fn compare(
     pack: &Pack,
     reference: &mut dyn Stages,
@@ -118,7 +118,7 @@ impl Sums {
     }
 }
 
-/// How many of how many differ.
+/// A share: how many of how many differ.
 #[derive(Debug, Clone, Copy, Default)]
 struct Share {
     differ: usize,
@@ -136,7 +136,7 @@ impl Share {
     }
 }
 
-/// Mean and largest of many distances. One that is not a number makes both infinite.
+/// Mean and largest of many distances. A distance that is not a number makes both infinite.
 #[derive(Debug, Clone, Copy, Default)]
 struct Distance {
     sum: f64,
@@ -165,7 +165,7 @@ fn finite_or_huge(value: f32) -> f64 {
     }
 }
 
-/// Two engines side by side, with the buffers of one batch.
+/// Two engines side by side, with the memory for one batch.
 struct Pair<'a> {
     skeleton: &'a Skeleton,
     dims: Dims,
@@ -207,8 +207,9 @@ impl<'a> Pair<'a> {
         self.candidate.root(self.rows, &self.root_input, candidate)
     }
 
-    /// Token counts with every count allowed, then trajectories at the tasks' own length, which is
-    /// returned in tokens: the likeliest, and where the pack draws them, drawn ones too.
+    /// Compares token counts, with every count allowed, then trajectories at the tasks' own length.
+    /// These are the likeliest, and, if the pack samples them, sampled ones too. Returns the length
+    /// in tokens.
     fn compare_roots(&mut self, items: &[KeyframeTask], sums: &mut Sums) -> Result<usize, EngineError> {
         let dims = self.dims;
         for (row, item) in items.iter().enumerate() {
@@ -225,7 +226,7 @@ impl<'a> Pair<'a> {
             .first()
             .and_then(|item| item.frames)
             .map_or(dims.max_tokens, |frames| dims.tokens_for(frames));
-        // The likeliest trajectories come last: what follows is compared on them.
+        // The likeliest trajectories come last, because the rest is compared on them.
         let temperatures: &[f32] = if dims.root_choices > 0 {
             &[1.0, 0.0]
         } else {
@@ -242,7 +243,7 @@ impl<'a> Pair<'a> {
         Ok(tokens)
     }
 
-    /// What the root stages just gave, over `tokens` tokens.
+    /// Compares what the root stages just gave, over `tokens` tokens.
     fn compare_trajectories(&self, tokens: usize, sums: &mut Sums) {
         for row in 0..self.rows {
             let frames = tokens * self.dims.frames_per_token;
@@ -258,7 +259,8 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The most likely code of every token, all tokens masked, on the reference's trajectory.
+    /// Compares the most likely code of every token, all tokens masked, on the reference's
+    /// trajectory.
     fn compare_tokens(
         &mut self,
         items: &[KeyframeTask],
@@ -292,7 +294,7 @@ impl<'a> Pair<'a> {
             for (head, (a, b)) in pairs.enumerate() {
                 let (best, other) = (most_likely(a), most_likely(b));
                 sums.tokens.add(best != other);
-                // Logits and log-probabilities differ by what all codes of a token share.
+                // The logits of a token differ from its log-probabilities by one constant.
                 sums.token_loss += finite_or_huge(a[best] - a[other]);
                 self.token_input.tokens.row_mut(row)[head] = best as i64;
             }
@@ -300,7 +302,7 @@ impl<'a> Pair<'a> {
         Ok(())
     }
 
-    /// The frames of the reference's tokens.
+    /// Compares the frames of the reference's tokens.
     fn compare_frames(&mut self, tokens: usize, sums: &mut Sums) -> Result<(), EngineError> {
         let [reference, candidate] = &mut self.frames;
         self.reference.decoder(self.rows, &self.token_input, reference)?;
@@ -327,7 +329,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// The index of the largest value; the first of several, 0 where there is none.
+/// Index of the largest value; the first of several, 0 without values.
 fn most_likely(logits: &[f32]) -> usize {
     let mut best = 0;
     for (index, value) in logits.iter().enumerate() {
@@ -361,7 +363,7 @@ impl Joints {
         }
     }
 
-    /// Places the joints as they are in one frame of one row.
+    /// Places the joints as in one frame of one row.
     fn place(&mut self, skeleton: &Skeleton, dims: &Dims, output: &DecoderOutput, row: usize, frame: usize) {
         let width = dims.joints * SIX_D;
         let six_d = &output.rotations.row(row)[frame * width..(frame + 1) * width];

@@ -1,7 +1,7 @@
-//! The check of a family whose one network moves many bodies: the motions of both engines, all
-//! steps of the sampler included.
+//! The check of a family with one network for many bodies: compares the motions of both engines,
+//! with all steps of the sampler.
 //!
-//! Engines start from the same noise, and what differs in one step goes into the next, as it does
+//! Engines start from the same noise. A difference in one step continues into the next, as it does
 //! for callers.
 
 use troupe_motion::model::{Body, GLOBAL_ROOT, Motion, PathTask, SIX_D};
@@ -14,14 +14,14 @@ use crate::EngineError;
 use crate::pack::Pack;
 use crate::unimogen::{Denoiser, LIVE_FRAMES, UniMoGen, probe_task};
 
-/// Tasks of each body.
+/// Number of tasks for each body.
 const ROUNDS: usize = 2;
 
-/// Compares two networks of a UniMoGen pack on tasks of all its bodies, the longest windows and
-/// short ones. Lengths are those of bodies that are scaled to a size of 1 m.
+/// Compares two networks of a UniMoGen pack on tasks of all its bodies, with the longest windows
+/// and short ones. Lengths are those of bodies scaled to a size of 1 m.
 ///
 /// # Errors
-/// [`EngineError`] where either fails.
+/// [`EngineError`] if either fails.
 pub fn compare_paths(
     pack: &Pack,
     reference: Box<dyn Denoiser>,
@@ -63,7 +63,7 @@ impl Sums {
     }
 }
 
-/// World positions of all joints in all frames.
+/// World positions of all joints in all frames, metres.
 fn positions(body: &Body, motion: &Motion) -> Vec<Vec3> {
     let joints = body.joints();
     let mut rotations = vec![Quat::IDENTITY; joints];

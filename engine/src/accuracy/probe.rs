@@ -1,5 +1,5 @@
-//! Tasks for the accuracy check, made by the pack itself: its own decoder's frames are the
-//! keyframes, so the check needs no data and meets the networks where they work.
+//! Makes the tasks of the accuracy check with the pack itself. Keyframes are frames of its own
+//! decoder, so the check needs no data and tests the networks where they work.
 
 use troupe_motion::model::{Dims, KeyTensors, KeyframeTask, Motion};
 use troupe_motion::root::{heading_of, wrap_angle};
@@ -9,33 +9,34 @@ use super::{Joints, global_roots};
 use crate::pack::Pack;
 use crate::{DecoderOutput, EngineError, Pipeline, Stages};
 
-/// Tasks of a batch.
+/// Number of tasks in a batch.
 pub const PROBE_BATCH: usize = 16;
-/// How fast the tasks walk, in turns, m/s.
+/// Walking speeds of the tasks, in turns, m/s.
 const SPEEDS_MPS: [f32; 4] = [0.0, 0.8, 1.4, 2.5];
-/// Where to, in turns: right angles and straight on, radians.
+/// Directions of the tasks, in turns, radians.
 const TURNS: [f32; 4] = [0.0, 0.8, -0.8, 1.6];
-/// How often motion is made from the keyframes of motion before the tasks are taken from it.
+/// Number of rounds in which motion is made from keyframes of earlier motion before the tasks are
+/// taken from it.
 const ROUNDS: usize = 2;
 
-/// Tasks, and the stages that made them.
+/// Tasks, with the stages that made them.
 pub struct Probe {
     /// The tasks; those of a batch have one segment length.
     pub batches: Vec<Vec<KeyframeTask>>,
-    /// The reference.
+    /// The reference engine.
     pub reference: Box<dyn Stages>,
 }
 
-/// Batches of [`PROBE_BATCH`] tasks: one of the longest segments, one of middling ones and one of
-/// short ones.
+/// Batches of [`PROBE_BATCH`] tasks: one of the longest segments, one of medium and one of short
+/// ones.
 ///
-/// The first round has roots for keyframes, without any pose; the next take four frames of that
-/// motion as the context and a later one as the target.
+/// The first round has only roots as keyframes, without poses. The next take four frames of that
+/// motion as the context, and a later one as the target.
 ///
-/// Gives the stages back, with the tasks.
+/// Returns the stages together with the tasks.
 ///
 /// # Errors
-/// [`EngineError`] where a stage of the reference fails, or gives what is out of the contract.
+/// [`EngineError`] if a stage of the reference fails, or gives values out of the contract.
 pub fn probe(pack: &Pack, reference: Box<dyn Stages>) -> Result<Probe, EngineError> {
     let dims = pack.rig.dims;
     let middle = (dims.min_tokens + dims.max_tokens) / 2;
@@ -45,7 +46,7 @@ pub fn probe(pack: &Pack, reference: Box<dyn Stages>) -> Result<Probe, EngineErr
     let batches = [dims.max_tokens, middle, short]
         .into_iter()
         .map(|tokens| {
-            // What follows must be cut out of what is there: a segment, its context and its target.
+            // The rest must fit into this motion: a segment with its context and target.
             let mut items: Vec<KeyframeTask> = (0..PROBE_BATCH)
                 .map(|index| walk(&dims, fps, dims.max_tokens, index))
                 .collect();
@@ -68,7 +69,7 @@ pub fn probe(pack: &Pack, reference: Box<dyn Stages>) -> Result<Probe, EngineErr
     })
 }
 
-/// A task of roots alone.
+/// A task with roots only.
 fn walk(dims: &Dims, fps: f32, tokens: usize, index: usize) -> KeyframeTask {
     let frames = tokens * dims.frames_per_token;
     let speed = SPEEDS_MPS[index % SPEEDS_MPS.len()];
@@ -119,8 +120,8 @@ fn task(
     }
 }
 
-/// A task of `tokens` tokens whose keyframes are frames of `motion`: the first ones are the
-/// context, and the target is as far on as the segment is long, or the motion's last.
+/// A task of `tokens` tokens whose keyframes are frames of `motion`. The first frames are the
+/// context. The target is a segment's length later, or the motion's last frame.
 fn from_motion(
     skeleton: &Skeleton,
     dims: &Dims,
@@ -136,7 +137,7 @@ fn from_motion(
     output.rotations.row_mut(0).copy_from_slice(&motion.rotations);
     output.global_root.row_mut(0).copy_from_slice(&motion.root);
     let mut joints = Joints::new(skeleton);
-    // The heading of a keyframe is its pelvis's, as it is for requests.
+    // The heading of a keyframe is that of its pelvis, as in requests.
     let mut roots: Vec<GlobalRoot> = global_roots(&motion.root).collect();
     for (frame, root) in roots.iter_mut().enumerate() {
         joints.place(skeleton, dims, &output, 0, frame);
@@ -153,7 +154,7 @@ fn from_motion(
             &mut pose,
         );
         frame.rotate_pose_features_to_segment(&mut pose);
-        // The first frame has none before it and takes the second's velocity.
+        // The first frame has no frame before, and takes the second's velocity.
         let now = at.max(1);
         let step = (roots[now].position - roots[now - 1].position) * fps;
         let local = LocalRoot {

@@ -1,18 +1,18 @@
-//! How a batch is cut into calls, for an engine that has a network for each size of a call.
+//! Splits a batch into calls, for an engine with a network for each size of a call.
 
 use crate::tensors::ROOM_MULTIPLE;
 
-/// Rows of the calls that networks are made for. A call costs what one or two rows do beside its
-/// own rows; beyond 8 rows a row costs no less. They are few, for a network takes a fifth of a
-/// second to make and 17 MB, and those of the pose stage and the decoder are made for each length.
+/// Sizes of the calls that networks are made for, in rows. A call costs one or two rows on top of
+/// its own. Beyond 8 rows, a row becomes no cheaper. There are few sizes, because a network takes a
+/// fifth of a second and 17 MB, and the pose stage and the decoder need one for each length.
 pub(super) const CALL_ROWS: [usize; 3] = [1, 4, 8];
-// A call reads whole rows, padding among them.
+// A call reads whole rows, padding included.
 const _: () = assert!(CALL_ROWS[CALL_ROWS.len() - 1] <= ROOM_MULTIPLE);
 
-/// The sizes of calls that a stage may be asked in.
+/// The sizes of calls that a stage may use.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Calls {
-    /// In rising order, from 1.
+    /// Increasing, from 1.
     sizes: Vec<usize>,
 }
 
@@ -23,15 +23,15 @@ impl Default for Calls {
 }
 
 impl Calls {
-    /// Calls of these sizes, which rise.
+    /// Calls of these sizes, which increase.
     pub(super) fn of(sizes: impl IntoIterator<Item = usize>) -> Self {
         Self {
             sizes: sizes.into_iter().collect(),
         }
     }
 
-    /// The size of the next call where only these are open, with inputs for `room` rows. It may be
-    /// padding for the most part. None where there is no such size.
+    /// Size of the next call if only these sizes are open, for inputs with memory for `room` rows.
+    /// Most of it may be padding. None if no size fits.
     pub(super) fn fallback(&self, rows: usize, room: usize) -> Option<usize> {
         let next = Some(self.next(rows, room)).filter(|size| self.sizes.contains(size));
         let filled = || self.sizes.iter().rev().copied().find(|&size| size <= rows);
@@ -44,8 +44,9 @@ impl Calls {
         next.or_else(filled).or_else(all)
     }
 
-    /// The size of the next call where `rows` rows are left, with inputs for `room`: one that holds
-    /// them all if no more than a quarter of it is padding, else the largest that they fill.
+    /// Size of the next call for `rows` remaining rows, and inputs with memory for `room`. It holds
+    /// them all if at most a quarter of it is padding. Otherwise it is the largest size that they
+    /// fill.
     pub(super) fn next(&self, rows: usize, room: usize) -> usize {
         let fits = |size: &usize| (rows..=room).contains(size);
         let all = self.sizes.iter().copied().find(fits);
@@ -57,7 +58,7 @@ impl Calls {
         }
     }
 
-    /// No more calls of so many rows, nor of more. Calls of one row stay.
+    /// Allows no more calls of this many rows or more. Calls of one row stay allowed.
     pub(super) fn forbid(&mut self, rows: usize) {
         self.sizes.retain(|&size| size < rows.max(2));
     }
@@ -102,23 +103,23 @@ mod tests {
     }
 
     #[test]
-    fn what_is_open_serves_where_the_best_size_is_not() {
+    fn an_open_size_replaces_the_best_one() {
         let next = |open: &[usize], rows, room| Calls::of(open.iter().copied()).fallback(rows, room);
         assert_eq!(next(&[1], 8, 8), Some(1));
         assert_eq!(next(&[1, 4], 8, 8), Some(4));
         assert_eq!(next(&[1, 8], 2, 8), Some(1));
-        // Padding for the most part, where there is room for it.
+        // Mostly padding, if there is memory for it.
         assert_eq!(next(&[8], 2, 8), Some(8));
         assert_eq!(next(&[8], 2, 4), None);
         assert_eq!(next(&[4, 8], 1, 4), Some(4));
         assert_eq!(next(&[4, 8], 7, 7), Some(4));
         assert_eq!(next(&[], 1, 8), None);
-        // After a call of one row that served in the place of a larger one.
+        // After a call of one row that replaced a larger one.
         assert_eq!(next(&[1, 4, 8], 7, 7), Some(4));
     }
 
     #[test]
-    fn every_row_is_called_for_and_at_most_a_quarter_of_the_last_call_is_padding() {
+    fn calls_cover_every_row_and_at_most_a_quarter_of_the_last_is_padding() {
         for forbidden in [16, 8, 4, 2, 1] {
             let mut calls = Calls::default();
             calls.forbid(forbidden);
@@ -136,7 +137,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn calls_stay_within_the_room_whatever_is_open(
+        fn calls_stay_within_the_memory(
             rows in 1..100_usize,
             open in proptest::collection::vec(proptest::sample::subsequence(CALL_ROWS.to_vec(), 1..=3), 100),
         ) {

@@ -1,4 +1,4 @@
-//! The network of a UniMoGen pack on ONNX Runtime: one session, which takes every shape.
+//! The network of a UniMoGen pack on ONNX Runtime: one session for all shapes.
 
 use std::borrow::Cow;
 
@@ -12,13 +12,13 @@ use crate::pack::{DENOISER_FILE, Pack};
 use crate::unimogen::{Call, Denoiser, PATH_FEATURES, ROW_CHANNELS};
 use crate::{EngineError, EngineKind};
 
-/// Kernels that OpenVINO keeps. Callers bring skeletons of their own, and each shape's kernels take
-/// 3 MiB: with OpenVINO's own limit a session had grown by 530 MiB after 164 shapes.
+/// Number of kernels that OpenVINO keeps. Callers bring their own skeletons, and the kernels of
+/// each shape take 3 MiB. With OpenVINO's own limit a session grew by 530 MiB over 164 shapes.
 const KERNELS: usize = 500;
-/// The output.
+/// Name of the output.
 const CLEAN: &str = "clean";
 
-/// A session of one worker.
+/// The session of one worker.
 pub struct OnnxDenoiser {
     engine: EngineKind,
     session: Session,
@@ -82,7 +82,7 @@ impl Denoiser for OnnxDenoiser {
     }
 }
 
-/// Compares the tensors with what a pack of so many words needs.
+/// Compares the tensors with those for a pack with `words` words.
 fn check(words: usize, inputs: &[Outlet], outputs: &[Outlet]) -> Result<(), String> {
     use TensorElementType::{Float32, Int64};
     let (channels, path) = (ROW_CHANNELS as i64, PATH_FEATURES as i64);

@@ -1,9 +1,9 @@
 //! Keeps threads out of OpenVINO while the process exits.
 //!
-//! At exit the destructors of the C++ libraries free compiled kernels. A thread that runs one then
-//! crashes, and the process ends with a signal. So every call into OpenVINO holds a lock for
-//! reading, and a handler that runs before those destructors takes it for writing and keeps it: it
-//! waits for calls under way, and no other begins.
+//! At exit, the destructors of the C++ libraries free compiled kernels. A thread that runs one then
+//! crashes, and the process ends with a signal. So every call into OpenVINO holds a read lock. A
+//! handler that runs before those destructors takes the write lock and keeps it: it waits for calls
+//! under way, and no other begins.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,14 +11,14 @@ use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
 static CALLS: RwLock<()> = RwLock::new(());
 
-/// To be held during a call into OpenVINO. Not to be taken twice by one thread, which might wait
-/// for itself at exit.
+/// The lock to hold during a call into OpenVINO. A thread must not take it twice: it could wait for
+/// itself at exit.
 pub(super) fn enter() -> RwLockReadGuard<'static, ()> {
     CALLS.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Registers the handler. Handlers and destructors run in reverse order of what they are registered
-/// in, and libraries make objects as they first run: to be called once a network of a new shape has
+/// Registers the handler. Handlers and destructors run in the reverse order of their registration,
+/// and libraries create objects when they first run. So call this once a network of a new shape has
 /// run.
 pub(super) fn register() {
     #[allow(unsafe_code, reason = "the standard library has no exit handlers")]
@@ -36,7 +36,7 @@ extern "C" fn close() {
     }
 }
 
-/// A value of OpenVINO, whose drop is a call too.
+/// A value of OpenVINO. Dropping it is a call, too.
 pub(super) struct Owned<T>(Option<T>);
 
 impl<T> Owned<T> {

@@ -33,28 +33,28 @@ pub use runtime::{LIBRARY_VARIABLE, Runtime};
 pub use session::{Growth, SessionOptions};
 use signature::{check_signature, takes_any_length};
 
-/// How an engine takes batches of a pack.
+/// The batches that suit an engine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Batching {
-    /// Whether a batch of any size is as fast as one that was met before. Else batches are padded
-    /// to few sizes.
+    /// Whether a batch of any size is as fast as one of a known size. Otherwise batches are padded
+    /// to a few sizes.
     pub any_size: bool,
-    /// The most characters that a batch usually has.
+    /// The usual largest number of characters in a batch.
     pub usual_most: usize,
-    /// The most characters of one call, where batches are cut into calls; else 0.
+    /// Most characters of one call if batches are split into calls, otherwise 0.
     pub call_rows: usize,
 }
 
 impl Batching {
-    /// Of an engine that nothing is known of.
+    /// The batches of an unknown engine.
     pub const UNKNOWN: Self = Self {
         any_size: false,
         usual_most: 32,
         call_rows: 0,
     };
 
-    /// ONNX Runtime's own CPU kernels are made for all shapes; with OpenVINO there are networks for
-    /// calls of up to 8, where it has `fixed_shapes`; GPUs make kernels for each shape.
+    /// ONNX Runtime's own CPU kernels work for all shapes. With `fixed_shapes`, OpenVINO has
+    /// networks for calls of up to 8. GPUs make kernels for each shape.
     pub fn of(engine: EngineKind, fixed_shapes: bool) -> Self {
         match engine {
             EngineKind::Cpu => Self {
@@ -70,7 +70,7 @@ impl Batching {
         }
     }
 
-    /// Of a VerMo pack: jobs join and leave between tokens.
+    /// For a VerMo pack: jobs join and leave between tokens.
     pub(crate) fn of_vermo() -> Self {
         Self {
             any_size: true,
@@ -79,7 +79,7 @@ impl Batching {
         }
     }
 
-    /// Of a UniMoGen pack: its jobs have shapes of their own.
+    /// For a UniMoGen pack: its jobs have different shapes.
     pub(crate) fn of_unimogen(engine: EngineKind) -> Self {
         Self {
             any_size: true,
@@ -92,12 +92,12 @@ impl Batching {
     }
 }
 
-/// How UniMoGen packs take jobs on a CPU: a step is a call for one job, so that more of them in a
-/// worker's hands only wait there.
+/// Jobs that a UniMoGen pack takes on a CPU. A step is a call for one job, so more jobs would only
+/// wait at the worker.
 const UNIMOGEN_JOBS: usize = 4;
 
-/// Why a pack has no networks of fixed shapes. None where it has: they are to be had, and those
-/// that it cannot do without fit into `memory_bytes`.
+/// Why a pack has no networks of fixed shapes. None if it has them: they can be made, and the
+/// indispensable ones fit into `memory_bytes`.
 pub fn no_fixed_shapes(runtime: &Runtime, pack: &Pack, memory_bytes: u64) -> Option<String> {
     if let Err(reason) = runtime.openvino() {
         return Some(reason);
@@ -121,16 +121,16 @@ pub struct OnnxStages {
     root: Network,
     pose: Network,
     decoder: Network,
-    /// Where networks have fixed shapes. They count who runs them.
+    /// Counts the workers of networks of fixed shapes.
     _worker: Option<PackWorker>,
 }
 
 impl OnnxStages {
     /// Loads the stages of `pack` for one worker, and checks their tensors against the pack's
-    /// sizes. Networks of fixed shapes are those of `pool`.
+    /// sizes. Networks of fixed shapes come from `pool`.
     ///
     /// # Errors
-    /// [`EngineError::Load`] or [`EngineError::Signature`], which name the file.
+    /// [`EngineError::Load`] or [`EngineError::Signature`], with the file.
     pub fn load(
         runtime: &Runtime,
         pack: &Pack,
@@ -169,8 +169,8 @@ impl OnnxStages {
             return Ok(stages(any_length, networks, Some(worker)));
         }
         let network = |stage: Stage| {
-            // OpenVINO makes kernels as it opens a graph; what the graph looks like the CPU's own
-            // provider tells sooner.
+            // OpenVINO makes kernels when it opens a graph. The CPU's own provider shows sooner
+            // what the graph looks like.
             let looked = match options.engine {
                 EngineKind::OpenvinoBf16 => Some(look(runtime, pack, stage)?),
                 _ => None,
@@ -215,8 +215,8 @@ fn unloaded(stage: Stage, reason: String) -> EngineError {
     }
 }
 
-/// Checks a stage's tensors, without making it ready to run. Answers whether it takes segments of
-/// any length.
+/// Checks a stage's tensors without preparing it to run. Answers whether it accepts segments of any
+/// length.
 fn look(runtime: &Runtime, pack: &Pack, stage: Stage) -> Result<bool, EngineError> {
     let session =
         session::look(runtime, &pack.stage_file(stage)).map_err(|reason| unloaded(stage, reason))?;
@@ -234,7 +234,7 @@ fn looks(pack: &Pack, stage: Stage, session: &ort::session::Session) -> Result<b
 }
 
 impl Stages for OnnxStages {
-    /// False with OpenVINO for graphs that are large.
+    /// False for large graphs with OpenVINO.
     fn any_batch(&self) -> bool {
         self.engine == EngineKind::Cpu || self.has_fixed_shapes()
     }
@@ -243,8 +243,8 @@ impl Stages for OnnxStages {
         self.has_fixed_shapes()
     }
 
-    /// True where the graphs leave their time axis open. Packs of format 1 may fix it at the
-    /// longest segment.
+    /// True if the graphs leave their time axis open. Packs of format 1 may fix it at the longest
+    /// segment.
     fn any_length(&self) -> bool {
         self.any_length
     }
@@ -312,7 +312,7 @@ impl Stages for OnnxStages {
     }
 }
 
-/// What the pose stage and the decoder read: both the same tensors.
+/// The inputs of the pose stage and the decoder, which read the same tensors.
 fn token_inputs<'a>(dims: &Dims, input: &'a TokenInput, call: &Range<usize>) -> Inputs<'a> {
     let tokens = input.length();
     let frames = tokens * dims.frames_per_token;
@@ -336,18 +336,18 @@ fn view<'a, T: Number>(
     (name, T::view(full, data.range(call.clone())))
 }
 
-/// What a call gave.
+/// The outputs of a call.
 struct Outputs<'a, 's> {
     stage: Stage,
     outputs: &'a Given<'a, 's>,
-    /// Its rows, padding included.
+    /// Rows of the call, padding included.
     call: Range<usize>,
-    /// Its rows without padding.
+    /// Rows of the call without padding.
     wanted: Range<usize>,
 }
 
 impl<'a, 's> Outputs<'a, 's> {
-    /// Of a call for a batch of `rows` rows.
+    /// The outputs of a call for a batch of `rows` rows.
     fn new(stage: Stage, outputs: &'a Given<'a, 's>, call: Range<usize>, rows: usize) -> Self {
         Self {
             stage,
@@ -384,7 +384,7 @@ fn run_error(stage: Stage, error: &dyn std::fmt::Display) -> EngineError {
     }
 }
 
-/// What the runtime says, without its line breaks.
+/// The runtime's message without line breaks.
 fn one_line(error: &dyn std::fmt::Display) -> String {
     let text = error.to_string();
     text.split_whitespace().collect::<Vec<_>>().join(" ")

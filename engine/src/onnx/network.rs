@@ -1,10 +1,10 @@
 //! A stage's networks as a worker sees them: one session for all shapes, or one network for each.
 //!
-//! OpenVINO computes a graph whose shape is fixed in 20 to 45 % less time than one that takes any.
-//! And a graph that takes any pays 0.7 to 2 ms whenever its shape is not that of the call before,
-//! which with callers who come and go is nearly always. So there is a network for each size of a
-//! [call](super::calls::Calls) and each length, a batch is run in several calls, and the
-//! [pool](NetworkPool) keeps those that are open.
+//! OpenVINO computes a graph of fixed shape in 20 to 45 % less time than one for all shapes. The
+//! latter also takes 0.7 to 2 ms longer whenever its shape differs from the call before, which is
+//! almost always with changing callers. So there is a network for each size of a
+//! [call](super::calls::Calls) and each length. A batch runs in several calls, and the
+//! [pool](NetworkPool) keeps the open networks.
 
 use std::borrow::Cow;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
@@ -24,7 +24,7 @@ use troupe_motion::model::Dims;
 use crate::pack::Stage;
 use crate::specs::{StageTensors as _, TensorSpec, TensorType};
 
-/// The inputs of one call.
+/// The inputs of one call, by name.
 pub(super) type Inputs<'a> = Vec<(&'static str, View<'a>)>;
 
 /// A tensor that borrows its numbers.
@@ -38,7 +38,7 @@ enum Numbers<'a> {
     I64(&'a [i64]),
 }
 
-/// A number of a tensor.
+/// The type of a tensor's numbers.
 pub(super) trait Number: Element + PrimitiveTensorElementType + Default {
     fn view(shape: Vec<usize>, numbers: &[Self]) -> View<'_>;
 }
@@ -57,7 +57,7 @@ impl Number for i64 {
     }
 }
 
-/// What a call gave.
+/// The outputs of a call.
 pub(super) enum Given<'a, 's> {
     Session(&'a SessionOutputs<'s>),
     Compiled(&'a Compiled),
@@ -78,11 +78,11 @@ impl<'a> Given<'a, '_> {
     }
 }
 
-/// What runs a stage.
+/// The network or networks that run a stage.
 pub(super) enum Network {
-    /// A session that takes every shape.
+    /// A session for all shapes.
     Open(Session),
-    /// Networks of fixed shapes.
+    /// A network for each shape.
     Fixed(FixedNetworks),
 }
 
@@ -94,8 +94,8 @@ pub(super) struct FixedNetworks {
 }
 
 impl Network {
-    /// Runs `rows` rows of `length` tokens, in one call or several. `inputs` gives those of a call
-    /// for its rows, of which the last may be padding, and `read` takes its outputs.
+    /// Runs `rows` rows of `length` tokens in one call or several. `inputs` returns a call's inputs
+    /// for its rows, the last of which may be padding. `read` takes the call's outputs.
     pub(super) fn run<'i>(
         &mut self,
         stage: Stage,
@@ -151,8 +151,7 @@ fn run_call(network: &mut Compiled, inputs: &Inputs<'_>) -> Result<(), String> {
     network.infer()
 }
 
-/// Made-up inputs of a call, other ones in each row. Those of a row are the same in a sample of
-/// more.
+/// Artificial inputs of a call, different in each row. A row is the same in larger samples.
 pub(super) struct Sample {
     tensors: Vec<(TensorSpec, Made)>,
     outputs: Vec<TensorSpec>,
@@ -188,7 +187,7 @@ impl Sample {
         }
     }
 
-    /// What a call for these rows gives: for each row a hash of the bits of all outputs.
+    /// Runs a call for these rows. Returns a hash of the bits of all outputs for each row.
     pub(super) fn run(&self, network: &mut Compiled, rows: Range<usize>) -> Result<Vec<u64>, String> {
         let inputs = self.tensors.iter().map(|(spec, numbers)| {
             let part = rows.start * spec.row()..rows.end * spec.row();

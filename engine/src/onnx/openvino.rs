@@ -1,7 +1,7 @@
-//! OpenVINO by itself, out of the library that ONNX Runtime's provider uses too.
+//! OpenVINO itself, from the library that ONNX Runtime's provider also uses.
 //!
-//! ONNX Runtime's provider gives each session a graph, weights and all, of its own. Here a stage's
-//! weights are read once, and every network of the stage is compiled from them.
+//! ONNX Runtime's provider gives each session its own graph with all weights. Here a stage's
+//! weights are read once, and all networks of the stage are compiled from them.
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
@@ -12,9 +12,9 @@ use super::exit::{self, Owned};
 use super::one_line;
 use super::weights::shareable;
 
-/// Networks that are compiled at the same time: a core compiles one at a time.
+/// Number of networks compiled at the same time: OpenVINO's core compiles one at a time.
 const CORES: usize = 2;
-/// How the file of OpenVINO's interface for C begins.
+/// Beginning of the file name of OpenVINO's C interface.
 const LIBRARY: &str = "libopenvino_c.so";
 
 /// The loaded library.
@@ -23,7 +23,7 @@ pub(super) struct OpenVino {
 }
 
 impl OpenVino {
-    /// Loads the library that lies beside `onnx_runtime`.
+    /// Loads the library that is in the same folder as `onnx_runtime`.
     pub(super) fn load(onnx_runtime: &Path) -> Result<Self, String> {
         let folder = onnx_runtime.parent().unwrap_or(Path::new("."));
         let files = std::fs::read_dir(folder).map_err(|error| one_line(&error))?;
@@ -71,7 +71,7 @@ impl OpenVino {
             .map_err(|error| one_line(&error))
     }
 
-    /// A network for inputs of these shapes, which run on `threads` threads, in bf16.
+    /// Compiles a network for inputs of these shapes, which runs on `threads` threads in bf16.
     pub(super) fn compile(
         &self,
         model: &mut Model,
@@ -89,8 +89,7 @@ impl OpenVino {
         let by_name: Vec<(&str, &PartialShape)> = shapes.iter().map(|(name, shape)| (*name, shape)).collect();
         model.reshape(&by_name).map_err(failed)?;
         let threads = threads.to_string();
-        // Without pinning: workers know nothing of each other, and would all sit on the first
-        // cores.
+        // Without pinning: workers do not know of each other, and would all use the first cores.
         let properties = [
             (RwPropertyKey::HintInferencePrecision, "bf16"),
             (RwPropertyKey::InferenceNumThreads, threads.as_str()),
@@ -115,8 +114,7 @@ impl OpenVino {
     }
 }
 
-/// A network of fixed shapes, with the tensors that it reads and writes. It runs one call at a
-/// time.
+/// A network of fixed shapes with its input and output tensors. It runs one call at a time.
 pub(super) struct Compiled(Owned<Request>);
 
 struct Request {
@@ -125,7 +123,7 @@ struct Request {
     outputs: Vec<(&'static str, Tensor)>,
 }
 
-/// An element of a tensor.
+/// The type of a tensor's elements.
 pub(super) trait Element: Copy {
     const TYPE: ElementType;
 }
@@ -160,7 +158,7 @@ impl Compiled {
         self.0.request.infer().map_err(|error| one_line(&error))
     }
 
-    /// What the last run gave.
+    /// An output of the last run.
     pub(super) fn get<T: Element>(&self, name: &str) -> Result<&[T], String> {
         let found = self.0.outputs.iter().find(|(output, _)| *output == name);
         let (_, tensor) = found.ok_or_else(|| format!("no {name}"))?;

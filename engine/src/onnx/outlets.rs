@@ -1,15 +1,15 @@
-//! Whether a graph's tensors are those that its pack's contract names, for graphs that are
-//! described by lists.
+//! Checks that a graph's tensors are those of its pack's contract, for graphs that are described by
+//! lists.
 
 use ort::value::{Outlet, TensorElementType, ValueType};
 
-/// An axis that any call may have another length of.
+/// Marks an axis whose length may differ from call to call.
 pub(super) const OPEN: i64 = -1;
 
-/// A tensor: name, elements, axes.
+/// A tensor: name, type of the elements, axes.
 pub(super) type Wanted<'a> = (&'a str, TensorElementType, &'a [i64]);
 
-/// Compares a graph's tensors with those wanted. More outputs are fine.
+/// Compares a graph's tensors with the expected ones. Further outputs are allowed.
 pub(super) fn check(
     wanted: (&[Wanted<'_>], &[Wanted<'_>]),
     inputs: &[Outlet],

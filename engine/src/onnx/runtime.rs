@@ -1,4 +1,4 @@
-//! The ONNX Runtime library: found, loaded, and asked what it offers.
+//! The ONNX Runtime library: finds it, loads it, and asks what it offers.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -9,11 +9,11 @@ use ort::ep::{self, ExecutionProvider};
 use super::openvino::OpenVino;
 use crate::{EngineError, EngineKind};
 
-/// Names the environment variable with the path of the ONNX Runtime library.
+/// The environment variable with the path of the ONNX Runtime library.
 pub const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
 
-/// The runtime, ready to load stages: one library, and one environment, a process. It has no thread
-/// pool of its own: the sessions of each worker have theirs.
+/// The runtime, ready to load stages: one library and one environment for the process. It has no
+/// thread pool, because the sessions of each worker have their own.
 #[derive(Clone)]
 pub struct Runtime {
     environment: Environment,
@@ -22,7 +22,7 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// Loads the library, or gives the runtime that this process already has. Without a path,
+    /// Loads the library, or returns the runtime that this process already has. Without a path,
     /// `ORT_DYLIB_PATH` names it.
     ///
     /// # Errors
@@ -43,9 +43,9 @@ impl Runtime {
             .map(Path::to_path_buf)
             .or_else(|| std::env::var_os(LIBRARY_VARIABLE).map(PathBuf::from));
         let path = named.ok_or_else(|| EngineError::Library(format!("{LIBRARY_VARIABLE} is not set")))?;
-        // The real path: ONNX Runtime looks for the libraries of its providers beside the file that
-        // was opened, which must not be a link from elsewhere. And ort looks up relative paths
-        // beside the executable, users mean the working directory.
+        // The real path: ONNX Runtime looks for its providers' libraries in the folder of the
+        // opened file, which must not be a link from elsewhere. And ort resolves relative paths
+        // from the executable, while users mean the working directory.
         let path = std::fs::canonicalize(&path).unwrap_or(path);
         if !path.is_file() {
             return Err(EngineError::Library(format!(
@@ -72,19 +72,19 @@ impl Runtime {
         &self.environment
     }
 
-    /// OpenVINO by itself, loaded when it is first asked for.
+    /// OpenVINO itself, loaded at the first request.
     pub(super) fn openvino(&self) -> Result<Arc<OpenVino>, String> {
         self.openvino
             .get_or_init(|| OpenVino::load(&self.library).map(Arc::new))
             .clone()
     }
 
-    /// The library's file, links followed.
+    /// The library's file, with links followed.
     pub fn library(&self) -> &Path {
         &self.library
     }
 
-    /// The version that the library's file name tells, as in `libonnxruntime.so.1.24.1`.
+    /// The version in the library's file name, as in `libonnxruntime.so.1.24.1`.
     pub fn version(&self) -> Option<&str> {
         let name = self.library.file_name()?.to_str()?;
         let start = name.find(|c: char| c.is_ascii_digit())?;
@@ -95,13 +95,13 @@ impl Runtime {
             .then_some(version)
     }
 
-    /// What the library says about its build.
+    /// The library's description of its build.
     pub fn build(&self) -> &'static str {
         ort::info()
     }
 
-    /// Whether the library was built with the provider of this engine. That provider may still fail
-    /// to load.
+    /// Whether the library was built with this engine's provider. The provider may still fail to
+    /// load.
     pub fn offers(&self, engine: EngineKind) -> bool {
         let offered = match engine {
             EngineKind::Cpu => Ok(true),

@@ -1,4 +1,4 @@
-//! One stage's session on the engine of choice.
+//! A stage's session on the chosen engine.
 
 use std::path::Path;
 
@@ -10,35 +10,34 @@ use ort::session::builder::GraphOptimizationLevel;
 use super::{Runtime, exit, one_line};
 use crate::EngineKind;
 
-/// How a worker's networks run.
+/// Options for a worker's networks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SessionOptions {
-    /// The engine.
+    /// The engine that runs them.
     pub engine: EngineKind,
-    /// Threads of the worker, its own among them.
+    /// Number of the worker's threads, its own included.
     pub threads: usize,
-    /// Whether threads that wait for work spin for a moment before they sleep: a little faster, at
-    /// the cost of CPU. With one thread there is nobody to wait for.
+    /// Whether threads spin briefly before they sleep while they wait for work: slightly faster, at
+    /// the cost of CPU time. A single thread has nothing to wait for.
     pub spin: bool,
     /// Whether OpenVINO has a network for each shape: see [`super::no_fixed_shapes`].
     pub fixed_shapes: bool,
-    /// When more of those are opened than a pack needs at least.
+    /// When more networks are opened than the indispensable ones.
     pub growth: Growth,
 }
 
 /// When networks of fixed shapes are opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Growth {
-    /// Those that a pack needs at least serve everything.
+    /// Never: the indispensable ones serve everything.
     None,
     /// In the background, while others serve.
     Background,
-    /// When a call of their shape is first made, which waits, and whatever the budget: for
-    /// measurements.
+    /// At the first call of their shape, which waits, and whatever the budget. For measurements.
     AtOnce,
 }
 
-/// Opens the graph in `path` to look at its tensors, not to run it: nothing is optimised.
+/// Opens the graph in `path` to inspect its tensors, without optimising it for running.
 pub(super) fn look(runtime: &Runtime, path: &Path) -> Result<Session, String> {
     Session::builder(runtime.environment())
         .and_then(|builder| Ok(builder.with_optimization_level(GraphOptimizationLevel::Disable)?))
@@ -46,8 +45,8 @@ pub(super) fn look(runtime: &Runtime, path: &Path) -> Result<Session, String> {
         .map_err(|error| one_line(&error))
 }
 
-/// Opens the graph in `path`. OpenVINO keeps the kernels that it makes for each shape, `kernels` of
-/// them, or as many as it does by itself.
+/// Opens the graph in `path`. OpenVINO keeps the kernels of `kernels` shapes, or its own default
+/// number.
 pub(super) fn open(
     runtime: &Runtime,
     options: SessionOptions,
@@ -58,12 +57,12 @@ pub(super) fn open(
         .map_err(|error| one_line(&error))?
         .with_optimization_level(GraphOptimizationLevel::All)
         .map_err(|error| one_line(&error))?
-        // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small
+        // A memory plan for each of many shapes: measured to gain nothing, and to slow small
         // batches down.
         .with_memory_pattern(false)
         .map_err(|error| one_line(&error))?
         .with_intra_threads(match options.engine {
-            // It has threads of its own, and a worker many sessions.
+            // OpenVINO has its own threads, and a worker has many sessions.
             EngineKind::OpenvinoBf16 => 1,
             EngineKind::Cpu | EngineKind::Cuda | EngineKind::Tensorrt => options.threads,
         })
@@ -76,8 +75,8 @@ pub(super) fn open(
         Some(provider) => builder
             .with_execution_providers([provider.error_on_failure()])
             .map_err(|error| one_line(&error))?
-            // It warns of every graph that some nodes of it, for shapes, stay with the CPU's own
-            // kernels.
+            // It warns about every graph that some of its nodes, those for shapes, stay with the
+            // CPU's own kernels.
             .with_log_level(LogLevel::Error)
             .map_err(|error| one_line(&error))?,
         None => builder,
@@ -98,8 +97,8 @@ fn provider(options: SessionOptions, kernels: Option<usize>) -> Option<Execution
     }
 }
 
-/// OpenVINO on the CPU in bf16. Without pinning: workers know nothing of each other, and would all
-/// sit on the first cores.
+/// OpenVINO on the CPU in bf16. Without pinning: workers do not know of each other, and would all
+/// use the first cores.
 fn openvino(threads: usize, kernels: Option<usize>) -> ep::OpenVINO {
     let mut properties = serde_json::json!({
         "INFERENCE_PRECISION_HINT": "bf16",

@@ -1,4 +1,4 @@
-//! Whether a graph's tensors are what its pack's sizes ask for.
+//! Checks that a graph's tensors have the shapes that its pack's sizes require.
 
 use ort::value::{Outlet, TensorElementType, ValueType};
 
@@ -7,8 +7,8 @@ use troupe_motion::model::Dims;
 use crate::pack::Stage;
 use crate::specs::{StageTensors as _, TensorSpec, TensorType};
 
-/// Compares a stage's tensors with what the pack's sizes ask for. More outputs than the server
-/// reads are fine.
+/// Compares a stage's tensors with the shapes that the pack's sizes require. Further outputs are
+/// allowed.
 pub(super) fn check_signature(
     dims: &Dims,
     stage: Stage,
@@ -59,7 +59,7 @@ fn check_outlet(kind: &str, spec: &TensorSpec, outlets: &[Outlet]) -> Result<(),
             "the {kind} {name} has elements of {ty:?}, expected {wanted_type:?}"
         ));
     }
-    // An output's axes may be left open by the exporter (-1); every run checks its length.
+    // An exporter may leave an output's axes open (-1); every run checks its length.
     let open = |index: usize| kind == "output" || (index == 0 && spec.open_time);
     let fits = shape.len() == spec.shape.len() + 1
         && shape[0] == -1

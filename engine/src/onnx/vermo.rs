@@ -1,4 +1,4 @@
-//! The networks of a VerMo pack on ONNX Runtime: a session each, which take every shape.
+//! The networks of a VerMo pack on ONNX Runtime: one session for each, for all shapes.
 
 use std::borrow::Cow;
 
@@ -12,25 +12,25 @@ use crate::EngineError;
 use crate::pack::{DECODER_FILE, ENCODER_FILE, FLOW_FILE, FRAMES_PER_TOKEN, LANGUAGE_FILE, Pack, VerMoDoc};
 use crate::vermo::{FlowCall, Frames, LanguageAnswer, LanguageCall, Networks, Vocabulary};
 
-/// Sessions of one worker.
+/// The sessions of one worker.
 pub struct OnnxVerMo {
     language: Graph,
     encoder: Graph,
     decoder: Graph,
-    /// With the numbers of a frame in its state.
+    /// The flow decoder, with the numbers a frame in its state.
     flow: Option<(Graph, usize)>,
     table: VerMoDoc,
-    /// Numbers of a frame's pose feature.
+    /// Numbers a frame in the pose feature.
     pose: usize,
 }
 
-/// One network.
+/// One network with its session.
 struct Graph {
     file: &'static str,
     session: Session,
 }
 
-/// Inputs of a call.
+/// The inputs of a call, by name.
 type Inputs<'a> = Vec<(Cow<'a, str>, SessionInputValue<'a>)>;
 
 impl OnnxVerMo {
@@ -112,7 +112,7 @@ impl Graph {
         }
     }
 
-    /// The last axis of an input.
+    /// Length of an input's last axis.
     fn width(&self, input: &str) -> Result<usize, EngineError> {
         let outlet = self.session.inputs().iter().find(|outlet| outlet.name() == input);
         let axis = match outlet.map(|outlet| outlet.dtype()) {
@@ -128,7 +128,7 @@ impl Graph {
         })
     }
 
-    /// Runs the network on tensors that `inputs` makes, and has `read` take the outputs.
+    /// Runs the network on the tensors that `inputs` makes, and passes the outputs to `read`.
     fn run<'a, T>(
         &mut self,
         inputs: Result<Inputs<'a>, String>,
@@ -144,7 +144,7 @@ impl Graph {
     }
 }
 
-/// What a call gave.
+/// The outputs of a call.
 struct Outputs<'a, 's>(&'a SessionOutputs<'s>);
 
 impl Outputs<'_, '_> {

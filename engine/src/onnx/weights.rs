@@ -1,9 +1,8 @@
 //! Rewrites an ONNX file so that all networks of a stage can share its weights.
 //!
-//! OpenVINO makes a copy of a constant for every network in which it has to be converted or
-//! transposed: weights in 16 bits behind a `Cast`, and those of a `MatMul`, which it wants
-//! transposed. Here both are done once, before the graph is read. Values and their order of
-//! summation stay the same.
+//! OpenVINO copies a constant for every network that has to convert or transpose it: weights in 16
+//! bits before a `Cast`, and those of a `MatMul`, which it needs transposed. Here both happen once,
+//! before the graph is read. Values and their order of summation stay the same.
 
 use std::collections::{HashMap, HashSet};
 
@@ -13,7 +12,7 @@ use onnx_rs::ast::{Attribute, AttributeType, DataType, Graph, Node, OpType, Oper
 /// The domain of `FusedMatMul`, a `MatMul` that may transpose its inputs.
 const MICROSOFT: &str = "com.microsoft";
 
-/// The file with weights in 32 bits, and those of products transposed. None where it is not
+/// The file with weights in 32 bits, and those of products transposed. None if the file is not
 /// understood.
 pub(super) fn shareable(file: &[u8]) -> Option<Vec<u8>> {
     let mut model = onnx_rs::parse(file).ok()?;
@@ -34,7 +33,7 @@ pub(super) fn shareable(file: &[u8]) -> Option<Vec<u8>> {
     Some(onnx_rs::encode(&model))
 }
 
-/// Replaces every `Cast` of weights in 16 bits by the weights in 32.
+/// Replaces every `Cast` of 16-bit weights by the same weights in 32 bits.
 fn convert<'a>(graph: &mut Graph<'a>) {
     let halves: HashMap<&str, &TensorProto<'a>> = graph
         .initializer
@@ -68,7 +67,7 @@ fn casts_to_float(node: &Node<'_>) -> bool {
     node.op_type == OpType::Cast && to.is_some_and(|to| to.i == DataType::Float as i64)
 }
 
-/// Transposes the weights of products that nothing else uses.
+/// Transposes the weights of products, except weights that something else uses too.
 fn transpose(graph: &mut Graph<'_>) {
     let mut uses: HashMap<&str, usize> = HashMap::new();
     for name in graph.node.iter().flat_map(|node| &node.input) {
@@ -99,7 +98,7 @@ fn transpose(graph: &mut Graph<'_>) {
     }
 }
 
-/// None where it is no matrix of floats.
+/// The transposed matrix; none if the tensor is no matrix of floats.
 fn transposed<'a>(matrix: &TensorProto<'a>) -> Option<TensorProto<'a>> {
     let &[rows, columns] = matrix.dims() else {
         return None;
@@ -125,7 +124,7 @@ mod tests {
     use super::*;
     use onnx_rs::ast::Model;
 
-    /// 1 to 6 in 16 bits.
+    /// The numbers 1 to 6 in 16 bits.
     const SIX: [u8; 12] = [0, 0x3c, 0, 0x40, 0, 0x42, 0, 0x44, 0, 0x45, 0, 0x46];
 
     fn node<'a>(operator: &'a str, inputs: &[&'a str], output: &'a str) -> Node<'a> {
@@ -201,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn what_else_uses_16_bits_keeps_them() {
+    fn other_16_bit_weights_stay_as_they_are() {
         let nodes = vec![
             cast("w16", "w"),
             cast("x", "v"),

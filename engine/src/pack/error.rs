@@ -1,4 +1,4 @@
-//! What can be wrong with a pack.
+//! The errors of loading a pack.
 
 use std::path::PathBuf;
 
@@ -10,99 +10,99 @@ use troupe_motion::robot::RobotError;
 #[derive(Debug, thiserror::Error)]
 #[error("model pack {}: {problem}", folder.display())]
 pub struct PackError {
-    /// The pack's folder.
+    /// The pack's folder, as it was given or found.
     pub folder: PathBuf,
-    /// What is wrong with it.
+    /// The first problem that loading found.
     pub problem: PackProblem,
 }
 
-/// What is wrong with a pack.
+/// Why a pack cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PackProblem {
     /// A file or folder that cannot be read.
     #[error("cannot read {}: {cause}", path.display())]
     Read {
-        /// What was to be read.
+        /// The file or folder.
         path: PathBuf,
-        /// Why it failed.
+        /// What the operating system says.
         cause: std::io::Error,
     },
-    /// No folder with a manifest below the packs folder.
+    /// The packs folder holds no folder with a manifest.
     #[error("no pack here: expected folders that hold a pack.toml")]
     NoPacks,
-    /// A manifest that is not valid TOML, or lacks or misspells a field. The text shows the line.
+    /// A manifest that is not valid TOML, or lacks or misspells a field. The text names the line.
     #[error("pack.toml: {0}")]
     Parse(#[from] toml::de::Error),
     /// A manifest of a format that this server does not know.
     #[error("pack.toml: format {found} is not supported (this server reads formats 1 to {supported})")]
     Format {
-        /// The manifest's format.
+        /// `format` of the manifest.
         found: u32,
-        /// The newest supported format.
+        /// The newest format that this server reads.
         supported: u32,
     },
     /// A field out of its range.
     #[error("pack.toml: {field} is {found}; allowed: {allowed}")]
     Field {
-        /// The field's path in the manifest.
+        /// The field's path in the manifest, with dots.
         field: &'static str,
-        /// What it holds.
+        /// The field's value, as text.
         found: String,
-        /// What it may hold.
+        /// The allowed values, as text.
         allowed: String,
     },
-    /// Hinges that do not make a robot of the skeleton.
+    /// Hinges that do not fit the skeleton.
     #[error("pack.toml: {0}")]
     Robot(#[from] RobotError),
-    /// Limits out of their range, or of other joints.
+    /// Limits that are out of range, or name joints that the skeleton does not have.
     #[error("pack.toml: {0}")]
     Limits(#[from] LimitsError),
-    /// Limits of a body.
+    /// The same problem in the limits of one body.
     #[error("bodies/{body}.toml: {problem}")]
     BodyLimits {
         /// Its name, as in the folder `bodies`.
         body: String,
-        /// What is wrong with them.
+        /// What the limits violate.
         problem: Box<LimitsError>,
     },
-    /// A body's file that is not valid TOML, or lacks or misspells a field. The text shows the
+    /// A body's file that is not valid TOML, or lacks or misspells a field. The text names the
     /// line.
     #[error("bodies/{body}.toml: {cause}")]
     BodyFile {
         /// Its name, as in the folder `bodies`.
         body: String,
-        /// What is wrong with it.
+        /// What the TOML reader says.
         cause: Box<toml::de::Error>,
     },
-    /// A body that contradicts itself.
+    /// A body whose values contradict each other.
     #[error("bodies/{body}.toml: {problem}")]
     Body {
         /// Its name, as in the folder `bodies`.
         body: String,
-        /// What is wrong with it.
+        /// What the body violates.
         problem: Box<BodyError>,
     },
-    /// Text pieces that the library does not read.
+    /// A `tokenizer.json` that the tokenizer library cannot read.
     #[error("tokenizer.json: {0}")]
     Tokenizer(String),
-    /// The ONNX files are not those that the manifest speaks of.
+    /// The ONNX files have another hash than the manifest says.
     #[error("the ONNX files do not match the manifest: content_hash is {expected}, the files have {found}")]
     ContentHash {
-        /// The manifest's hash.
+        /// `content_hash` of the manifest.
         expected: String,
-        /// The files' hash.
+        /// The hash of the files in the folder.
         found: String,
     },
-    /// A model family that this server does not host.
+    /// A model family that this server cannot run.
     #[error("pack.toml: family is {found:?}; allowed: {}", known.join(", "))]
     Family {
-        /// The manifest's family.
+        /// `family` of the manifest.
         found: String,
-        /// The families that this server hosts.
+        /// Names of the families that this server runs.
         known: Vec<&'static str>,
     },
-    /// A second pack of the same name.
+    /// Another pack has this name already.
     #[error("the name {0:?} is taken by another pack")]
     DuplicateName(String),
 }

@@ -1,4 +1,4 @@
-//! What the layers above ask a pack, beside its capabilities.
+//! Facts of a pack that the layers above need, beside its capabilities.
 
 use troupe_motion::model::{SamplingTask, Task};
 
@@ -9,9 +9,9 @@ use crate::{EngineError, vermo};
 /// Steps of the sampler of a pack whose network refines noise step by step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SamplerSteps {
-    /// Steps of a task that names none; 1 to `max`.
+    /// Steps for a task that names none; 1 to `max`.
     pub default: u32,
-    /// Most steps of a task: those of the training.
+    /// Most steps of a task: as many as the training had.
     pub max: u32,
 }
 
@@ -22,19 +22,19 @@ pub struct Language<'a> {
     table: &'a VerMoDoc,
 }
 
-/// A task that a language model does not take.
+/// A task that a language model does not accept.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TaskRefusal {
-    /// The task's field.
+    /// The task's field, as requests spell it.
     pub field: &'static str,
-    /// What it holds.
+    /// The field's value, as text.
     pub found: String,
-    /// What it may hold.
+    /// The allowed values, as text.
     pub allowed: String,
 }
 
 impl Pack {
-    /// The steps of its sampler; none for a pack without one.
+    /// The steps of the pack's sampler; none for a pack without one.
     pub fn sampler(&self) -> Option<SamplerSteps> {
         let table = self.manifest.unimogen.as_ref()?;
         Some(SamplerSteps {
@@ -43,7 +43,7 @@ impl Pack {
         })
     }
 
-    /// Its language model; none for a pack without one.
+    /// The pack's language model; none for a pack without one.
     pub fn language(&self) -> Option<Language<'_>> {
         let table = self.manifest.vermo.as_ref()?;
         Some(Language { pack: self, table })
@@ -51,12 +51,12 @@ impl Pack {
 }
 
 impl<'a> Language<'a> {
-    /// Names of the tasks that it was trained for, as `pack.toml` spells them.
+    /// Names of the tasks of the training, as `pack.toml` spells them.
     pub fn tasks(&self) -> impl Iterator<Item = &'static str> + use<'a> {
         self.table.tasks.iter().map(|task| task.name())
     }
 
-    /// Most text pieces of a prompt, those of all characters together.
+    /// Most text pieces of a prompt: the sum over all characters.
     pub fn max_prompt_pieces(&self) -> usize {
         self.table.max_prompt_pieces
     }
@@ -66,12 +66,12 @@ impl<'a> Language<'a> {
         self.table.max_agents
     }
 
-    /// Most frames that it reads of one motion.
+    /// Most frames of one motion that the model reads.
     pub fn max_frames(&self) -> usize {
         self.pack.rig.dims.max_frames()
     }
 
-    /// Audio codes that it knows: 0 to one below this. 0 for a model without audio.
+    /// Number of audio codes, which count from 0; 0 for a model without audio.
     pub fn audio_codes(&self) -> usize {
         self.table.audio_codes
     }
@@ -81,7 +81,7 @@ impl<'a> Language<'a> {
         self.table.flow_steps
     }
 
-    /// How it chooses tokens of a task that does not say: every value is given.
+    /// How the model chooses tokens for a task that does not say. Every value is given.
     pub fn sampling(&self) -> SamplingTask {
         SamplingTask {
             temperature: Some(self.table.temperature),
@@ -95,20 +95,20 @@ impl<'a> Language<'a> {
         self.pack.lexicon.as_deref()
     }
 
-    /// Words of a text that no caption of the training used, in lower case, each once, in the order
-    /// of the text.
+    /// Words of a text that occur in no caption of the training: in lower case, each once, in the
+    /// order of the text.
     pub fn unknown_words(&self, text: &str) -> Vec<String> {
         self.lexicon()
             .map_or_else(Vec::new, |lexicon| lexicon.unknown_words(text))
     }
 
-    /// Whether it can read any letter of a text.
+    /// Whether the model can read at least one letter of a text.
     pub fn can_read(&self, text: &str) -> bool {
         self.lexicon()
             .is_none_or(|lexicon| !lexicon.pieces(text).unwrap_or_default().is_empty())
     }
 
-    /// Whether a prompt may be as long as this text.
+    /// Whether this text is short enough for a prompt.
     pub fn fits(&self, text: &str) -> bool {
         self.lexicon().is_none_or(|lexicon| {
             lexicon.pieces(text).unwrap_or_default().len() <= self.table.max_prompt_pieces
@@ -130,7 +130,7 @@ impl<'a> Language<'a> {
                 found,
                 allowed,
             }),
-            // Anything else is the generator's to say.
+            // The generator reports any other problem.
             Ok(()) | Err(_) => Ok(()),
         }
     }

@@ -1,7 +1,8 @@
-//! Model families: what runs a pack.
+//! Model families: they decide which generator runs a pack.
 
-/// The family of a pack. Layers above the engine know none: they ask a [`Pack`](super::Pack) for
-/// its capabilities and facts, and a [`Selector`](crate::Selector) for its generator.
+/// The family of a pack. Layers above the engine do not know families: they ask a
+/// [`Pack`](super::Pack) for its capabilities and facts, and a [`Selector`](crate::Selector) for
+/// its generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Family {
     /// Three networks fill the gap between keyframes.
@@ -16,13 +17,13 @@ impl Family {
     /// All families that the engine runs.
     pub(crate) const ALL: [Self; 3] = [Self::MotionBricks, Self::UniMoGen, Self::VerMo];
 
-    /// The family that a manifest names. None for a name that the engine does not know: whoever
-    /// loads such a pack brings its generator along.
+    /// The family that a manifest names. None for a name that the engine does not know: the caller
+    /// that loads such a pack must bring its own generator.
     pub(crate) fn of(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|family| family.name() == name)
     }
 
-    /// Its name in manifests.
+    /// The name in manifests.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::MotionBricks => "motionbricks",

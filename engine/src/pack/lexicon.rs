@@ -1,4 +1,4 @@
-//! The text that a pack understands: its pieces, and the words that its training used.
+//! The text that a pack understands: its text pieces, and the words of its training.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,7 +9,7 @@ use super::manifest::field;
 use super::vermo::{TOKENIZER_FILE, VerMoDoc, WORDS_FILE};
 use super::{PackProblem, read_text};
 
-/// Text pieces and known words of a pack.
+/// The text pieces and known words of a pack.
 #[derive(Debug, Clone)]
 pub struct Lexicon {
     tokenizer: Tokenizer,
@@ -20,14 +20,15 @@ impl Lexicon {
     /// Reads the files of the pack in `folder`.
     ///
     /// # Errors
-    /// [`PackProblem::Read`], [`PackProblem::Tokenizer`], or [`PackProblem::Field`] where the
-    /// pieces are not those of the manifest.
+    /// [`PackProblem::Read`], [`PackProblem::Tokenizer`], or [`PackProblem::Field`] if the number
+    /// of
+    /// pieces differs from the manifest.
     pub(super) fn load(folder: &Path, table: &VerMoDoc) -> Result<Self, PackProblem> {
         let [pieces, words] = [TOKENIZER_FILE, WORDS_FILE].map(|file| read_text(&folder.join(file)));
         Self::parse(&pieces?, &words?, table.text_pieces)
     }
 
-    /// Of a `tokenizer.json` with so many pieces, and words one a line.
+    /// Parses a `tokenizer.json` that must have `pieces` pieces, and a list of words, one a line.
     pub(crate) fn parse(text: &str, words: &str, pieces: usize) -> Result<Self, PackProblem> {
         let mut tokenizer =
             Tokenizer::from_bytes(text).map_err(|cause| PackProblem::Tokenizer(cause.to_string()))?;
@@ -38,7 +39,10 @@ impl Lexicon {
         let ids: BTreeSet<u32> = tokenizer.get_vocab(true).into_values().collect();
         let last = ids.last().map_or(0, |&id| id as usize + 1);
         if ids.len() != pieces || last != pieces {
-            let allowed = format!("{}, as many ids from 0 on as {TOKENIZER_FILE} has", ids.len());
+            let allowed = format!(
+                "{}, the number of ids in {TOKENIZER_FILE}, which count from 0",
+                ids.len()
+            );
             return Err(field("vermo.text_pieces", pieces, allowed));
         }
         let mut lexicon = Self {
@@ -49,7 +53,7 @@ impl Lexicon {
         Ok(lexicon)
     }
 
-    /// A text as the pieces' own normalizer writes it; nothing where it cannot.
+    /// The text after the tokenizer's own normalisation; empty if it cannot be normalised.
     fn normal(&self, text: &str) -> String {
         let mut normal = NormalizedString::from(text);
         match self
@@ -65,7 +69,7 @@ impl Lexicon {
     /// The pieces of a text.
     ///
     /// # Errors
-    /// What the library says of a text that it cannot take.
+    /// The tokenizer library's message, if it cannot take the text.
     pub fn pieces(&self, text: &str) -> Result<Vec<u32>, String> {
         let encoding = self.tokenizer.encode_fast(text, false);
         Ok(encoding.map_err(|cause| cause.to_string())?.get_ids().to_vec())
@@ -74,20 +78,20 @@ impl Lexicon {
     /// The text of pieces.
     ///
     /// # Errors
-    /// What the library says of pieces that it cannot take.
+    /// The tokenizer library's message, if it cannot take the pieces.
     pub fn text(&self, pieces: &[u32]) -> Result<String, String> {
         self.tokenizer
             .decode(pieces, true)
             .map_err(|cause| cause.to_string())
     }
 
-    /// The words that captions of the training used, in alphabetical order.
+    /// The words in captions of the training, in alphabetical order.
     pub fn words(&self) -> impl Iterator<Item = &str> {
         self.words.iter().map(String::as_str)
     }
 
-    /// Words of a text that no caption of the training used, each once, in the order of the text. A
-    /// word is what stands between spaces and punctuation; an apostrophe inside it belongs to it.
+    /// Words of a text that occur in no caption of the training, each once, in the order of the
+    /// text. Spaces and punctuation separate words; an apostrophe inside a word belongs to it.
     pub fn unknown_words(&self, text: &str) -> Vec<String> {
         let words = text.split(|c: char| !c.is_alphanumeric() && !matches!(c, '\'' | '’'));
         let words = words.map(|word| word.trim_matches(['\'', '’']));

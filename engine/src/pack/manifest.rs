@@ -1,4 +1,4 @@
-//! `pack.toml`.
+//! Reads and checks `pack.toml`.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Skeleton;
@@ -13,32 +13,32 @@ use super::vermo::VerMoDoc;
 
 /// The newest manifest format; format 1 loads as well.
 const FORMAT: u32 = 2;
-/// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30,
-/// 50 and 60 Hz rest on it.
+/// Frames a second of every pack. The timelines of sessions, the frame numbers of commands and the
+/// output rates of 30, 50 and 60 Hz depend on it.
 const FPS: f32 = 30.0;
-/// Most numbers that a root trajectory is drawn from.
+/// Most numbers that a root trajectory may be drawn from.
 const MAX_ROOT_CHOICES: usize = 64;
 
-/// The parsed `pack.toml`. Tables that it does not know, such as an exporter's own checks, are left
-/// alone.
+/// The parsed `pack.toml`. Unknown tables, such as an exporter's own checks, are ignored.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Version of the manifest's own format.
+    /// Version of the manifest's own format: 1 to [`FORMAT`].
     pub format: u32,
     /// Name of the model family, which says what runs the pack. Format 1 has none: it is
     /// MotionBricks.
     #[serde(default = "format_1_family")]
     pub family: String,
-    /// What the pack can do. Format 1 does not say: it fills gaps and drives live characters.
+    /// What the pack can do. Format 1 has no such field: its packs fill gaps and drive live
+    /// characters.
     #[serde(default = "format_1_capabilities")]
     pub capabilities: Capabilities,
-    /// The name that requests give: lower-case letters, digits, `-` and `_`.
+    /// The name of the pack in requests: lower-case letters, digits, `-` and `_`.
     pub name: String,
-    /// The pack's version.
+    /// The pack's version, free text.
     pub version: String,
-    /// Licence of the weights.
+    /// Licence of the weights, free text.
     pub licence: String,
-    /// Whose work the pack is built on.
+    /// Authors of the work that the pack is built on.
     #[serde(default)]
     pub credits: Vec<String>,
     /// Frames per second: 30.
@@ -55,44 +55,44 @@ pub struct Manifest {
     /// Codes of a codebook; 0 for a family without tokens.
     #[serde(default)]
     pub codes: usize,
-    /// Context keyframes of a request.
+    /// Context keyframes of a request: exactly so many.
     pub context_frames: usize,
     /// Most target keyframes of a request; 0 for a family that has none.
     #[serde(default)]
     pub max_targets: usize,
-    /// Normal numbers that the root stage draws a trajectory from, its input `root_noise`. None for
-    /// a pack without that input.
+    /// How many normal numbers the root stage draws a trajectory from: the width of its input
+    /// `root_noise`. None for a pack without that input.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_choices: Option<usize>,
-    /// Weights of all stages.
+    /// Number of weights of all stages.
     pub parameters: u64,
-    /// `sha256:<hex>` of the ONNX files.
+    /// `sha256:<hex>` over the ONNX files.
     pub content_hash: String,
-    /// What the pack animates.
+    /// The skeleton of the pack's motion.
     pub skeleton: Skeleton,
     /// The skeleton's hinges; only a robot's has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<RobotDoc>,
-    /// What the motion that it was trained on does at most.
+    /// The highest speeds and so on in the motion of the training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsDoc>,
-    /// What a pack of the family UniMoGen says beside.
+    /// Fields of packs of the family UniMoGen alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) unimogen: Option<UniMoGenDoc>,
-    /// What a pack of the family VerMo says beside.
+    /// Fields of packs of the family VerMo alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) vermo: Option<VerMoDoc>,
-    /// How it was trained; free.
+    /// How the pack was trained; free.
     #[serde(default)]
     pub training: toml::Table,
-    /// How well it does; free.
+    /// How good its motion is; free.
     #[serde(default)]
     pub evaluation: toml::Table,
 }
 
 impl Manifest {
-    /// Reads a manifest from TOML text. Only the form is checked here, [`Manifest::check`] looks at
-    /// the values.
+    /// Reads a manifest from TOML text. This checks the form alone; [`Manifest::check`] checks the
+    /// values.
     ///
     /// # Errors
     /// [`PackProblem::Format`] or [`PackProblem::Parse`].
@@ -107,7 +107,8 @@ impl Manifest {
             family: String,
             capabilities: Capabilities,
         }
-        // The format comes first: fields of another format would only give confusing errors.
+        // The format is read first: a manifest of another format would fail with confusing errors
+        // about fields.
         let Version { format: found } = toml::from_str(text)?;
         if !(1..=FORMAT).contains(&found) {
             return Err(PackProblem::Format {
@@ -138,7 +139,7 @@ impl Manifest {
             return Err(field("name", &self.name, "1 to 64 of a-z, 0-9, - and _"));
         }
         if self.fps != FPS {
-            let why = "30: timelines of sessions and the rates at which frames are taken count in 30 frames a second";
+            let why = "30: sessions and output rates count time in frames of 1/30 s";
             return Err(field("fps", self.fps, why));
         }
         let family = self.family();
@@ -167,7 +168,7 @@ impl Manifest {
         }
         if let Some(choices) = self.root_choices {
             if family != Some(Family::MotionBricks) {
-                return Err(field("root_choices", choices, "none, for the family is another"));
+                return Err(field("root_choices", choices, "none, because of the family"));
             }
             if !(1..=MAX_ROOT_CHOICES).contains(&choices) {
                 return Err(field("root_choices", choices, format!("1 to {MAX_ROOT_CHOICES}")));
@@ -207,14 +208,15 @@ impl Manifest {
         };
         let keyframes = dims.slots();
         if keyframes > dims.max_frames() {
-            let allowed = format!("at least {keyframes} frames, for the context and target keyframes");
+            let allowed = format!("at least {keyframes}: the frames of context and target keyframes");
             return Err(field("max_tokens x frames_per_token", dims.max_frames(), allowed));
         }
         self.check_family(&dims)?;
         Ok(dims)
     }
 
-    /// Checks the table of the family, and that there is no other's.
+    /// Checks that the manifest has the table of its own family and of no other, and the table's
+    /// values.
     fn check_family(&self, dims: &Dims) -> Result<(), PackProblem> {
         let family = self.family();
         for (name, allowed, has, needs) in [
@@ -233,7 +235,7 @@ impl Manifest {
         ] {
             match (has, needs) {
                 (false, true) => return Err(field(name, "missing", allowed)),
-                (true, false) => return Err(field(name, "there", "none, for the family is another")),
+                (true, false) => return Err(field(name, "present", "none, because of the family")),
                 (true, true) | (false, false) => {}
             }
         }
@@ -246,7 +248,7 @@ impl Manifest {
         Ok(())
     }
 
-    /// What runs the pack; none where the engine does not know the family.
+    /// The family that runs the pack; none if the engine does not know the name.
     pub(crate) fn family(&self) -> Option<Family> {
         Family::of(&self.family)
     }

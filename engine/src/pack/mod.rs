@@ -1,6 +1,7 @@
-//! Model packs: a folder with `pack.toml` and an ONNX file for each network. Loading checks the
-//! manifest, the files' content hash and (in [`crate::onnx`]) every tensor of every stage, so that
-//! a wrong pack fails at start and says why.
+//! Model packs: a folder with `pack.toml` and an ONNX file for each network.
+//!
+//! Loading checks the manifest and the files' content hash; [`crate::onnx`] checks every tensor of
+//! every stage. So a wrong pack fails when the server starts, with an error that names the cause.
 
 mod error;
 mod facts;
@@ -35,15 +36,15 @@ pub(crate) use vermo::{FRAMES_PER_TOKEN, VerMoDoc};
 /// Name of the manifest inside a pack folder.
 pub const MANIFEST_FILE: &str = "pack.toml";
 
-/// The three networks of a MotionBricks pack, in the order in which they run (and in which the
-/// content hash reads them).
+/// The three networks of a MotionBricks pack, in the order in which they run. The content hash
+/// reads their files in the same order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// Constraints to token count and root trajectory.
+    /// From constraints to the token count and the root trajectory.
     Root,
-    /// Root and poses to the logits of the pose tokens.
+    /// From root and poses to the logits of the pose tokens.
     Pose,
-    /// Tokens, root and poses to frames.
+    /// From tokens, root and poses to frames.
     Decoder,
 }
 
@@ -51,7 +52,7 @@ impl Stage {
     /// All stages, in running order.
     pub const ALL: [Self; 3] = [Self::Root, Self::Pose, Self::Decoder];
 
-    /// The stage's name: a metric label, and the stem of its file.
+    /// The stage's name in metrics, and the stem of its file.
     pub fn name(self) -> &'static str {
         match self {
             Self::Root => "root",
@@ -73,17 +74,18 @@ impl Stage {
 /// A checked pack, without its networks.
 #[derive(Debug, Clone)]
 pub struct Pack {
-    /// The manifest as written.
+    /// The manifest as its author wrote it.
     pub manifest: Manifest,
-    /// What it animates; of a pack with many bodies, the default one.
+    /// The skeleton of its motion; for a pack with several bodies, the default body's.
     pub rig: Arc<Rig>,
-    /// The bodies that one network moves; empty for a family of one skeleton.
+    /// The bodies that the one network moves; empty for a family with one skeleton.
     pub bodies: Vec<Arc<Body>>,
-    /// The words that the network knows, in the order of its inputs; empty for a family without.
+    /// The words that the network knows, in the order of its inputs; empty for a family without
+    /// words.
     pub words: Vec<String>,
-    /// The text that it understands, where it takes any.
+    /// The text that the pack understands; none for a pack that takes no text.
     pub(crate) lexicon: Option<Arc<Lexicon>>,
-    /// The folder, where the ONNX files are.
+    /// The folder of the ONNX files.
     pub folder: PathBuf,
 }
 
@@ -92,7 +94,7 @@ impl Pack {
     /// files.
     ///
     /// # Errors
-    /// [`PackError`], which names the folder and what is wrong with it.
+    /// [`PackError`], which names the folder and the problem.
     pub fn load(folder: &Path) -> Result<Self, PackError> {
         Self::try_load(folder).map_err(|problem| PackError {
             folder: folder.to_owned(),
@@ -121,11 +123,11 @@ impl Pack {
         Ok(pack)
     }
 
-    /// A pack from an already parsed manifest, without looking at its files: it has neither bodies
-    /// nor a lexicon.
+    /// A pack from an already parsed manifest. It does not look at the pack's files, so it has
+    /// neither bodies nor a lexicon.
     ///
     /// # Errors
-    /// [`PackProblem`] where the manifest contradicts itself.
+    /// [`PackProblem`] if the manifest contradicts itself.
     pub fn from_manifest(manifest: Manifest, folder: &Path) -> Result<Self, PackProblem> {
         let dims = manifest.check()?;
         let skeleton = manifest.skeleton.clone();
@@ -147,8 +149,8 @@ impl Pack {
         })
     }
 
-    /// The files of its networks, in the order in which the content hash reads them. Families that
-    /// the engine does not run have none.
+    /// The files of the pack's networks, in the order in which the content hash reads them. Empty
+    /// for a family that the engine does not run.
     pub fn files(&self) -> &'static [&'static str] {
         match self.manifest.family() {
             Some(Family::MotionBricks) => &["root.onnx", "pose.onnx", "decoder.onnx"],
@@ -158,7 +160,7 @@ impl Pack {
         }
     }
 
-    /// The pack's name.
+    /// The pack's name in requests.
     pub fn name(&self) -> &str {
         &self.manifest.name
     }
@@ -180,12 +182,12 @@ impl Pack {
         }
     }
 
-    /// The file of one body.
+    /// Path of one body's file.
     pub fn body_file(&self, name: &str) -> PathBuf {
         unimogen::body_file(&self.folder, name)
     }
 
-    /// The file of one stage.
+    /// Path of one stage's file.
     pub fn stage_file(&self, stage: Stage) -> PathBuf {
         self.folder.join(stage.file_name())
     }
@@ -194,7 +196,7 @@ impl Pack {
 /// Folders below `root` that hold a manifest, sorted; `root` itself if it is a pack.
 ///
 /// # Errors
-/// [`PackError`] where `root` cannot be read, or holds no pack.
+/// [`PackError`] if `root` cannot be read, or holds no pack.
 pub fn find_packs(root: &Path) -> Result<Vec<PathBuf>, PackError> {
     let fail = |problem| PackError {
         folder: root.to_owned(),
@@ -227,7 +229,7 @@ pub fn find_packs(root: &Path) -> Result<Vec<PathBuf>, PackError> {
 /// `sha256:<hex>` over the bytes of these files of the folder, one after another.
 ///
 /// # Errors
-/// [`PackProblem::Read`] where a file is missing or unreadable.
+/// [`PackProblem::Read`] if a file is missing or unreadable.
 pub fn content_hash(folder: &Path, files: &[&str]) -> Result<String, PackProblem> {
     let mut hasher = Sha256::new();
     for file in files {

@@ -7,7 +7,7 @@ use troupe_motion::model::{Capabilities, Rig};
 
 use super::{Family, Manifest, Pack, VerMoDoc};
 
-/// A pack of that rig. It has a manifest and no networks.
+/// A pack with that rig, with a manifest and without networks.
 pub fn pack_of(rig: Rig) -> Pack {
     let dims = rig.dims;
     let manifest = Manifest {
@@ -51,7 +51,8 @@ pub fn pack_of(rig: Rig) -> Pack {
     }
 }
 
-/// What the manifest says of the pack's language model, to be changed; none for a pack without one.
+/// The manifest's table of the pack's language model, for tests that change it; none for a pack
+/// without one.
 pub fn language_table(pack: &mut Pack) -> &mut Option<VerMoDoc> {
     &mut pack.manifest.vermo
 }

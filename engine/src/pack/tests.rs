@@ -40,7 +40,7 @@ steps = 10
 unknown = "and ignored"
 "#;
 
-/// sha256 of "root" + "pose" + "decoder".
+/// The hash of the toy pack's files, whose bytes are "root", "pose" and "decoder".
 fn toy_hash() -> String {
     let hash: String = Sha256::digest(b"rootposedecoder")
         .iter()
@@ -109,7 +109,7 @@ fn a_pack_may_draw_its_roots() {
 }
 
 #[test]
-fn a_robots_hinges_are_its_skeletons() {
+fn the_hinges_of_a_robot_become_hinges_of_the_skeleton() {
     let robot = r#"
 [robot]
 name = "hopper"
@@ -182,7 +182,7 @@ fn every_mistake_is_named() {
 }
 
 #[test]
-fn changed_files_are_found_out() {
+fn changed_files_are_detected() {
     let folder = Folder::new("hash", &MANIFEST.replace("HASH", &toy_hash()));
     std::fs::write(folder.0.join("pose.onnx"), "tampered").unwrap();
     let error = Pack::load(&folder.0).unwrap_err();
@@ -200,7 +200,7 @@ fn changed_files_are_found_out() {
 }
 
 #[test]
-fn a_folder_without_packs_says_so() {
+fn a_folder_without_packs_is_reported() {
     let folder = Folder::new("none", "");
     std::fs::remove_file(folder.0.join(MANIFEST_FILE)).unwrap();
     assert!(matches!(
@@ -214,7 +214,7 @@ fn a_folder_without_packs_says_so() {
 }
 
 #[test]
-fn format_2_says_its_family_and_what_it_can_do() {
+fn format_2_requires_family_and_capabilities() {
     let first = Manifest::parse(MANIFEST).unwrap();
     assert_eq!(first.family(), Some(Family::MotionBricks));
     let named = |manifest: &Manifest| -> Vec<_> {
@@ -232,7 +232,10 @@ fn format_2_says_its_family_and_what_it_can_do() {
         (manifest.family.as_str(), named(&manifest)),
         ("words", vec!["text"])
     );
-    assert!(manifest.check().is_ok(), "heads and codes are MotionBricks'");
+    assert!(
+        manifest.check().is_ok(),
+        "only MotionBricks needs heads and codes"
+    );
 
     for (more, said) in [
         ("", "missing field `family`"),
@@ -268,7 +271,7 @@ fn a_pack_of_many_bodies_loads_all_of_them() {
 }
 
 #[test]
-fn heights_and_sizes_are_those_that_follow_from_the_neutral_pose() {
+fn heights_and_sizes_follow_from_the_neutral_pose() {
     use troupe_motion::model::BodyParts;
     let trained = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/unimogen");
     for folder in [tiny(), trained] {

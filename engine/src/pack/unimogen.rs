@@ -1,5 +1,5 @@
-//! What a UniMoGen pack has beside the common manifest: the table `[unimogen]`, and a file a body
-//! (docs/unimogen-pack.md).
+//! The parts of a pack that only UniMoGen packs have: the table `[unimogen]`, and a file for each
+//! body (docs/unimogen-pack.md).
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -15,9 +15,10 @@ use troupe_motion::rotation::from_wxyz;
 use super::manifest::field;
 use super::{PackProblem, read_text};
 
-/// The network's file.
+/// File name of the network.
 pub const DENOISER_FILE: &str = "denoiser.onnx";
-/// Frames of the network's slowest level: a window has a multiple of it.
+/// A window has a multiple of this number of frames, because the network's slowest level counts in
+/// such steps.
 pub const RATE: usize = 4;
 
 /// Numbers that the network gets of a row, in the order of a body's description.
@@ -44,34 +45,36 @@ const DESCRIBED: [&str; DESCRIPTION] = [
 ];
 /// Most diffusion steps.
 const MAX_STEPS: usize = 1000;
-/// Most words.
+/// Most words of a pack.
 const MAX_WORDS: usize = 1024;
 
 /// The table `[unimogen]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UniMoGenDoc {
-    /// Names of the bodies, which are files of the folder `bodies`.
+    /// Names of the bodies. Each has a file in the folder `bodies`.
     pub bodies: Vec<String>,
     /// The body of a request that names none.
     pub default_body: String,
-    /// The words that the network knows.
+    /// The words that the network knows, in the order of its inputs.
     pub words: Vec<String>,
     /// Names of the numbers that it gets of each row.
     pub description: Vec<String>,
-    /// Rows that a row's attention reads.
+    /// Rows that the attention of a row reads.
     pub slots: usize,
-    /// Steps of the diffusion in training.
+    /// Steps of the diffusion in the training.
     pub diffusion_steps: usize,
     /// Steps of the sampler for a request that names none.
     pub sampler_steps: usize,
-    /// Share of the signal's power that is left at each diffusion step.
+    /// Share of the signal's power that remains at each diffusion step: falling, between 0 and 1.
     pub signal: Vec<f64>,
-    /// Offset of the root from its path that is -1 to the network, sizes: left, up, ahead.
+    /// Offset of the root from its path that the network reads as -1, in body sizes: left, up,
+    /// ahead.
     pub root_low: [f32; 3],
-    /// Offset of the root from its path that is 1 to the network, sizes: left, up, ahead.
+    /// Offset of the root from its path that the network reads as 1, in body sizes: left, up,
+    /// ahead.
     pub root_high: [f32; 3],
-    /// What columns of bends are multiplied by.
+    /// Factor on the columns of bends.
     pub bend_gain: f32,
     /// Largest turn rate of a path that the network gets, radians a second.
     pub max_turn_rad_per_s: f32,
@@ -156,7 +159,7 @@ impl UniMoGenDoc {
         Ok(())
     }
 
-    /// Reads the bodies' files.
+    /// Reads the files of all bodies.
     ///
     /// # Errors
     /// [`PackProblem::Read`], [`PackProblem::BodyFile`], [`PackProblem::Body`] or
@@ -176,7 +179,7 @@ impl UniMoGenDoc {
                 return Err(field(
                     "unimogen.bodies",
                     name,
-                    format!("{:?}, as its file says", doc.name),
+                    format!("{:?}, the name of its file", doc.name),
                 ));
             }
             if let Some(word) = doc.words.iter().find(|word| !self.words.contains(word)) {
@@ -202,7 +205,7 @@ impl UniMoGenDoc {
     }
 }
 
-/// The file of one body in a pack's folder.
+/// Path of one body's file in a pack's folder.
 pub(super) fn body_file(folder: &Path, name: &str) -> PathBuf {
     folder.join("bodies").join(format!("{name}.toml"))
 }
@@ -212,7 +215,7 @@ fn is_name(name: &str) -> bool {
     (1..=64).contains(&name.len()) && name.chars().all(allowed)
 }
 
-/// A file of the folder `bodies`.
+/// A file in the folder `bodies`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BodyDoc {
@@ -230,7 +233,7 @@ struct BodyDoc {
 #[serde(deny_unknown_fields)]
 struct NeutralDoc {
     sides: Vec<i8>,
-    /// (w, x, y, z), world.
+    /// (w, x, y, z) of each joint, in world space.
     rotations: Vec<[f32; 4]>,
 }
 

@@ -1,4 +1,4 @@
-//! What a VerMo pack has beside the common manifest: the table `[vermo]`, and its files
+//! The parts of a pack that only VerMo packs have: the table `[vermo]`, and its files
 //! (docs/vermo-pack.md).
 
 use std::collections::HashSet;
@@ -10,25 +10,25 @@ use troupe_motion::model::{Capabilities, Capability, Dims};
 use super::PackProblem;
 use super::manifest::field;
 
-/// The language model's file.
+/// File name of the language model.
 pub const LANGUAGE_FILE: &str = "language.onnx";
-/// The file of the network that makes motion tokens of frames.
+/// File name of the network that turns frames into motion tokens.
 pub const ENCODER_FILE: &str = "encoder.onnx";
-/// The file of the network that makes frames of motion tokens.
+/// File name of the network that turns motion tokens into frames.
 pub const DECODER_FILE: &str = "decoder.onnx";
-/// The file of the flow decoder, which a pack may do without.
+/// File name of the flow decoder. A pack may lack it.
 pub const FLOW_FILE: &str = "flow.onnx";
-/// The text pieces' file.
+/// File name of the tokenizer's text pieces.
 pub const TOKENIZER_FILE: &str = "tokenizer.json";
-/// The file of the words that captions of the training used.
+/// File name of the list of words in captions of the training.
 pub const WORDS_FILE: &str = "words.txt";
 
-/// Frames of a motion token.
+/// Frames that one motion token stands for.
 pub(crate) const FRAMES_PER_TOKEN: usize = 4;
 /// Tokens of a message beside its text and its reply: `<BOS>`, task, `<INSTRUCTION>`, `<LEN_n>`,
 /// `<REPLY>`, `<EOS>`.
 const MARKS: usize = 6;
-/// Most of any size of the networks.
+/// Upper bound of every size of the networks.
 const MAX_SIZE: usize = 65_536;
 /// Most tokens of a message.
 const MAX_POSITIONS: usize = 16_384;
@@ -38,37 +38,37 @@ const MAX_AGENTS: usize = 16;
 pub const MAX_FLOW_STEPS: usize = 256;
 /// Highest temperature.
 pub const MAX_TEMPERATURE: f32 = 2.0;
-/// Strongest penalty on repetition.
+/// Strongest penalty for repetition.
 pub const MAX_REPETITION: f32 = 10.0;
 
-/// What a message asks for.
+/// The tasks that a message can name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MessageTask {
-    /// Motion of a caption.
+    /// From a caption to motion.
     TextToMotion,
-    /// A caption of motion.
+    /// From motion to a caption.
     MotionToText,
-    /// How a motion goes on, of which the first two fifths are given.
+    /// From the first two fifths of a motion to the rest.
     Prediction,
-    /// The motion of a gap between two others.
+    /// From the motions before and after a gap to the motion in the gap.
     Inbetween,
-    /// How a motion goes on.
+    /// From the start of a motion to its continuation.
     Continuation,
     /// Any motion.
     Unconditional,
-    /// A dance to music.
+    /// From music to a dance.
     MusicToDance,
-    /// Music to a dance.
+    /// From a dance to music.
     DanceToMusic,
-    /// Gestures to speech.
+    /// From speech to gestures.
     SpeechToGesture,
-    /// Speech to gestures.
+    /// From gestures to speech.
     GestureToSpeech,
 }
 
 impl MessageTask {
-    /// All of them, in the order of their tokens.
+    /// All tasks, in the order of their tokens.
     pub const ALL: [Self; 10] = [
         Self::TextToMotion,
         Self::MotionToText,
@@ -82,7 +82,7 @@ impl MessageTask {
         Self::GestureToSpeech,
     ];
 
-    /// Its name in a manifest and in messages.
+    /// The task's name in a manifest and in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::TextToMotion => "text_to_motion",
@@ -137,15 +137,15 @@ pub struct VerMoDoc {
     pub max_prompt_pieces: usize,
     /// Most characters of a message.
     pub max_agents: usize,
-    /// Steps of the flow decoder where none are named; 0 for a pack without.
+    /// Steps of the flow decoder for tasks that name none; 0 for a pack without flow decoder.
     pub flow_steps: usize,
-    /// Temperature where none is named: 0 for the most likely choice.
+    /// Temperature for tasks that name none; 0 always takes the likeliest token.
     pub temperature: f32,
-    /// How many of the likeliest tokens may be chosen; 0 for all of them.
+    /// Only the `top_k` likeliest tokens may be chosen; 0 allows all.
     pub top_k: usize,
-    /// The likeliest tokens that may be chosen are together at least so likely; 1 for all of them.
+    /// Only the likeliest tokens, up to this sum of probabilities, may be chosen; 1 allows all.
     pub top_p: f32,
-    /// What logits of the last tokens are weakened by; 1 for nothing.
+    /// Divisor of the logits of the latest tokens, against repetition; 1 changes nothing.
     pub repetition: f32,
 }
 
@@ -208,7 +208,7 @@ impl VerMoDoc {
         self.check_tasks(capabilities)
     }
 
-    /// Compares tasks with the capabilities and with the tokens that they need.
+    /// Checks that the tasks fit the capabilities and the tokens of the vocabulary.
     fn check_tasks(&self, capabilities: Capabilities) -> Result<(), PackProblem> {
         let mut seen = HashSet::new();
         if let Some(twice) = self.tasks.iter().find(|task| !seen.insert(**task)) {
@@ -222,7 +222,7 @@ impl VerMoDoc {
             return Err(field(
                 "vermo.tasks",
                 task,
-                "tasks without audio, for audio_codes is 0",
+                "tasks without audio, because audio_codes is 0",
             ));
         }
         let has = |task| self.tasks.contains(&task);
@@ -231,21 +231,17 @@ impl VerMoDoc {
             (
                 Capability::Text,
                 has(MessageTask::TextToMotion),
-                "there with the task text_to_motion alone",
+                "only with the task text_to_motion",
             ),
             (
                 Capability::Describe,
                 has(MessageTask::MotionToText),
-                "there with the task motion_to_text alone",
+                "only with the task motion_to_text",
             ),
-            (
-                Capability::Agents,
-                agents,
-                "there with vermo.max_agents of more than 1 alone",
-            ),
-            (Capability::Inbetween, false, "none of this family"),
-            (Capability::Live, false, "none of this family"),
-            (Capability::Path, false, "none of this family"),
+            (Capability::Agents, agents, "only with vermo.max_agents above 1"),
+            (Capability::Inbetween, false, "none, because of the family"),
+            (Capability::Live, false, "none, because of the family"),
+            (Capability::Path, false, "none, because of the family"),
         ] {
             let says = capabilities.has(capability);
             if says != can {

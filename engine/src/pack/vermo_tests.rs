@@ -6,7 +6,7 @@ fn tiny() -> PathBuf {
 }
 
 #[test]
-fn a_pack_of_words_loads_with_its_text() {
+fn a_language_pack_loads_its_lexicon() {
     let pack = Pack::load(&tiny()).unwrap();
     assert_eq!(
         pack.files(),
@@ -30,7 +30,7 @@ fn a_pack_of_words_loads_with_its_text() {
 }
 
 #[test]
-fn a_pack_without_a_flow_decoder_has_no_file_of_it() {
+fn a_pack_without_a_flow_decoder_lists_no_file_for_it() {
     let manifest = Manifest::parse(&MANIFEST.replace("flow_steps = 4", "flow_steps = 0")).unwrap();
     let pack = Pack::from_manifest(manifest, Path::new("toy")).unwrap();
     assert_eq!(
@@ -40,7 +40,7 @@ fn a_pack_without_a_flow_decoder_has_no_file_of_it() {
 }
 
 #[test]
-fn files_that_do_not_fit_are_found_out() {
+fn files_that_contradict_the_manifest_are_detected() {
     let folder = std::env::temp_dir().join(format!("troupe-pack-vermo-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     for file in std::fs::read_dir(tiny()).unwrap() {
@@ -56,7 +56,7 @@ fn files_that_do_not_fit_are_found_out() {
     let other_pieces = text.replace("text_pieces = 160", "text_pieces = 161");
     assert_eq!(
         found(&|| write(&other_pieces)),
-        "pack.toml: vermo.text_pieces is 161; allowed: 160, as many ids from 0 on as tokenizer.json has"
+        "pack.toml: vermo.text_pieces is 161; allowed: 160, the number of ids in tokenizer.json, which count from 0"
     );
     let words = folder.join("words.txt");
     assert!(found(&|| (write(&text), std::fs::remove_file(&words).unwrap()).1).contains("words.txt"));
@@ -76,7 +76,7 @@ fn files_that_do_not_fit_are_found_out() {
 }
 
 #[test]
-fn pieces_are_those_of_the_library() {
+fn pieces_equal_those_of_the_tokenizer_library() {
     let lexicon = lexicon();
     assert_eq!(lexicon.pieces("Ab 1").unwrap(), [0, 1, 2, 0, 28]);
     assert_eq!(lexicon.text(&[0, 1, 2, 0, 28]).unwrap(), "ab 1");
@@ -88,7 +88,7 @@ fn every_mistake_in_the_table_is_named() {
         (
             "family = \"vermo\"",
             "family = \"other\"\nmax_targets = 4",
-            "vermo is there; allowed: none",
+            "vermo is present; allowed: none",
         ),
         (
             "family = \"vermo\"",
@@ -119,7 +119,7 @@ fn every_mistake_in_the_table_is_named() {
         (
             "audio_codes = 5",
             "audio_codes = 0",
-            "vermo.tasks is music_to_dance; allowed: tasks without audio",
+            "vermo.tasks is music_to_dance; allowed: tasks without audio, because audio_codes is 0",
         ),
         (
             "\"inbetween\"",
@@ -130,18 +130,22 @@ fn every_mistake_in_the_table_is_named() {
         (
             "\"text_to_motion\", ",
             "",
-            "capabilities is text there; allowed: there with the task text_to_motion alone",
+            "capabilities is text present; allowed: only with the task text_to_motion",
         ),
         (
             "describe = true",
             "describe = false",
             "capabilities is describe missing",
         ),
-        ("max_agents = 3", "max_agents = 1", "capabilities is agents there"),
+        (
+            "max_agents = 3",
+            "max_agents = 1",
+            "capabilities is agents present",
+        ),
         (
             "describe = true",
             "describe = true\nlive = true",
-            "capabilities is live there; allowed: none of this family",
+            "capabilities is live present; allowed: none, because of the family",
         ),
         (
             "flow_steps = 4",

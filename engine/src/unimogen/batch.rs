@@ -1,15 +1,15 @@
-//! The inputs of one call: the rows of a mixture of characters, one after another.
+//! The inputs of one call: the rows of several characters, one after another.
 
 use troupe_motion::model::{Body, DESCRIPTION, SLOTS};
 
 use super::{PATH_FEATURES, ROW_CHANNELS};
 
-/// Inputs of one call, as docs/unimogen-pack.md names them. Its buffers are used again.
+/// Inputs of one call, with the names of docs/unimogen-pack.md. The buffers are reused.
 #[derive(Debug, Default)]
 pub struct Call {
-    /// Frames T of every character.
+    /// Frames T of every character in the call.
     pub frames: usize,
-    /// Words K.
+    /// Words K of the pack.
     pub words: usize,
     /// `[R, T, 6]`.
     pub x: Vec<f32>,
@@ -31,7 +31,7 @@ pub struct Call {
     pub reads: Vec<f32>,
 }
 
-/// What a call is told of one character.
+/// The inputs of one character in a call.
 pub(super) struct Character<'a> {
     pub body: &'a Body,
     /// Noisy rows `[J + 1, T, 6]`.
@@ -41,22 +41,22 @@ pub(super) struct Character<'a> {
     /// `[T]`.
     pub path: &'a [[f32; PATH_FEATURES]],
     pub step: usize,
-    /// Weights of the words; none for no style.
+    /// Weights of the words; none for a character without style.
     pub style: Option<&'a [f32]>,
 }
 
 impl Call {
-    /// Characters B, second copies of those with guidance included.
+    /// Characters B of the call. A character with guidance counts twice.
     pub fn characters(&self) -> usize {
         self.step.len()
     }
 
-    /// Rows R.
+    /// Rows R of the call.
     pub fn row_count(&self) -> usize {
         self.owner.len()
     }
 
-    /// Empties it for characters of so many frames and words.
+    /// Empties the call, for characters of `frames` frames and `words` words.
     pub(super) fn clear(&mut self, frames: usize, words: usize) {
         let Self {
             x,
@@ -78,7 +78,7 @@ impl Call {
         (self.frames, self.words) = (frames, words);
     }
 
-    /// Adds a character behind the others.
+    /// Appends a character.
     pub(super) fn push(&mut self, character: &Character<'_>) {
         let Character { body, style, .. } = character;
         let (index, first) = (self.characters() as i64, self.row_count() as i64);
@@ -98,7 +98,7 @@ impl Call {
         self.reads.extend_from_slice(body.reads.as_flattened());
     }
 
-    /// Its tensors of floats in the order of names: name, shape, numbers.
+    /// The float tensors of the call, in the order of names: name, shape, numbers.
     pub(crate) fn floats(&self) -> [(&'static str, Vec<usize>, &[f32]); 7] {
         let (rows, characters, frames) = (self.row_count(), self.characters(), self.frames);
         [
@@ -112,7 +112,7 @@ impl Call {
         ]
     }
 
-    /// Its tensors of whole numbers.
+    /// The integer tensors of the call: name, shape, numbers.
     pub(crate) fn integers(&self) -> [(&'static str, Vec<usize>, &[i64]); 2] {
         let rows = self.row_count();
         [

@@ -1,5 +1,5 @@
-//! UniMoGen as a [`Generator`]: a step is one call of the network, for the oldest job and those
-//! that fit into the call beside it.
+//! UniMoGen as a [`Generator`]: a step is one call of the network, for the oldest job and for
+//! others that fit into the same call.
 
 use std::time::Instant;
 
@@ -15,15 +15,15 @@ use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::{DENOISER_FILE, Pack};
 use crate::{EngineError, TrialRun};
 
-/// Rows of a call: one job has more, so it goes alone. On CPUs a row costs least in the smallest
-/// call, whose numbers stay in the core's cache: 0.36 ms for one person, 0.66 ms for eight (f32, 68
-/// frames; `cargo run --release -p troupe-eval -- unimogen`).
+/// Most rows of a call. A larger job has a call of its own. On CPUs a row costs least in the
+/// smallest call, whose numbers stay in the core's cache: 0.36 ms for one person, 0.66 ms for eight
+/// (f32, 68 frames; `cargo run --release -p troupe-eval -- unimogen`).
 pub const CALL_ROWS: usize = 1;
 
 /// Frames of a live character's window.
 pub(crate) const LIVE_FRAMES: usize = 36;
 
-/// The family on one worker.
+/// The family's generator for one worker.
 pub struct UniMoGen {
     coding: Coding,
     schedule: Schedule,
@@ -32,9 +32,9 @@ pub struct UniMoGen {
     denoiser: Box<dyn Denoiser>,
     max_jobs: usize,
     call_rows: usize,
-    /// Oldest first.
+    /// The jobs in progress, the oldest first.
     jobs: Vec<Job>,
-    /// Tasks that cannot be done.
+    /// Tasks that cannot be done; the next step reports them.
     refused: Vec<(JobId, EngineError)>,
     call: Call,
     clean: Vec<f32>,
@@ -42,10 +42,10 @@ pub struct UniMoGen {
 }
 
 impl UniMoGen {
-    /// A generator of a pack, which holds up to `max_jobs` jobs.
+    /// A generator for a pack. It holds up to `max_jobs` jobs.
     ///
     /// # Errors
-    /// [`EngineError::WrongTask`] where the pack is of another family.
+    /// [`EngineError::WrongTask`] if the pack belongs to another family.
     pub fn new(pack: &Pack, denoiser: Box<dyn Denoiser>, max_jobs: usize) -> Result<Self, EngineError> {
         let table = pack.manifest.unimogen.as_ref().ok_or(EngineError::WrongTask)?;
         Ok(Self {
@@ -64,19 +64,19 @@ impl UniMoGen {
         })
     }
 
-    /// The same with calls of up to so many rows.
+    /// The same generator, with calls of up to `call_rows` rows.
     #[must_use]
     pub fn with_call_rows(self, call_rows: usize) -> Self {
         Self { call_rows, ..self }
     }
 
-    /// Makes two motions of the pack's first body, the second one for its [time](Generator::trial).
-    /// Where a shape's first call is slow it makes a call for each body before, of the longest
-    /// windows and of live ones. To be called before any job.
+    /// Makes two motions of the pack's first body; the second is timed for the
+    /// [trial](Generator::trial). If the first call of a shape is slow, it first makes a call for
+    /// each body, with the longest windows and with those of live characters. Call it before the
+    /// first job.
     ///
     /// # Errors
-    /// [`EngineError`] where the network fails, or gives what is out of the contract: the pack is
-    /// broken.
+    /// [`EngineError`] if the network fails or gives invalid values: the pack is broken.
     pub fn warm_up(&mut self, pack: &Pack) -> Result<(), EngineError> {
         let longest = self.dims.max_frames();
         let live = LIVE_FRAMES.clamp(self.dims.min_frames(), longest);
@@ -101,7 +101,7 @@ impl UniMoGen {
         Ok(())
     }
 
-    /// The motions of these tasks, in their order. For a generator without jobs.
+    /// The motions of these tasks, in the same order. The generator must have no jobs.
     ///
     /// # Errors
     /// [`EngineError`] of the first task that fails.
@@ -129,8 +129,8 @@ impl UniMoGen {
         Ok(motions)
     }
 
-    /// The jobs of the next call, places in rising order: the oldest, then those of as many frames
-    /// that fit beside it.
+    /// Indices of the jobs of the next call, in rising order: the oldest job, then jobs with as
+    /// many frames that fit into the same call.
     fn chosen(&self) -> Vec<usize> {
         let Some(oldest) = self.jobs.first() else {
             return Vec::new();
@@ -145,7 +145,8 @@ impl UniMoGen {
         self.jobs.iter().enumerate().filter_map(fits).collect()
     }
 
-    /// Fills the call: the chosen jobs, then copies without style of those with guidance.
+    /// Fills the call with the chosen jobs, then with a copy without style of each job with
+    /// guidance.
     fn assemble(&mut self, chosen: &[usize]) {
         let frames = chosen.first().map_or(0, |&place| self.jobs[place].frames());
         self.call.clear(frames, self.words);
@@ -158,7 +159,7 @@ impl UniMoGen {
         }
     }
 
-    /// Hands the chosen jobs what the call gave. Tells `out` of those that are done.
+    /// Gives the chosen jobs their rows of the answer. Calls `out` for jobs that are done.
     fn scatter(&mut self, chosen: &[usize], out: &mut dyn FnMut(JobId, Progress)) {
         let styled: usize = chosen.iter().map(|&place| self.jobs[place].rows().len()).sum();
         let (mut styled, mut plain) = self.clean.split_at_mut(styled);
@@ -172,7 +173,7 @@ impl UniMoGen {
             let copy = job.is_guided().then(|| plain.split_off_mut(..length)).flatten();
             let was_last = job.advance(&self.schedule, own, copy.as_deref());
             if !all_finite(job.rows()) {
-                let problem = "numbers that are not finite".to_owned();
+                let problem = "values that are not finite".to_owned();
                 out(
                     job.id,
                     Progress::Failed(EngineError::Network {

@@ -10,12 +10,12 @@ use crate::EngineError;
 use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::Pack;
 
-/// Rows and steps of the calls that were made.
+/// Rows and diffusion steps of each call.
 type Calls = Arc<Mutex<Vec<(usize, Vec<f32>)>>>;
-/// What became of a request.
+/// The end of a request: its motion, or the error's text.
 type Became = (u64, Result<Motion, String>);
 
-/// Takes rows for clean that depend on the row's character alone, and notes its calls.
+/// A denoiser whose clean rows depend on the row's character alone. It records its calls.
 struct Echo(Calls);
 
 impl Denoiser for Echo {
@@ -63,7 +63,7 @@ fn id(request: u64) -> JobId {
     }
 }
 
-/// Steps once; what became of which request.
+/// Takes one step. Returns its report, and the requests that ended.
 fn step(generator: &mut UniMoGen) -> (StepReport, Vec<Became>) {
     let mut became = Vec::new();
     let report = generator.step(&mut |id, progress| {
@@ -90,7 +90,7 @@ fn alone(task: PathTask) -> Motion {
 }
 
 #[test]
-fn jobs_join_and_leave_between_calls_each_at_its_own_step() {
+fn jobs_join_and_leave_between_calls_each_at_its_own_diffusion_step() {
     let pack = pack();
     let (mut generator, calls) = echo(3);
     let guided = PathTask {
@@ -114,7 +114,7 @@ fn jobs_join_and_leave_between_calls_each_at_its_own_step() {
     let calls = calls.lock().unwrap();
     let wanted = [
         (9, vec![49.0]),
-        // A second copy without style behind.
+        // A second copy without style follows.
         (9 + 15 + 15, vec![36.0, 49.0, 49.0]),
         (9 + 15 + 15, vec![24.0, 24.0, 24.0]),
         (9, vec![11.0]),
@@ -123,7 +123,7 @@ fn jobs_join_and_leave_between_calls_each_at_its_own_step() {
 }
 
 #[test]
-fn guidance_is_away_from_what_has_no_style() {
+fn guidance_moves_away_from_the_answer_without_style() {
     let pack = pack();
     let once = |guidance, style| {
         let (mut generator, _) = echo(1);
@@ -145,7 +145,7 @@ fn guidance_is_away_from_what_has_no_style() {
 }
 
 #[test]
-fn the_oldest_goes_first_with_those_of_its_length_that_fit() {
+fn the_oldest_job_goes_first_with_jobs_of_equal_length_that_fit() {
     let pack = pack();
     let (generator, calls) = echo(9);
     let mut generator = generator.with_call_rows(9 + 15);
@@ -182,7 +182,7 @@ fn the_oldest_goes_first_with_those_of_its_length_that_fit() {
             .collect::<Vec<_>>(),
         [24, 18, 9]
     );
-    // One that is larger than a call goes alone.
+    // A job that is larger than a call has a call of its own.
     let mut generator = echo(2).0.with_call_rows(1);
     generator.admit(id(1), task(&pack, "toy", 20, 1).into());
     generator.admit(id(2), task(&pack, "toy", 20, 2).into());
@@ -190,7 +190,7 @@ fn the_oldest_goes_first_with_those_of_its_length_that_fit() {
 }
 
 #[test]
-fn given_frames_come_out_as_they_went_in() {
+fn given_frames_stay_as_they_are() {
     let pack = pack();
     let body = pack.body("toy").unwrap();
     let rotations: Vec<Quat> = body.neutral.iter().map(|&neutral| yaw(0.3) * neutral).collect();
@@ -206,12 +206,12 @@ fn given_frames_come_out_as_they_went_in() {
     }
     assert!(
         (motion.root[10 * 5 + 1] - 0.8).abs() > 0.01,
-        "others are the network's"
+        "the other frames come from the network"
     );
 }
 
 #[test]
-fn tasks_out_of_range_fail_alone_and_say_why() {
+fn tasks_out_of_range_fail_alone_with_a_reason() {
     let pack = pack();
     let good = task(&pack, "turned", 20, 1);
     type Change = fn(&mut PathTask);
@@ -265,7 +265,7 @@ fn tasks_out_of_range_fail_alone_and_say_why() {
     assert!(generator.is_idle());
 }
 
-/// Gives numbers that are none to characters with that much style.
+/// Gives NaN to characters with a style of that weight.
 struct Broken;
 
 impl Denoiser for Broken {
@@ -292,7 +292,7 @@ fn a_job_whose_answer_is_not_finite_fails_alone() {
     let (_, became) = step(&mut generator);
     assert_eq!(
         became,
-        [(1, Err("denoiser.onnx: numbers that are not finite".to_owned()))]
+        [(1, Err("denoiser.onnx: values that are not finite".to_owned()))]
     );
     assert!(!generator.is_idle());
 }

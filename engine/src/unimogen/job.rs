@@ -11,15 +11,15 @@ use super::{PATH_FEATURES, ROW_CHANNELS};
 use crate::EngineError;
 use crate::generator::JobId;
 
-/// A job and the state of its rows.
+/// A job, with the state of its rows.
 pub(super) struct Job {
     pub id: JobId,
     pub task: PathTask,
-    /// Calls that it took part in.
+    /// Calls that the job has taken part in.
     pub calls: usize,
     /// Noisy rows `[J + 1, T, 6]`.
     state: Vec<f32>,
-    /// 1 where a frame is given, `[T]`.
+    /// 1 at given frames, else 0: `[T]`.
     given: Vec<f32>,
     /// The given frames, and their rows `[J + 1, 6]`.
     known: Vec<(usize, Vec<f32>)>,
@@ -28,7 +28,7 @@ pub(super) struct Job {
 }
 
 impl Job {
-    /// A job at its noisiest. The task is [checked](check).
+    /// A job at its noisiest step. The task must have passed [`check`].
     pub(super) fn new(id: JobId, task: PathTask, coding: &Coding) -> Self {
         let (body, frames) = (&*task.body, task.path.len());
         let mut state = vec![0.0; body.row_count() * frames * ROW_CHANNELS];
@@ -59,23 +59,23 @@ impl Job {
         job
     }
 
-    /// Frames of its window.
+    /// Frames T of the job's window.
     pub(super) fn frames(&self) -> usize {
         self.task.path.len()
     }
 
-    /// Whether a second copy without style takes part in its calls.
+    /// Whether each call needs a second copy of the job without style.
     pub(super) fn is_guided(&self) -> bool {
         self.task.guidance != 1.0
     }
 
-    /// Rows that it has in a call.
+    /// Rows of the job in a call, the second copy included.
     pub(super) fn call_rows(&self) -> usize {
         let copies = if self.is_guided() { 2 } else { 1 };
         copies * self.task.body.row_count()
     }
 
-    /// What the next call is told of it, with its style or without.
+    /// The inputs of the job's next call, with its style or without.
     pub(super) fn character(&self, schedule: &Schedule, with_style: bool) -> Character<'_> {
         Character {
             body: &self.task.body,
@@ -87,8 +87,8 @@ impl Job {
         }
     }
 
-    /// Takes the clean rows that a call gave, and those of its copy without style where it has one.
-    /// `clean` is changed. Says whether that was the last call.
+    /// Takes the clean rows of a call, and those of the copy without style for a job with guidance.
+    /// `clean` is overwritten. Returns whether that was the last call.
     pub(super) fn advance(&mut self, schedule: &Schedule, clean: &mut [f32], plain: Option<&[f32]>) -> bool {
         if let Some(plain) = plain {
             for (styled, plain) in clean.iter_mut().zip(plain) {
@@ -102,7 +102,7 @@ impl Job {
         self.calls == steps
     }
 
-    /// The motion that its rows are of.
+    /// The motion of the job's rows.
     pub(super) fn motion(&self, coding: &Coding) -> Motion {
         coding.decode(&self.task.body, &self.state, &self.task.path)
     }
@@ -123,7 +123,7 @@ impl Job {
     }
 }
 
-/// Checks a task against the sizes of a pack, its words and its diffusion steps.
+/// Checks a task against the sizes of a pack, its number of words and its diffusion steps.
 pub(super) fn check(task: &PathTask, dims: &Dims, words: usize, steps: usize) -> Result<(), EngineError> {
     let wrong = |field, found: &dyn ToString, allowed: String| {
         Err(EngineError::Task {

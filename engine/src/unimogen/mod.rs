@@ -1,9 +1,8 @@
 //! UniMoGen: one diffusion network that moves bodies of any skeleton along paths
 //! (docs/unimogen-pack.md).
 //!
-//! A character of J joints has J + 1 rows; a call of the network takes the rows of any mixture of
-//! characters, one after another and without padding. The reference is
-//! `training/troupe_training/models/unimogen`.
+//! A character of J joints has J + 1 rows. A call of the network takes the rows of any characters,
+//! one after another, without padding. The reference is `training/troupe_training/models/unimogen`.
 
 mod batch;
 mod generator;
@@ -20,9 +19,9 @@ pub use generator::{CALL_ROWS, UniMoGen};
 pub use network::Denoiser;
 pub use probe::probe_task;
 
-/// Numbers of a row in a frame.
+/// Numbers of a row in one frame.
 pub const ROW_CHANNELS: usize = 6;
-/// Numbers of a path in a frame: velocity to the left and ahead, turn rate.
+/// Numbers of a path in one frame: velocity to the left and ahead, turn rate.
 pub const PATH_FEATURES: usize = 3;
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
-//! Noise that depends on seed, row, frame and channel alone: neither on a window's length nor on
-//! who else is in the batch.
+//! Noise that depends on seed, row, frame and channel alone, not on the window's length or the
+//! other characters of a call.
 
 use super::ROW_CHANNELS;
 use crate::random::{normal, step64};
 
-/// Channels of the root's place; the others are zero.
+/// Channels of the root's position in its row; the others are zero.
 const PLACE_CHANNELS: usize = 3;
 
-/// Standard normal noise of one row, `[frames, 6]`. Row 0 is the root's place.
+/// Standard normal noise of one row, `[frames, 6]`. Row 0 is the root's position.
 ///
 /// `key = mix64(seed + GOLDEN (row + 1))`, and `u = mix64(key + GOLDEN (pair + 1))` for each pair
 /// of channels.

@@ -1,4 +1,4 @@
-//! Tasks that need no data: for the first run of a network, its accuracy check, and benchmarks.
+//! Made-up tasks for the first run of a network, its accuracy check, and benchmarks.
 
 use troupe_motion::features::{FEATURES_PER_JOINT, pose_features_from_world};
 use troupe_motion::model::{Body, KeyTensors, PathTask};
@@ -7,14 +7,14 @@ use troupe_motion::{Quat, Vec3};
 
 use crate::pack::Pack;
 
-/// How fast the paths are, in turns, sizes a second.
+/// Speeds of the paths, taken in turns, body sizes a second.
 const SPEEDS_PER_S: [f32; 4] = [0.8, 0.0, 1.5, 0.4];
-/// How the paths turn, in turns, radians a second.
+/// Turn rates of the paths, taken in turns, radians a second.
 const TURNS_RAD_PER_S: [f32; 3] = [0.0, 0.6, -0.9];
 
-/// A task of `frames` frames; each `index` is another: bodies in the pack's order, each with words
-/// of its own, from any start and from four frames of the neutral pose in turns. Every fourth is
-/// guided. None where the pack has no bodies.
+/// A task of `frames` frames, another one for each `index`. The bodies follow in the pack's order,
+/// each with words of its own. Tasks start alternately without context and from four frames of the
+/// neutral pose. Every fourth task has guidance. None if the pack has no bodies.
 pub fn probe_task(pack: &Pack, index: usize, frames: usize) -> Option<PathTask> {
     let table = pack.manifest.unimogen.as_ref()?;
     let bodies = pack.bodies.len();
@@ -49,7 +49,7 @@ pub fn probe_task(pack: &Pack, index: usize, frames: usize) -> Option<PathTask> 
     })
 }
 
-/// A path of steady speed (m/s) and turn rate (rad/s).
+/// A path of constant speed (m/s) and turn rate (rad/s).
 fn path(frames: usize, speed: f32, turn: f32, fps: f32) -> Box<[[f32; 3]]> {
     let mut point = [0.0_f32; 3];
     let points = (0..frames).map(|_| {
@@ -65,7 +65,7 @@ fn path(frames: usize, speed: f32, turn: f32, fps: f32) -> Box<[[f32; 3]]> {
     points.collect()
 }
 
-/// The body in its neutral pose at a point of a path.
+/// A keyframe: the body in its neutral pose at a point of a path.
 fn neutral_key(body: &Body, [x, z, heading]: [f32; 3]) -> KeyTensors {
     let root = Vec3::new(x, body.height_m, z);
     let turn = yaw(heading);

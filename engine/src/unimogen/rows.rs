@@ -1,8 +1,8 @@
-//! From motion to rows and back.
+//! Turns motion into the network's rows, and back.
 //!
-//! Every frame is described in the frame of its path: `p` and `psi` are the path's point and
-//! heading, `Y` the rotation about +Y, `N` the neutral pose. Row 0 is the root's offset from the
-//! path, as a share of the body's size; row j + 1 is the bend of joint j.
+//! Every frame is described relative to its path: `p` and `psi` are the path's point and heading,
+//! `Y` the rotation about +Y, `N` the neutral pose. Row 0 is the root's offset from the path, as a
+//! share of the body's size. Row j + 1 is the bend of joint j.
 
 use troupe_motion::contacts::detect;
 use troupe_motion::features::{FEATURES_PER_JOINT, world_rotations_from_features};
@@ -15,13 +15,13 @@ use troupe_motion::{Quat, Vec3};
 use super::{PATH_FEATURES, ROW_CHANNELS};
 use crate::pack::UniMoGenDoc;
 
-/// The columns of a rotation that turns nothing.
+/// The columns of an unrotated joint.
 const IDENTITY: [f32; ROW_CHANNELS] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
 /// A point of a path: x and z (m), heading (rad).
 pub(super) type PathPoint = [f32; 3];
 
-/// How a pack writes motion into rows.
+/// The scales with which a pack writes motion into rows.
 #[derive(Debug, Clone)]
 pub(super) struct Coding {
     fps: f32,
@@ -42,8 +42,8 @@ impl Coding {
         }
     }
 
-    /// What the network is told of a path, one a frame: velocity to the left and ahead in sizes a
-    /// second, turn rate in radians a second. Frame 0 has that of frame 1.
+    /// The network's description of a path, one a frame: velocity to the left and ahead in body
+    /// sizes a second, turn rate in radians a second. Frame 0 has the values of frame 1.
     pub(super) fn path_features(&self, path: &[PathPoint], size_m: f32) -> Vec<[f32; PATH_FEATURES]> {
         let scale = self.fps / size_m;
         let most = self.max_turn_rad_per_s;
@@ -66,7 +66,7 @@ impl Coding {
         features
     }
 
-    /// The rows of a keyframe, `[J + 1, 6]`. None where it lacks its root or its pose.
+    /// The rows of a keyframe, `[J + 1, 6]`. None if the keyframe lacks its root or its pose.
     pub(super) fn encode(&self, body: &Body, key: &KeyTensors, at: PathPoint) -> Option<Vec<f32>> {
         let (root, pose) = (key.global_root?, key.pose.as_deref()?);
         let [x, z, heading] = at;
@@ -94,8 +94,8 @@ impl Coding {
         Some(rows)
     }
 
-    /// The motion of rows `[J + 1, T, 6]` along a path of T frames. Feet are in contact where they
-    /// are low and slow.
+    /// The motion of rows `[J + 1, T, 6]` along a path of T frames. Feet that are low and slow are
+    /// in contact.
     pub(super) fn decode(&self, body: &Body, rows: &[f32], path: &[PathPoint]) -> Motion {
         let (joints, frames) = (body.joints(), path.len());
         let skeleton = &body.rig.skeleton;

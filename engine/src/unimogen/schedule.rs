@@ -1,9 +1,9 @@
-//! Which diffusion steps a sampler visits, and DDIM between them.
+//! The diffusion steps that a sampler visits, and the DDIM update between them.
 
-/// The diffusion of a pack.
+/// The diffusion schedule of a pack.
 #[derive(Debug, Clone)]
 pub(super) struct Schedule {
-    /// Share of the signal's power that is left at each diffusion step.
+    /// Share of the signal's power that remains at each diffusion step.
     signal: Box<[f64]>,
 }
 
@@ -14,18 +14,18 @@ impl Schedule {
         }
     }
 
-    /// Diffusion steps of the training, the most that a sampler can visit.
+    /// Diffusion steps of the training: the most that a sampler can visit.
     pub(super) fn steps(&self) -> usize {
         self.signal.len()
     }
 
-    /// The diffusion step of a sampler's call `index` of `count`: from the noisiest on.
+    /// The diffusion step of a sampler's call `index` of `count`. Call 0 has the noisiest.
     pub(super) fn step(&self, index: usize, count: usize) -> usize {
         self.steps() * (count - index) / count - 1
     }
 
-    /// From call `index` of `count` to the next one, without new noise: `noisy` becomes less noisy,
-    /// given what is taken for `clean`. After the last call it is `clean` itself.
+    /// The DDIM update from call `index` of `count` to the next one, without new noise: `noisy`
+    /// becomes less noisy, given the predicted `clean` rows. After the last call it equals `clean`.
     pub(super) fn advance(&self, index: usize, count: usize, noisy: &mut [f32], clean: &[f32]) {
         if index + 1 == count {
             noisy.copy_from_slice(clean);

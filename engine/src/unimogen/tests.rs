@@ -73,7 +73,7 @@ fn schedule(pack: &Pack) -> Schedule {
     Schedule::new(&pack.manifest.unimogen.as_ref().unwrap().signal)
 }
 
-/// Python's own tests compare with this tolerance.
+/// The Python tests compare with the same tolerance.
 pub(super) fn assert_near(found: &[f32], wanted: &[f32]) {
     assert_eq!(found.len(), wanted.len());
     for (a, b) in found.iter().zip(wanted) {
@@ -82,19 +82,23 @@ pub(super) fn assert_near(found: &[f32], wanted: &[f32]) {
 }
 
 #[test]
-fn noise_has_the_references_bits() {
+fn noise_has_the_same_bits_as_the_reference() {
     for Noise { seed, row, values } in reference().noise {
         let mut found = vec![0.0; values.len() * ROW_CHANNELS];
         row_noise(seed, row, &mut found);
         assert_eq!(found, values.as_flattened(), "seed {seed}, row {row}");
         let mut longer = vec![0.0; 68 * ROW_CHANNELS];
         row_noise(seed, row, &mut longer);
-        assert_eq!(longer[..found.len()], found, "a longer window begins the same");
+        assert_eq!(
+            longer[..found.len()],
+            found,
+            "a longer window begins with the same numbers"
+        );
     }
 }
 
 #[test]
-fn samplers_visit_the_references_steps() {
+fn samplers_visit_the_steps_of_the_reference() {
     let schedule = schedule(&pack());
     for (count, wanted) in reference().steps {
         let found: Vec<usize> = (0..count).map(|index| schedule.step(index, count)).collect();
@@ -104,7 +108,7 @@ fn samplers_visit_the_references_steps() {
 }
 
 #[test]
-fn ddim_keeps_the_noise_that_it_finds() {
+fn ddim_keeps_the_noise_of_its_input() {
     let schedule = Schedule::new(&[0.64, 0.36]);
     // x = 0.6 c + 0.8 e with c = 2 and e = -1; then 0.8 c + 0.6 e.
     let mut noisy = [0.6 * 2.0 - 0.8];
@@ -115,7 +119,7 @@ fn ddim_keeps_the_noise_that_it_finds() {
 }
 
 #[test]
-fn bodies_are_described_as_the_reference_has_them() {
+fn bodies_have_the_descriptions_of_the_reference() {
     let pack = pack();
     for (name, wanted) in reference().bodies {
         let body = pack.body(&name).unwrap();
@@ -148,7 +152,7 @@ fn path_of(request: &Request) -> Vec<PathPoint> {
 
 pub(super) fn key(body: &Body, root: Vec3, rotations: &[Quat]) -> KeyTensors {
     let mut pose = vec![0.0; body.joints() * FEATURES_PER_JOINT];
-    // Positions are not read.
+    // Positions are not used.
     pose_features_from_world(root, &vec![root; body.joints()], rotations, &mut pose);
     KeyTensors {
         global_root: Some([root.x, root.y, root.z, 1.0, 0.0]),
@@ -158,7 +162,7 @@ pub(super) fn key(body: &Body, root: Vec3, rotations: &[Quat]) -> KeyTensors {
 }
 
 #[test]
-fn paths_and_keyframes_become_the_references_inputs() {
+fn paths_and_keyframes_become_the_inputs_of_the_reference() {
     let (
         pack,
         Reference {
@@ -192,7 +196,7 @@ fn paths_and_keyframes_become_the_references_inputs() {
 }
 
 #[test]
-fn motion_comes_back_from_its_rows() {
+fn decoding_rows_gives_the_encoded_motion() {
     let (pack, Reference { requests, .. }) = (pack(), reference());
     let coding = coding(&pack);
     let request = &requests[2];
@@ -228,7 +232,7 @@ fn a_body_that_stands_still_is_in_contact() {
     let (coding, body) = (coding(&pack), pack.body("turned").unwrap());
     let table = pack.manifest.unimogen.as_ref().unwrap();
     let mut rows = vec![0.0; body.row_count() * 4 * ROW_CHANNELS];
-    // The neutral pose: no offset, no bends.
+    // The neutral pose has no offset and no bends.
     for frame in 0..4 {
         for axis in 0..3 {
             let (low, high) = (table.root_low[axis], table.root_high[axis]);

@@ -1,25 +1,25 @@
-//! The cache: a slot of keys and values for each sequence that is being written.
+//! The cache: one slot with keys and values for each sequence that is being written.
 //!
-//! The slots of all sequences lie one behind another, so that a call reads them where they are. A
-//! sequence that ends leaves its slot to the last one. The columns of a slot are as many as the
-//! longest message has, in every call: a sum over fewer would be rounded in another way, and a
-//! sequence would get other bits with others beside it.
+//! The slots of all sequences are adjacent in memory, so that a call reads them without copying.
+//! When a sequence ends, the last slot moves into its slot. A slot has as many columns as the
+//! longest message, in every call. With fewer columns a sum would be rounded differently, and the
+//! bits of a sequence would depend on the other sequences.
 
 use crate::pack::VerMoDoc;
 
 /// Shape of a slot: `[layers, 2, key_heads, positions, head_width]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
-    /// Layers, keys and values, heads.
+    /// Layers times two (keys and values) times heads.
     pub heads: usize,
-    /// Columns.
+    /// Columns of a slot.
     pub positions: usize,
-    /// Numbers of a head in a column.
+    /// Numbers of a head in one column.
     pub width: usize,
 }
 
 impl Shape {
-    /// Of a pack.
+    /// The shape for a pack.
     pub fn new(table: &VerMoDoc) -> Self {
         Self {
             heads: table.layers * 2 * table.key_heads,
@@ -28,18 +28,18 @@ impl Shape {
         }
     }
 
-    /// Numbers of so many columns.
+    /// Number of values in `columns` columns.
     pub fn numbers(&self, columns: usize) -> usize {
         self.heads * columns * self.width
     }
 
-    /// Numbers of a slot.
+    /// Number of values in a slot.
     pub fn slot(&self) -> usize {
         self.numbers(self.positions)
     }
 }
 
-/// Slots of a cache.
+/// The slots of a cache, in one allocation.
 #[derive(Debug)]
 pub(super) struct Arena {
     shape: Shape,
@@ -58,8 +58,8 @@ impl Arena {
         self.shape
     }
 
-    /// The first `slots` slots. What no sequence has written is 0, or left by another that is over:
-    /// it is not read.
+    /// The first `slots` slots. Columns that no sequence has written yet are 0 or left over from
+    /// another sequence. They are not read.
     pub(super) fn first(&mut self, slots: usize) -> &[f32] {
         let wanted = slots * self.shape.slot();
         if self.numbers.len() < wanted {
@@ -68,7 +68,7 @@ impl Arena {
         &self.numbers[..wanted]
     }
 
-    /// Puts the first `count` of the columns `[heads, columns, width]` into a slot, from column
+    /// Writes the first `count` of the columns `[heads, columns, width]` into a slot, from column
     /// `start` on.
     pub(super) fn write(&mut self, slot: usize, start: usize, count: usize, columns: &[f32]) {
         self.first(slot + 1);
@@ -85,7 +85,7 @@ impl Arena {
         }
     }
 
-    /// Copies a slot over another.
+    /// Copies one slot over another.
     pub(super) fn copy(&mut self, from: usize, to: usize) {
         self.first(from.max(to) + 1);
         let slot = self.shape.slot();

@@ -1,4 +1,4 @@
-//! Frames of the flow decoder: Euler steps from noise, one a call.
+//! The flow decoder: Euler steps from noise to frames, one a call.
 
 use super::motion::Frames;
 use super::network::{FlowCall, Networks};
@@ -6,7 +6,7 @@ use crate::EngineError;
 use crate::pack::{FLOW_FILE, FRAMES_PER_TOKEN};
 use crate::random::{normal, step64};
 
-/// A run of the flow decoder.
+/// A run of the flow decoder for one motion.
 #[derive(Debug)]
 pub(super) struct Flow {
     codes: Vec<u32>,
@@ -30,25 +30,25 @@ impl Flow {
         }
     }
 
-    /// Whether all steps are taken.
+    /// Whether all steps have been taken.
     pub(super) fn is_done(&self) -> bool {
         self.done == self.steps
     }
 
-    /// The frames of the last step.
+    /// The frames after the latest step.
     pub(super) fn frames(&self) -> &Frames {
         &self.frames
     }
 
-    /// Takes a step.
+    /// Takes one Euler step.
     pub(super) fn step(&mut self, networks: &mut dyn Networks) -> Result<(), EngineError> {
         let width = networks.flow_width().ok_or_else(|| EngineError::Network {
             file: FLOW_FILE,
-            problem: "the pack has none".to_owned(),
+            problem: "the pack has no flow decoder".to_owned(),
         })?;
         if self.done == 0 {
             self.state = vec![0.0; self.codes.len() * FRAMES_PER_TOKEN * width];
-            // Noise of a frame depends on its place alone.
+            // The noise of a frame depends on the seed and the frame's index alone.
             for (frame, state) in self.state.chunks_exact_mut(width).enumerate() {
                 normal(step64(self.seed, frame as u64), state);
             }

@@ -1,5 +1,5 @@
-//! VerMo as a [`Generator`]: a step writes a token of every reply, and decodes the frames that are
-//! ready.
+//! VerMo as a [`Generator`]: a step writes one token of every reply, and decodes the frames that
+//! are ready.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use troupe_motion::model::{DescribeTask, Output, PromptTask, Rig, Task, all_finite};
 
 use super::arena::Shape;
-use super::job::{Job, Stage, Taken};
+use super::job::{Job, Phase, Taken};
 use super::motion::Frames;
 use super::network::{FlowCall, LanguageAnswer, LanguageCall, Networks};
 use super::plan::Planner;
@@ -17,32 +17,32 @@ use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::{DECODER_FILE, LANGUAGE_FILE, MessageTask, Pack};
 use crate::{EngineError, TrialRun};
 
-/// Most replies that are written at a time. More of them read more cache than a core's own memory
-/// holds: 32 write 7,400 tokens a second together on two cores, and 64 write no more.
+/// Most replies that are written at a time. With more, the cache does not fit into a core's own
+/// memory: 32 write 7,400 tokens a second in total on two cores, and 64 write no more.
 pub const SLOTS: usize = 32;
-/// Replies of the trial, and the tokens of each.
+/// Number of replies of the trial, and the tokens of each.
 const TRIAL: (usize, usize) = (8, 16);
 
-/// The family on one worker.
+/// The family's generator for one worker.
 pub struct VerMo {
     planner: Planner,
     rig: Arc<Rig>,
     networks: Timed,
     max_jobs: usize,
     sequences: Sequences,
-    /// Oldest first.
+    /// The jobs in progress, the oldest first.
     jobs: Vec<Job>,
-    /// Tasks that cannot be done.
+    /// Tasks that cannot be done; the next step reports them.
     refused: Vec<(JobId, EngineError)>,
     trial: Option<TrialRun>,
 }
 
 impl VerMo {
-    /// A generator of a pack, which holds up to `max_jobs` jobs and writes up to [`SLOTS`] of their
+    /// A generator for a pack. It holds up to `max_jobs` jobs and writes up to [`SLOTS`] of their
     /// replies at a time.
     ///
     /// # Errors
-    /// [`EngineError::WrongTask`] where the pack is of another family.
+    /// [`EngineError::WrongTask`] if the pack belongs to another family.
     pub fn new(pack: &Pack, networks: Box<dyn Networks>, max_jobs: usize) -> Result<Self, EngineError> {
         let planner = Planner::new(pack)?;
         let max_jobs = max_jobs.max(1);
@@ -59,12 +59,11 @@ impl VerMo {
         })
     }
 
-    /// Runs every network, and takes the [time](Generator::trial) of a few jobs. To be called
-    /// before any job.
+    /// Runs every network, and times a few jobs for the [trial](Generator::trial). Call it before
+    /// the first job.
     ///
     /// # Errors
-    /// [`EngineError`] where a network fails, or gives what is out of the contract: the pack is
-    /// broken.
+    /// [`EngineError`] if a network fails or gives invalid values: the pack is broken.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
         let (jobs, tokens) = TRIAL;
         let tokens = tokens.clamp(self.planner.dims.min_tokens, self.planner.dims.max_tokens);
@@ -87,8 +86,8 @@ impl VerMo {
         Ok(())
     }
 
-    /// The time of so many jobs of so many frames, without a caller. None for a pack that does
-    /// nothing without audio. For a generator without jobs.
+    /// How long `jobs` jobs of `frames` frames take. None for a pack whose tasks all need audio.
+    /// The generator must have no jobs.
     ///
     /// # Errors
     /// [`EngineError`] of the first job that fails.
@@ -115,8 +114,8 @@ impl VerMo {
         Ok(Some(started.elapsed()))
     }
 
-    /// What the pack can do without a caller: words, or what comes of nothing; else it tells of a
-    /// motion.
+    /// A task for the trial that needs no caller's data: motion for a known word, or motion without
+    /// a prompt, or else a description of decoded motion.
     fn trial_task(&mut self, frames: usize) -> Result<Option<Task>, EngineError> {
         let tasks = &self.planner.table.tasks;
         let word = self.planner.lexicon.words().next();
@@ -132,14 +131,14 @@ impl VerMo {
             return Ok(None);
         }
         let tokens = vec![0; self.planner.dims.tokens_for(frames)];
-        let told = decode_one(&mut self.networks, &tokens)?;
+        let motion = decode_one(&mut self.networks, &tokens)?;
         Ok(Some(Task::Describe(DescribeTask {
-            frames: told.keys(self.rig.dims.joints).collect(),
+            frames: motion.keys(self.rig.dims.joints).collect(),
             ..DescribeTask::default()
         })))
     }
 
-    /// Encodes what is to be told, and has the replies written.
+    /// Encodes the given motion of waiting jobs, and starts writing their replies.
     fn begin(&mut self, out: &mut dyn FnMut(JobId, Progress)) -> Result<(), EngineError> {
         let Self {
             jobs,
@@ -149,7 +148,7 @@ impl VerMo {
             ..
         } = self;
         let mut over = Vec::new();
-        for job in jobs.iter_mut().filter(|job| job.stage == Stage::Prompt) {
+        for job in jobs.iter_mut().filter(|job| job.phase == Phase::Prompt) {
             match job.write_prompt(planner, networks) {
                 Ok(prompt) => sequences.admit(job.id, prompt),
                 Err(error @ EngineError::Task { .. }) => {
@@ -163,7 +162,7 @@ impl VerMo {
         Ok(())
     }
 
-    /// Writes tokens. Gives the rows of the call.
+    /// Writes one token of each reply. Returns the rows of the call.
     fn write(&mut self, out: &mut dyn FnMut(JobId, Progress)) -> Result<usize, EngineError> {
         let Self {
             jobs,
@@ -178,8 +177,8 @@ impl VerMo {
                 return;
             };
             match said {
-                Said::Token(token) => job.hear(planner, token),
-                Said::End => job.stage = Stage::Whole,
+                Said::Token(token) => job.receive(planner, token),
+                Said::End => job.phase = Phase::Whole,
                 Said::Failed => failed.push(id),
             }
         })?;
@@ -192,8 +191,8 @@ impl VerMo {
         Ok(rows)
     }
 
-    /// Decodes what is ready, and gives it. Of those with the flow decoder, the oldest takes a
-    /// step.
+    /// Decodes the frames that are ready, and gives them to `out`. Of the jobs with the flow
+    /// decoder, the oldest takes a step.
     fn give(&mut self, out: &mut dyn FnMut(JobId, Progress)) -> Result<(), EngineError> {
         let Self {
             jobs,
@@ -204,7 +203,7 @@ impl VerMo {
         let mut over = Vec::new();
         let oldest = jobs.iter().find(|job| job.flows()).map(|job| job.id);
         let mut windows = Windows::default();
-        let has_turn = |job: &Job| job.stage != Stage::Prompt && (!job.flows() || Some(job.id) == oldest);
+        let has_turn = |job: &Job| job.phase != Phase::Prompt && (!job.flows() || Some(job.id) == oldest);
         for job in jobs.iter_mut().filter(|job| has_turn(job)) {
             job.want(networks, &mut windows)?;
         }
@@ -218,7 +217,7 @@ impl VerMo {
             let progress = match (is_finite(&output), is_last) {
                 (false, _) => Progress::Failed(EngineError::Network {
                     file: DECODER_FILE,
-                    problem: "numbers that are not finite".to_owned(),
+                    problem: "values that are not finite".to_owned(),
                 }),
                 (true, true) => Progress::Done(output),
                 (true, false) => Progress::Part(output),
@@ -318,7 +317,7 @@ fn is_finite(output: &Output) -> bool {
     }
 }
 
-/// Networks, and the time that they took since it was last asked for.
+/// Networks that measure their own time since the last [`Timed::take`].
 struct Timed {
     inner: Box<dyn Networks>,
     took: [(&'static str, Duration); 4],
@@ -337,7 +336,7 @@ impl Timed {
         self.took.iter().map(|(_, took)| *took).sum()
     }
 
-    /// The times of networks that ran.
+    /// The times of the networks that ran since the last call, by name.
     fn take(&mut self) -> Vec<(&'static str, Duration)> {
         let ran = self
             .took

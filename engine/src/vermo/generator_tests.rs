@@ -23,7 +23,7 @@ pub(super) fn id(request: u64) -> JobId {
     }
 }
 
-/// What a job gave: its parts, and how it ended.
+/// The outputs of a job: its parts, and how it ended.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub(super) struct Given {
     parts: Vec<Output>,
@@ -32,7 +32,7 @@ pub(super) struct Given {
 }
 
 impl Given {
-    /// All parts together.
+    /// All parts joined.
     fn whole(&self) -> Output {
         let mut parts = self.parts.iter().cloned();
         let mut whole = parts.next().unwrap();
@@ -58,7 +58,7 @@ pub(super) fn run(
         vermo
             .step(&mut |id, progress| {
                 let given = given.entry(id.request).or_default();
-                assert!(!given.is_done && given.failed.is_none(), "it is over");
+                assert!(!given.is_done && given.failed.is_none(), "the job has ended");
                 match progress {
                     Progress::Part(part) => given.parts.push(part),
                     Progress::Done(part) => {
@@ -89,14 +89,14 @@ pub(super) fn prompt(text: &str, frames: Option<usize>) -> PromptTask {
     }
 }
 
-/// Frames of a walk on a curve, from a place of its own.
+/// Frames of a walk on a curve that begins at `x`.
 pub(super) fn keys(codes: &[u32], x: f32) -> Vec<KeyTensors> {
     let mut frames = toy(&pack()).decoded(codes);
     frames.root.chunks_exact_mut(5).for_each(|root| root[0] += x);
     frames.keys(2).collect()
 }
 
-/// The longest step of a motion on the ground, metres.
+/// The longest distance between neighbouring frames on the ground, metres.
 fn longest_step(motion: &Motion) -> f32 {
     let roots: Vec<&[f32]> = motion.root.chunks_exact(5).collect();
     let steps = roots
@@ -106,7 +106,7 @@ fn longest_step(motion: &Motion) -> f32 {
 }
 
 #[test]
-fn words_become_as_many_frames_as_are_asked_for_in_parts() {
+fn a_text_becomes_the_requested_number_of_frames_in_parts() {
     let given = alone(prompt("Walk!", Some(62)));
     let motion = given.motion();
     assert_eq!((motion.frames(), motion.contacts.len()), (62, 62));
@@ -117,7 +117,8 @@ fn words_become_as_many_frames_as_are_asked_for_in_parts() {
         .collect();
     assert_eq!(lengths, [16, 32, 14]);
     assert!(longest_step(&motion) < 0.09);
-    // All at once, the frames are the same but for rounding: the toy's windows know of no others.
+    // Decoded at once, the frames are the same except for rounding: windows of the toy do not
+    // depend on each other.
     let whole = alone(PromptTask {
         in_parts: false,
         ..prompt("walk", Some(62))
@@ -132,7 +133,7 @@ fn words_become_as_many_frames_as_are_asked_for_in_parts() {
 }
 
 #[test]
-fn a_motion_longer_than_a_reply_goes_on_without_a_jump() {
+fn a_motion_longer_than_a_reply_continues_without_a_jump() {
     let given = alone(prompt("walk", Some(150)));
     let motion = given.motion();
     assert_eq!(motion.frames(), 150);
@@ -141,12 +142,12 @@ fn a_motion_longer_than_a_reply_goes_on_without_a_jump() {
     assert_eq!(
         shortest.motion().frames(),
         65,
-        "the second reply is no shorter than a reply may be"
+        "the second reply has the fewest tokens or more"
     );
 }
 
 #[test]
-fn a_past_is_told_and_gone_on_from() {
+fn a_motion_continues_from_its_context() {
     let context = keys(&[4, 4, 4, 4, 4], 2.0);
     let last = context.last().unwrap().global_root.unwrap();
     let with_past = PromptTask {
@@ -155,8 +156,8 @@ fn a_past_is_told_and_gone_on_from() {
     };
     let motion = alone(with_past.clone()).motion();
     let step = (motion.root[0] - last[0]).hypot(motion.root[2] - last[2]);
-    assert!(step < 0.1, "{step} m behind the last frame");
-    // Another past gives another motion; words may be left out.
+    assert!(step < 0.1, "{step} m from the last frame");
+    // Another past gives another motion. A prompt may have no words.
     let other = PromptTask {
         context: keys(&[1, 1, 1, 1], 2.0),
         text: String::new(),
@@ -166,7 +167,7 @@ fn a_past_is_told_and_gone_on_from() {
 }
 
 #[test]
-fn a_gap_is_filled_to_the_frames_behind_it() {
+fn a_gap_is_filled_up_to_the_frames_behind_it() {
     let mut targets = keys(&[2, 2], 0.0);
     for key in &mut targets {
         let root = key.global_root.as_mut().unwrap();
@@ -191,7 +192,7 @@ fn a_gap_is_filled_to_the_frames_behind_it() {
 }
 
 #[test]
-fn the_flow_decoder_takes_its_steps_and_gives_all_at_once() {
+fn the_flow_decoder_takes_its_steps_and_gives_all_frames_at_once() {
     let task = PromptTask {
         flow_steps: 3,
         ..prompt("walk", Some(20))
@@ -204,7 +205,7 @@ fn the_flow_decoder_takes_its_steps_and_gives_all_at_once() {
             .root
             .chunks_exact(5)
             .all(|root| (root[1] - 1.0).abs() < 1e-5),
-        "the state has gone all the way"
+        "the state has reached its end"
     );
     let mut vermo = vermo(4);
     for request in 0..3 {
@@ -252,7 +253,7 @@ fn several_characters_have_a_motion_each() {
 }
 
 #[test]
-fn a_motion_is_put_into_words_and_audio() {
+fn a_motion_is_described_in_words_and_audio() {
     let task = DescribeTask {
         frames: keys(&[1, 2, 3], 0.0),
         ..DescribeTask::default()
@@ -262,7 +263,7 @@ fn a_motion_is_put_into_words_and_audio() {
         panic!("{given:?}");
     };
     assert!(given.is_done && !text.is_empty());
-    assert!(given.parts.len() > 2, "words leave one by one");
+    assert!(given.parts.len() > 2, "words are given one by one");
     let given = alone(Task::Describe(DescribeTask {
         into: Telling::Audio(Sound::Music),
         ..task
@@ -274,7 +275,7 @@ fn a_motion_is_put_into_words_and_audio() {
 }
 
 #[test]
-fn audio_is_danced_to() {
+fn a_dance_follows_audio() {
     let task = PromptTask {
         audio: Some(Audio {
             sound: Sound::Music,
@@ -285,7 +286,7 @@ fn audio_is_danced_to() {
     assert_eq!(alone(task).motion().frames(), 16);
 }
 
-/// One task of many kinds.
+/// A task of one of many kinds, chosen by the seed.
 fn any_task(seed: u64) -> Task {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let sampling = SamplingTask {
@@ -323,7 +324,7 @@ fn any_task(seed: u64) -> Task {
 }
 
 #[test]
-fn jobs_join_and_leave_and_give_what_they_give_alone() {
+fn jobs_that_join_and_leave_have_the_same_results_as_alone() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     for mix in 0..10 {
         let mut vermo = vermo(64);
@@ -344,7 +345,7 @@ fn jobs_join_and_leave_and_give_what_they_give_alone() {
 }
 
 #[test]
-fn it_is_full_when_it_says_so_and_what_is_cancelled_makes_room() {
+fn a_full_generator_says_so_and_cancelling_makes_room() {
     let mut vermo = vermo(40);
     assert_eq!(vermo.free(), 40);
     for request in 0..40 {
@@ -370,7 +371,7 @@ fn it_is_full_when_it_says_so_and_what_is_cancelled_makes_room() {
 }
 
 #[test]
-fn a_trial_runs_and_leaves_nothing_behind() {
+fn a_trial_leaves_no_jobs_behind() {
     let mut vermo = vermo(40);
     vermo.warm_up().unwrap();
     assert_eq!(vermo.trial().unwrap().rows, 8);

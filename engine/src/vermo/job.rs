@@ -1,4 +1,4 @@
-//! One job on its way: what it says, and what became of its tokens.
+//! One job: its message, and the output of its tokens.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use troupe_motion::Vec3;
 use troupe_motion::model::{DescribeTask, Motion, Output, PromptTask, Rig};
 
 use super::flow::Flow;
-use super::motion::{Body, Frames, Stitcher, first_body};
+use super::motion::{BodyFrame, Frames, Stitcher, first_body};
 use super::network::Networks;
 use super::plan::{Planner, Share, Speech};
 use super::sequences::Prompt;
@@ -17,49 +17,49 @@ use crate::generator::JobId;
 use crate::pack::{FRAMES_PER_TOKEN, LANGUAGE_FILE};
 use crate::random::step64;
 
-/// Tokens on either side of a token that its frames depend on: so many are held back while more may
-/// come.
+/// Frames of a token depend on this number of tokens on either side. So many tokens are held back
+/// while more may follow.
 const HELD_BACK: usize = 2;
-/// Tokens before a window's first that are decoded with it.
+/// Tokens before a window that are decoded together with it.
 const LEAD: usize = 4;
 /// Tokens of the first part of a motion.
 const FIRST_PART: usize = 4;
-/// Tokens of its later parts. Each part decodes tokens of the one before again, so long ones are
-/// cheaper.
+/// Tokens of the later parts of a motion. Each part decodes tokens of the part before again, so
+/// long parts are cheaper.
 const LATER_PART: usize = 8;
-/// What lies between characters that begin without a past, metres.
+/// Distance between characters that begin without a context, metres.
 const SIDE_BY_SIDE_M: f32 = 1.0;
 
-/// What is to become of a job next.
+/// What a job does in its next step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stage {
-    /// Its motion is to be encoded, and its message to be written.
+pub(super) enum Phase {
+    /// It encodes its motion and writes its message.
     Prompt,
-    /// Its reply is being written.
+    /// The model writes its reply.
     Reply,
-    /// Its reply is whole.
+    /// Its reply is complete.
     Whole,
 }
 
-/// A job.
+/// A job in progress.
 #[derive(Debug)]
 pub(super) struct Job {
     pub(super) id: JobId,
-    pub(super) stage: Stage,
+    pub(super) phase: Phase,
     speech: Speech,
     seed: u64,
-    /// Tokens that were drawn in earlier replies.
+    /// Tokens that were drawn in earlier replies of the job.
     drawn: u64,
     reply: Answer,
 }
 
-/// What a reply becomes.
+/// The output that a reply becomes.
 #[derive(Debug)]
 enum Answer {
     Motion(Box<Agents>),
     Text {
         pieces: Vec<u32>,
-        /// Bytes of the text that have left.
+        /// Bytes of the text that were given out.
         sent: usize,
     },
     Audio {
@@ -68,36 +68,36 @@ enum Answer {
     },
 }
 
-/// A motion that is being made.
+/// A motion in progress.
 #[derive(Debug)]
 struct Agents {
     agents: Vec<Agent>,
-    /// The one whose tokens are being written.
+    /// Index of the agent whose tokens the model is writing.
     current: usize,
     in_parts: bool,
     flow_steps: u32,
     seed: u64,
-    /// What is behind the gap: its codes, and its first frame.
-    behind: Option<(Vec<u32>, Body)>,
+    /// The motion behind the gap: its codes, and its first frame.
+    behind: Option<(Vec<u32>, BodyFrame)>,
 }
 
 /// A character of a motion.
 #[derive(Debug)]
 struct Agent {
     stitcher: Stitcher,
-    /// Codes of the motion that was told, and of the reply.
+    /// Codes of the given motion, then those of the reply.
     codes: Vec<u32>,
-    /// How many of them were told.
-    told: usize,
-    /// How many of the reply's have left as frames.
+    /// Number of codes of the given motion.
+    given: usize,
+    /// Number of the reply's codes whose frames were given out.
     sent: usize,
-    /// Frames that are still to be made, where that is fixed.
+    /// Frames that are still to be made, if the task fixes their number.
     left: Option<usize>,
     flow: Option<Flow>,
 }
 
 impl Job {
-    /// A job that makes motion.
+    /// A job that makes motion from a prompt.
     pub(super) fn prompt(
         id: JobId,
         task: &PromptTask,
@@ -112,7 +112,7 @@ impl Job {
             Agent {
                 stitcher: Stitcher::new(rig, past.unwrap_or(&Frames::default()), start, keep),
                 codes: Vec::new(),
-                told: 0,
+                given: 0,
                 sent: 0,
                 left: task.frames,
                 flow: None,
@@ -132,7 +132,7 @@ impl Job {
         };
         Ok(Self {
             id,
-            stage: Stage::Prompt,
+            phase: Phase::Prompt,
             speech,
             seed: task.seed,
             drawn: 0,
@@ -140,7 +140,7 @@ impl Job {
         })
     }
 
-    /// A job that tells of a motion.
+    /// A job that describes a motion.
     pub(super) fn describe(id: JobId, task: &DescribeTask, planner: &Planner) -> Result<Self, EngineError> {
         let speech = planner.describe(task)?;
         let reply = match planner.share(&speech, None)?.rules.kind {
@@ -155,7 +155,7 @@ impl Job {
         };
         Ok(Self {
             id,
-            stage: Stage::Prompt,
+            phase: Phase::Prompt,
             speech,
             seed: task.seed,
             drawn: 0,
@@ -163,7 +163,7 @@ impl Job {
         })
     }
 
-    /// Encodes what its message tells, and writes the message.
+    /// Encodes the motion that the message contains, and writes the message.
     pub(super) fn write_prompt(
         &mut self,
         planner: &Planner,
@@ -175,7 +175,7 @@ impl Job {
         };
         let Share { length, given, rules } = planner.share(&self.speech, frames)?;
         let latest = |codes: Vec<u32>| codes[codes.len().saturating_sub(given)..].to_vec();
-        let told: Vec<Vec<u32>> = (self.speech.given.iter())
+        let encoded: Vec<Vec<u32>> = (self.speech.given.iter())
             .map(|frames| networks.encode(frames).map(latest))
             .collect::<Result<_, _>>()?;
         let behind = self
@@ -184,11 +184,11 @@ impl Job {
             .as_ref()
             .map(|frames| networks.encode(frames))
             .transpose()?;
-        let message = planner.message(&self.speech, &told, behind.as_ref(), length);
+        let message = planner.message(&self.speech, &encoded, behind.as_ref(), length);
         if let Answer::Motion(motion) = &mut self.reply {
-            motion.begin(&told, behind);
+            motion.begin(&encoded, behind);
         }
-        self.stage = Stage::Reply;
+        self.phase = Phase::Reply;
         Ok(Prompt {
             tokens: message.tokens(&planner.vocabulary),
             rules,
@@ -198,16 +198,16 @@ impl Job {
         })
     }
 
-    /// Whether its next step is one of the flow decoder.
+    /// Whether the next step is one of the flow decoder.
     pub(super) fn flows(&self) -> bool {
         match &self.reply {
-            Answer::Motion(motion) => self.stage == Stage::Whole && motion.flow_steps > 0,
+            Answer::Motion(motion) => self.phase == Phase::Whole && motion.flow_steps > 0,
             Answer::Text { .. } | Answer::Audio { .. } => false,
         }
     }
 
-    /// Takes a token of the reply.
-    pub(super) fn hear(&mut self, planner: &Planner, token: u32) {
+    /// Takes one token of the reply.
+    pub(super) fn receive(&mut self, planner: &Planner, token: u32) {
         self.drawn += 1;
         let code = |kind| planner.vocabulary.code(kind, token);
         match &mut self.reply {
@@ -223,14 +223,14 @@ impl Job {
         }
     }
 
-    /// Adds what is to be decoded for the frames that it has to give now. A job of the flow decoder
-    /// takes a step of it.
+    /// Adds the windows that must be decoded for the frames that can be given out now. A job of the
+    /// flow decoder takes one step of it instead.
     pub(super) fn want(
         &mut self,
         networks: &mut dyn Networks,
         windows: &mut Windows,
     ) -> Result<(), EngineError> {
-        let is_whole = self.stage == Stage::Whole;
+        let is_whole = self.phase == Phase::Whole;
         let Answer::Motion(motion) = &mut self.reply else {
             return Ok(());
         };
@@ -242,10 +242,10 @@ impl Job {
         }
     }
 
-    /// What it has to give now, of windows that are decoded; `Whole` says whether that is the last.
-    /// A motion that is to go on writes another message after it.
+    /// The output that is ready, from decoded windows; [`Taken::Last`] is the last one. A motion
+    /// that continues writes another message afterwards.
     pub(super) fn take(&mut self, planner: &Planner, windows: &mut Windows) -> Result<Taken, EngineError> {
-        let is_whole = self.stage == Stage::Whole;
+        let is_whole = self.phase == Phase::Whole;
         match &mut self.reply {
             Answer::Text { pieces, sent } => {
                 let problem = |problem| EngineError::Network {
@@ -253,7 +253,7 @@ impl Job {
                     problem,
                 };
                 let text = planner.lexicon.text(pieces).map_err(problem)?;
-                // A piece may end inside a character.
+                // A text piece may end inside a character.
                 let ready = if is_whole {
                     text.len()
                 } else {
@@ -283,9 +283,9 @@ impl Job {
                 if goes_on {
                     let given = motion.agents.iter().map(|agent| agent.stitcher.past()).collect();
                     self.speech = planner.next(&self.speech, given)?;
-                    // The end was drawn too.
+                    // The token for the end was drawn too.
                     self.drawn += 1;
-                    self.stage = Stage::Prompt;
+                    self.phase = Phase::Prompt;
                 }
                 let is_empty = motions.iter().all(|motion| motion.frames() == 0);
                 Ok(Taken::of(output(motions), is_empty, is_whole && !goes_on))
@@ -294,14 +294,14 @@ impl Job {
     }
 }
 
-/// What a job gives.
+/// Output of a job in one step.
 #[derive(Debug)]
 pub(super) enum Taken {
-    /// Nothing yet.
+    /// No output is ready.
     Nothing,
-    /// More will come.
+    /// More output follows.
     Part(Output),
-    /// It is over.
+    /// The job ends with this output.
     Last(Output),
 }
 
@@ -315,7 +315,7 @@ impl Taken {
     }
 }
 
-/// One character's motion as it is, those of several together.
+/// [`Output::Motion`] for one character, [`Output::Motions`] for several.
 fn output(mut motions: Vec<Motion>) -> Output {
     match motions.len() {
         0 | 1 => Output::Motion(motions.pop().unwrap_or_default()),
@@ -324,12 +324,12 @@ fn output(mut motions: Vec<Motion>) -> Output {
 }
 
 impl Agents {
-    /// A new reply begins, behind motion of these codes.
-    fn begin(&mut self, told: &[Vec<u32>], behind: Option<Vec<u32>>) {
+    /// Begins a new reply, after given motion with these codes.
+    fn begin(&mut self, given: &[Vec<u32>], behind: Option<Vec<u32>>) {
         self.current = 0;
         for (index, agent) in self.agents.iter_mut().enumerate() {
-            agent.codes = told.get(index).cloned().unwrap_or_default();
-            agent.told = agent.codes.len();
+            agent.codes = given.get(index).cloned().unwrap_or_default();
+            agent.given = agent.codes.len();
             agent.sent = 0;
             agent.flow = None;
         }
@@ -338,7 +338,7 @@ impl Agents {
         }
     }
 
-    /// Takes a step of the flow decoder, for the first agent that is not done.
+    /// Takes a step of the flow decoder for the first agent that is not done.
     fn flow(&mut self, networks: &mut dyn Networks) -> Result<(), EngineError> {
         let (seed, steps) = (self.seed, self.flow_steps);
         let behind = self.behind.as_ref().map_or(&[][..], |(codes, _)| codes);
@@ -353,7 +353,7 @@ impl Agents {
         Ok(())
     }
 
-    /// Whether frames may leave now.
+    /// Whether frames can be given out now.
     fn is_ready(&self, is_whole: bool) -> bool {
         let is_made = |agent: &Agent| agent.flow.as_ref().is_some_and(Flow::is_done);
         match (is_whole, self.flow_steps) {
@@ -363,7 +363,7 @@ impl Agents {
         }
     }
 
-    /// Adds the window of each agent whose frames are to leave now.
+    /// Adds the window of each agent that has frames to give out now.
     fn want(&self, id: JobId, is_whole: bool, windows: &mut Windows) {
         if !self.is_ready(is_whole) {
             return;
@@ -376,7 +376,7 @@ impl Agents {
         }
     }
 
-    /// Frames of each agent that are ready.
+    /// The frames of each agent that are ready.
     fn take(&mut self, id: JobId, is_whole: bool, windows: &mut Windows) -> Vec<Motion> {
         let Self {
             agents,
@@ -396,10 +396,10 @@ impl Agents {
 }
 
 impl Agent {
-    /// How many of the reply's tokens may leave now: all but those held back, or all where no more
-    /// will come. None where that is too few for a part.
+    /// How many of the reply's tokens are ready: all except those held back, or all if the reply
+    /// `ends`. None if they are too few for a part.
     fn ready(&self, ends: bool) -> Option<usize> {
-        let written = self.codes.len() - self.told;
+        let written = self.codes.len() - self.given;
         let held_back = if ends { 0 } else { HELD_BACK };
         let least = match (ends, self.sent) {
             (true, _) => 1,
@@ -410,13 +410,13 @@ impl Agent {
         (ready >= self.sent + least).then_some(ready)
     }
 
-    /// The first token that is decoded for the next part.
+    /// Index of the first token that is decoded for the next part.
     fn lead(&self) -> usize {
-        (self.told + self.sent).saturating_sub(LEAD)
+        (self.given + self.sent).saturating_sub(LEAD)
     }
 
-    /// Frames of the tokens that are ready, of their decoded window.
-    fn take(&mut self, ends: bool, window: Option<Frames>, target: Option<&Body>) -> Motion {
+    /// The frames of the tokens that are ready, out of their decoded window.
+    fn take(&mut self, ends: bool, window: Option<Frames>, target: Option<&BodyFrame>) -> Motion {
         let Some(ready) = self.ready(ends) else {
             return Motion::default();
         };
@@ -426,7 +426,7 @@ impl Agent {
             (None, Some(window)) => (self.lead(), window),
             (None, None) => return Motion::default(),
         };
-        let first = (self.told + self.sent - lead) * FRAMES_PER_TOKEN;
+        let first = (self.given + self.sent - lead) * FRAMES_PER_TOKEN;
         let made = (ready - self.sent) * FRAMES_PER_TOKEN;
         let wanted = self.left.map_or(made, |left| left.min(made));
         self.sent = ready;

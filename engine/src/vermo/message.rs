@@ -1,38 +1,38 @@
-//! How a task is written: `<BOS> TASK [<INSTRUCTION> text] [<CONDITION> items] [<LEN_n>] <REPLY>`,
-//! behind which the reply comes.
+//! The tokens of a task: `<BOS> TASK [<INSTRUCTION> text] [<CONDITION> items] [<LEN_n>] <REPLY>`.
+//! The reply follows them.
 
 use super::vocabulary::{AGENT_SEP, BOS, CONDITION, GAP, INSTRUCTION, Kind, REPLY, Vocabulary};
 use crate::pack::MessageTask;
 
-/// What goes before a reply, or is to be told.
+/// The given material of a message: context of a reply, or material to describe.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Condition {
-    /// Nothing.
+    /// No condition.
     #[default]
     None,
     /// Motion codes of each agent.
     Motion(Vec<Vec<u32>>),
-    /// Motion codes of each agent before a gap and behind it.
+    /// Motion codes of each agent, before and behind a gap.
     Gap(Vec<[Vec<u32>; 2]>),
-    /// Audio codes.
+    /// Audio codes of the whole message.
     Audio(Vec<u32>),
 }
 
 /// A message up to its reply.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// What is asked for.
+    /// The task's token follows `<BOS>`.
     pub task: MessageTask,
-    /// Text pieces of each agent's caption; none for no instruction.
+    /// Text pieces of each agent's caption; empty for no instruction.
     pub captions: Vec<Vec<u32>>,
-    /// What goes before.
+    /// Context of the reply.
     pub condition: Condition,
-    /// Tokens of the reply, of each agent, where they are fixed.
+    /// Tokens of each agent's reply, if fixed.
     pub length: Option<usize>,
 }
 
 impl Message {
-    /// What its reply is made of.
+    /// The kind of tokens in the reply.
     pub fn reply_kind(&self) -> Kind {
         match self.task {
             MessageTask::MotionToText => Kind::Text,
@@ -47,7 +47,7 @@ impl Message {
         }
     }
 
-    /// Its tokens.
+    /// The message as tokens, up to `<REPLY>`.
     pub fn tokens(&self, vocabulary: &Vocabulary) -> Vec<u32> {
         let mut tokens = vec![BOS, Vocabulary::task(self.task)];
         if !self.captions.is_empty() {
@@ -77,7 +77,7 @@ impl Message {
     }
 }
 
-/// Writes what each agent has, parted by [`AGENT_SEP`].
+/// Writes the items of all agents, separated by [`AGENT_SEP`].
 fn each_agent<T>(tokens: &mut Vec<u32>, agents: &[T], write: impl Fn(&mut Vec<u32>, &T)) {
     for (index, agent) in agents.iter().enumerate() {
         if index > 0 {

@@ -1,7 +1,7 @@
 //! VerMo: a language model whose vocabulary has text, motion and audio (docs/vermo-pack.md).
 //!
-//! A task is written as a message, and the model writes the reply token by token: [`Sequences`]
-//! keeps many of them going in one call. Motion leaves in parts while its tokens come. The
+//! A task is written as a message, and the model writes the reply token by token. [`Sequences`]
+//! writes many replies in one call. Motion is given out in parts while its tokens are written. The
 //! reference is `training/troupe_training/models/vermo`.
 
 mod arena;

@@ -1,9 +1,8 @@
-//! Frames as the encoder and the decoders read and write them, and how decoded windows become one
+//! The frames that the encoder and the decoders read and write, and how decoded windows become one
 //! motion.
 //!
-//! A decoder gives frames in the frame of its first root. A [`Stitcher`] lays a window onto the
-//! last frame that there is, blends what is left of the difference away, and gives the frames
-//! behind it.
+//! A decoder gives frames relative to its first root. A [`Stitcher`] moves a window so that it
+//! meets the last known frame, blends the remaining difference away, and gives the frames after it.
 
 use std::sync::Arc;
 
@@ -19,7 +18,7 @@ use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 /// Frames over which a seam is blended.
 const SEAM_FRAMES: usize = 8;
 
-/// Frames of one body, as networks have them.
+/// Frames of one character, in the networks' format.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frames {
     /// Pose features, `[frames, joints * 9]`.
@@ -29,17 +28,17 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// How many.
+    /// Number of frames.
     pub fn len(&self) -> usize {
         self.root.len() / GLOBAL_ROOT
     }
 
-    /// Whether there is none.
+    /// Whether there are no frames.
     pub fn is_empty(&self) -> bool {
         self.root.is_empty()
     }
 
-    /// In parts of so many frames.
+    /// Parts of `frames` frames each.
     pub(crate) fn split(&self, frames: usize) -> Vec<Self> {
         let root = self.root.chunks_exact((frames * GLOBAL_ROOT).max(1));
         let pose = self
@@ -53,7 +52,7 @@ impl Frames {
             .collect()
     }
 
-    /// Of keyframes; none where one of them lacks its root, or has no pose of so many joints.
+    /// Frames of keyframes. None if a keyframe lacks its root, or a pose of `joints` joints.
     pub(super) fn of_keys(keys: &[KeyTensors], joints: usize) -> Option<Self> {
         let mut frames = Self::default();
         for key in keys {
@@ -67,7 +66,7 @@ impl Frames {
         Some(frames)
     }
 
-    /// As keyframes, of so many joints.
+    /// The frames as keyframes of `joints` joints.
     pub(super) fn keys(&self, joints: usize) -> impl Iterator<Item = KeyTensors> {
         let poses = self.pose.chunks_exact(joints * FEATURES_PER_JOINT);
         poses
@@ -79,28 +78,28 @@ impl Frames {
             })
     }
 
-    fn body(&self, frame: usize, joints: usize) -> Body {
+    fn body(&self, frame: usize, joints: usize) -> BodyFrame {
         let root = std::array::from_fn(|n| self.root[frame * GLOBAL_ROOT + n]);
         let width = joints * FEATURES_PER_JOINT;
         let mut rotations = vec![Quat::IDENTITY; joints];
         world_rotations_from_features(&self.pose[frame * width..(frame + 1) * width], &mut rotations);
-        Body {
+        BodyFrame {
             root: GlobalRoot::from_array(root),
             rotations,
         }
     }
 }
 
-/// A body in one frame.
+/// The root and pose of a character in one frame.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Body {
+pub(super) struct BodyFrame {
     pub root: GlobalRoot,
     /// World rotations, one a joint.
     pub rotations: Vec<Quat>,
 }
 
-impl Body {
-    /// Turned about its own root.
+impl BodyFrame {
+    /// Turns the character about its own root.
     fn turn(&mut self, angle: f32) {
         let turn = yaw(angle);
         self.root.heading = wrap_angle(self.root.heading + angle);
@@ -120,16 +119,16 @@ impl Body {
     }
 }
 
-/// What is to be added to a body to make another of it.
+/// The difference between two poses of a character.
 struct Difference {
     position: Vec3,
     heading: f32,
-    /// Of each joint, after the turn.
+    /// The rotation of each joint that remains after the turn.
     rotations: Vec<Quat>,
 }
 
 impl Difference {
-    fn between(from: &Body, to: &Body) -> Self {
+    fn between(from: &BodyFrame, to: &BodyFrame) -> Self {
         let mut turned = from.clone();
         let heading = wrap_angle(to.root.heading - from.root.heading);
         turned.turn(heading);
@@ -142,8 +141,9 @@ impl Difference {
         }
     }
 
-    /// Adds shares of it: of place and heading, and of the pose.
-    fn add(&self, body: &mut Body, place: f32, pose: f32) {
+    /// Adds a share of the difference: `place` of position and heading, `pose` of the joints'
+    /// rotations.
+    fn add(&self, body: &mut BodyFrame, place: f32, pose: f32) {
         body.root.position += self.position * place;
         body.turn(self.heading * place);
         for (rotation, difference) in body.rotations.iter_mut().zip(&self.rotations) {
@@ -152,16 +152,16 @@ impl Difference {
     }
 }
 
-/// Moves bodies over the ground.
+/// A movement over the ground that keeps heights.
 #[derive(Debug, Clone, Copy)]
 struct Placement {
-    /// Where the origin comes to lie.
+    /// New position of the origin.
     origin: Vec3,
     turn: f32,
 }
 
 impl Placement {
-    /// Brings the root `from` onto `to`, but for its height.
+    /// The movement that brings the root `from` onto `to`. The height stays.
     fn onto(from: GlobalRoot, to: GlobalRoot) -> Self {
         let turn = wrap_angle(to.heading - from.heading);
         Self {
@@ -170,27 +170,27 @@ impl Placement {
         }
     }
 
-    fn place(&self, body: &mut Body) {
+    fn place(&self, body: &mut BodyFrame) {
         body.root.position = yaw(self.turn) * body.root.position + self.origin;
         body.turn(self.turn);
     }
 }
 
-/// Makes one motion of decoded windows.
+/// Joins decoded windows to one motion.
 #[derive(Debug, Clone)]
 pub(super) struct Stitcher {
     rig: Arc<Rig>,
-    /// Frames that are there, the last ones: those that a next message may be told.
-    past: Vec<Body>,
-    /// Most of them.
+    /// The last known frames: the next message may contain them.
+    past: Vec<BodyFrame>,
+    /// How many frames the next message contains.
     keep: usize,
-    /// Where a motion without a past begins.
+    /// Start of a motion without context, metres.
     start: Vec3,
 }
 
 impl Stitcher {
-    /// Behind the frames of `past`; at `start` where there are none. `keep` is how many frames a
-    /// next message is told.
+    /// A motion that follows the frames of `past`; without any it begins at `start`. `keep` is how
+    /// many frames the next message contains.
     pub(super) fn new(rig: &Arc<Rig>, past: &Frames, start: Vec3, keep: usize) -> Self {
         let joints = rig.dims.joints;
         Self {
@@ -201,7 +201,7 @@ impl Stitcher {
         }
     }
 
-    /// The last frames, as many as a next message is told.
+    /// The last `keep` frames, or fewer if there are fewer.
     pub(super) fn past(&self) -> Frames {
         let mut frames = Frames::default();
         let mut positions = Vec::new();
@@ -223,15 +223,14 @@ impl Stitcher {
         frames
     }
 
-    /// The frames of a window from `first` to before `end`. The one before `first` is laid onto the
-    /// last frame that there is, if there is one; `target`, where it is given, is what frame `end`
-    /// is to be.
+    /// The frames of a window from `first` to before `end`. The frame before `first` is moved onto
+    /// the last known frame, if any. `target`, if given, is the pose that frame `end` must have.
     pub(super) fn join(
         &mut self,
         window: &Frames,
         first: usize,
         end: usize,
-        target: Option<&Body>,
+        target: Option<&BodyFrame>,
     ) -> Motion {
         let joints = self.rig.dims.joints;
         let placement = match (self.past.last(), first.checked_sub(1)) {
@@ -247,7 +246,7 @@ impl Stitcher {
             placement.place(&mut body);
             body
         };
-        let mut bodies: Vec<Body> = (first..end).map(placed).collect();
+        let mut bodies: Vec<BodyFrame> = (first..end).map(placed).collect();
         if let (Some(last), Some(seam)) = (self.past.last(), first.checked_sub(1)) {
             let difference = Difference::between(&placed(seam), last);
             for (index, body) in bodies.iter_mut().enumerate().take(SEAM_FRAMES) {
@@ -267,11 +266,11 @@ impl Stitcher {
         self.write(bodies)
     }
 
-    /// The motion of bodies, which are the last frames from now on.
-    fn write(&mut self, bodies: Vec<Body>) -> Motion {
+    /// Writes these frames as motion. They become the last known frames.
+    fn write(&mut self, bodies: Vec<BodyFrame>) -> Motion {
         let mut motion = Motion::default();
         let skeleton = &self.rig.skeleton;
-        // Speeds count from the frame before.
+        // Speeds are differences from the frame before.
         let before = self.past.last().cloned();
         let mut world = WorldMotion {
             joints: self.rig.dims.joints,
@@ -301,7 +300,7 @@ impl Stitcher {
     }
 }
 
-/// The body of a keyframe's first frame.
-pub(super) fn first_body(frames: &Frames, joints: usize) -> Option<Body> {
+/// The first of the frames; none if there are no frames.
+pub(super) fn first_body(frames: &Frames, joints: usize) -> Option<BodyFrame> {
     (!frames.is_empty()).then(|| frames.body(0, joints))
 }

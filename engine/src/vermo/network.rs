@@ -1,14 +1,14 @@
-//! The networks of a pack.
+//! The interface to the networks of a pack.
 
 use super::motion::Frames;
 use crate::EngineError;
 
-/// Inputs of one call of the language model, as docs/vermo-pack.md names them.
+/// Inputs of one call of the language model, with the names of docs/vermo-pack.md.
 #[derive(Debug, Clone, Copy)]
 pub struct LanguageCall<'a> {
-    /// Sequences S.
+    /// Number of sequences S.
     pub sequences: usize,
-    /// Columns L.
+    /// Columns L that the call reads.
     pub columns: usize,
     /// Columns C of the cache.
     pub cached: usize,
@@ -22,7 +22,7 @@ pub struct LanguageCall<'a> {
     pub cache: &'a [f32],
 }
 
-/// What a call gives. Its buffers are used again.
+/// Outputs of a call. The buffers are reused.
 #[derive(Debug, Default)]
 pub struct LanguageAnswer {
     /// `[S, V]`.
@@ -38,43 +38,43 @@ pub struct FlowCall<'a> {
     pub codes: &'a [u32],
     /// `[4 T, D]`.
     pub state: &'a [f32],
-    /// From 0 to 1.
+    /// Time of the state, from 0 to 1.
     pub time: f32,
-    /// Length of the step.
+    /// Length of the step, in the same unit.
     pub delta: f32,
 }
 
 /// Runs the networks of one pack.
 ///
-/// A sequence's answer, and a window's, must not depend on the others of a call, nor on its place
+/// The answer for a sequence or a window must not depend on the others of a call or on its index
 /// among them, to the last bit.
 pub trait Networks: Send {
-    /// Logits after the last tokens, and their columns for the cache. Both have the right length
-    /// when it is called.
+    /// Writes the logits after the last tokens and the tokens' columns for the cache into `answer`,
+    /// whose buffers already have the right length.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine fails; the whole call fails with it.
+    /// [`EngineError`] if the engine fails; the whole call fails with it.
     fn language(&mut self, call: &LanguageCall<'_>, answer: &mut LanguageAnswer) -> Result<(), EngineError>;
 
-    /// Motion codes of frames, whose number is a multiple of four.
+    /// Motion codes of frames. The number of frames must be a multiple of four.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine fails, or gives codes that the pack does not have.
+    /// [`EngineError`] if the engine fails, or gives codes that the pack does not have.
     fn encode(&mut self, frames: &Frames) -> Result<Vec<u32>, EngineError>;
 
-    /// Frames of each of some windows of motion codes, in the frame of its first root. All windows
-    /// are of one length.
+    /// Frames of several windows of motion codes, each relative to its first root. All windows have
+    /// one length.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine fails.
+    /// [`EngineError`] if the engine fails.
     fn decode(&mut self, windows: &[&[u32]]) -> Result<Vec<Frames>, EngineError>;
 
-    /// Numbers D of a frame in the flow decoder's state; none for a pack without one.
+    /// Numbers D of a frame in the flow decoder's state; none for a pack without flow decoder.
     fn flow_width(&self) -> Option<usize>;
 
-    /// The next state and its frames.
+    /// The next state of the flow decoder, and its frames.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine fails, or the pack has no flow decoder.
+    /// [`EngineError`] if the engine fails, or the pack has no flow decoder.
     fn flow(&mut self, call: &FlowCall<'_>) -> Result<(Vec<f32>, Frames), EngineError>;
 }

@@ -1,5 +1,5 @@
-//! From a task to messages: which task of the pack it is, what it may hold, and how long each reply
-//! is to be.
+//! From a task to messages: chooses the pack's task, checks the values, and fixes the length of
+//! each reply.
 
 use std::sync::Arc;
 
@@ -16,10 +16,10 @@ use super::{Condition, Message};
 use crate::EngineError;
 use crate::pack::{Lexicon, MAX_FLOW_STEPS, MAX_REPETITION, MAX_TEMPERATURE, MessageTask, Pack, VerMoDoc};
 
-/// Most frames of a task.
+/// Most frames of a motion that a task may ask for.
 const MAX_FRAMES: usize = 4096;
 
-/// What a pack takes.
+/// Knows what a pack accepts, and plans messages for it.
 #[derive(Debug, Clone)]
 pub(super) struct Planner {
     pub(super) table: VerMoDoc,
@@ -28,44 +28,46 @@ pub(super) struct Planner {
     pub(super) vocabulary: Vocabulary,
 }
 
-/// What a job is to say, once its motion is encoded.
+/// The contents of a job's messages, before its motion is encoded.
 #[derive(Debug, Clone)]
 pub(super) struct Speech {
     pub(super) task: MessageTask,
-    /// Text pieces of each agent's caption; none for no instruction.
+    /// Text pieces of each agent's caption; empty for no instruction.
     pub(super) captions: Vec<Vec<u32>>,
-    /// Frames of each agent that are told, whole tokens; none for none.
+    /// Frames of each agent that precede the reply or are described, in whole tokens; empty for
+    /// none.
     pub(super) given: Vec<Frames>,
-    /// Frames behind the gap, whole tokens.
+    /// Frames behind the gap, in whole tokens.
     pub(super) behind: Option<Frames>,
     pub(super) audio: Option<Audio>,
     pub(super) agents: usize,
     pub(super) sampling: Sampling,
 }
 
-/// Tokens of the next reply.
+/// How the tokens of the next message and reply are shared out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Share {
-    /// Where they are fixed.
+    /// Tokens of the reply, if fixed.
     pub(super) length: Option<usize>,
-    /// Tokens of each agent's motion that are told.
+    /// Tokens of each agent's given motion that the message contains.
     pub(super) given: usize,
     pub(super) rules: Rules,
 }
 
-/// Checks whether a pack takes a task, before it is admitted to a generator of the pack.
+/// Checks whether a pack accepts a task, before a generator of the pack admits it.
 ///
 /// # Errors
-/// [`EngineError::Task`], which names the task's field and what it may hold.
+/// [`EngineError::Task`], which names the task's field and the allowed values.
 pub fn check(pack: &Pack, task: &Task) -> Result<(), EngineError> {
     Planner::new(pack)?.check(task)
 }
 
 impl Planner {
-    /// Of a pack.
+    /// The planner of a pack.
     ///
     /// # Errors
-    /// [`EngineError::WrongTask`] where the pack is of another family, or its files were not read.
+    /// [`EngineError::WrongTask`] if the pack belongs to another family, or its files were not
+    /// read.
     pub(super) fn new(pack: &Pack) -> Result<Self, EngineError> {
         let table = pack.manifest.vermo.clone().ok_or(EngineError::WrongTask)?;
         Ok(Self {
@@ -76,7 +78,7 @@ impl Planner {
         })
     }
 
-    /// Checks a task of a kind that the family has.
+    /// Checks a task of one of the family's kinds.
     fn check(&self, task: &Task) -> Result<(), EngineError> {
         match task {
             Task::Prompt(task) => self.prompt(task).map(|_| ()),
@@ -85,7 +87,7 @@ impl Planner {
         }
     }
 
-    /// Checks words to act out.
+    /// Checks a prompt.
     pub(super) fn prompt(&self, task: &PromptTask) -> Result<Speech, EngineError> {
         let agents = 1 + task.others.len();
         in_range("others", agents - 1, 0, self.table.max_agents - 1)?;
@@ -110,7 +112,7 @@ impl Planner {
             agents,
             sampling: self.sampling(&task.sampling)?,
         };
-        // What cannot be made to its end is refused now.
+        // A task that could not be finished is refused before it starts.
         let Share { length, .. } = self.share(&speech, task.frames)?;
         let made = length.map_or(usize::MAX, |tokens| tokens * self.dims.frames_per_token);
         if task.frames.is_some_and(|frames| frames > made) {
@@ -119,7 +121,7 @@ impl Planner {
         Ok(speech)
     }
 
-    /// Checks a motion to put into words.
+    /// Checks a motion to describe.
     pub(super) fn describe(&self, task: &DescribeTask) -> Result<Speech, EngineError> {
         let agents = 1 + task.others.len();
         in_range("others", agents - 1, 0, self.table.max_agents - 1)?;
@@ -183,11 +185,11 @@ impl Planner {
         }
     }
 
-    /// How long the next reply is to be, with so many tokens of motion to tell and so many frames
-    /// left to make.
+    /// Shares out the tokens of the next message and reply, if `frames` frames of motion are still
+    /// to be made.
     ///
     /// # Errors
-    /// [`EngineError::Task`] where the message is too long for a reply.
+    /// [`EngineError::Task`] if the message leaves no room for a reply.
     pub(super) fn share(&self, speech: &Speech, frames: Option<usize>) -> Result<Share, EngineError> {
         let Dims {
             min_tokens,
@@ -203,7 +205,7 @@ impl Planner {
             None,
             frames.map(|_| 1),
         );
-        // With the mark of the gap.
+        // The token for the gap counts too.
         let behind = speech
             .behind
             .as_ref()
@@ -218,10 +220,7 @@ impl Planner {
             .map_or(0, |frames| frames.len() / frames_per_token);
         let kind = bare.reply_kind();
         let too_long = |room: usize| {
-            let allowed = format!(
-                "such that message and reply have {} tokens at most",
-                self.table.positions
-            );
+            let allowed = format!("at most {} tokens of message and reply", self.table.positions);
             wrong(
                 "message",
                 format!("too long, with room for {room} tokens"),
@@ -247,26 +246,26 @@ impl Planner {
         }
         let wanted = frames.map(|frames| frames.div_ceil(frames_per_token).max(min_tokens));
         let each = ((room + 1) / agents).saturating_sub(1);
-        // What is told gives way to what is to be made, down to the pack's context.
-        let told = given
+        // Given motion yields to the motion to be made, down to the pack's context.
+        let kept = given
             .min(max_tokens)
             .min(each.saturating_sub(wanted.unwrap_or(max_tokens).min(max_tokens)))
             .max(given.min(context_frames / frames_per_token));
-        let most = each.saturating_sub(told).min(max_tokens);
+        let most = each.saturating_sub(kept).min(max_tokens);
         let in_one = speech.audio.is_some() || speech.behind.is_some();
         if most < min_tokens || in_one && wanted.is_some_and(|wanted| wanted > most) {
             return Err(too_long(most));
         }
         let length = wanted.map(|wanted| match wanted.checked_sub(most) {
             None | Some(0) => wanted,
-            // The last part is not to be shorter than a reply may be.
+            // The last reply must not have fewer tokens than a reply may have.
             Some(rest) => most
                 .saturating_sub(min_tokens.saturating_sub(rest))
                 .max(min_tokens),
         });
         Ok(Share {
             length,
-            given: told,
+            given: kept,
             rules: Rules {
                 kind,
                 agents,
@@ -276,7 +275,7 @@ impl Planner {
         })
     }
 
-    /// The speech with which a motion goes on.
+    /// The speech that continues a motion.
     pub(super) fn next(&self, speech: &Speech, given: Vec<Frames>) -> Result<Speech, EngineError> {
         let wanted = continuing(!speech.captions.is_empty());
         Ok(Speech {
@@ -294,7 +293,7 @@ impl Planner {
         }
     }
 
-    /// Text pieces of each agent's caption; none where no agent has any.
+    /// Text pieces of each agent's caption; empty if no agent has text.
     fn captions<'a>(&self, texts: impl Iterator<Item = &'a String>) -> Result<Vec<Vec<u32>>, EngineError> {
         let most = self.table.max_prompt_pieces;
         let pieces = |text: &String| {
@@ -323,12 +322,13 @@ impl Planner {
         let is_told = captions.iter().filter(|caption| !caption.is_empty()).count();
         match is_told {
             0 => Ok(Vec::new()),
-            told if told == captions.len() => Ok(captions),
+            count if count == captions.len() => Ok(captions),
             _ => Err(wrong("text", "empty", "text for each character, or for none")),
         }
     }
 
-    /// The frames before, of each agent: whole tokens, the latest, as many as a message may have.
+    /// The latest frames before the motion, of each agent, in whole tokens: as many as a message
+    /// may have.
     fn given<'a>(
         &self,
         contexts: impl Iterator<Item = &'a Vec<KeyTensors>>,
@@ -340,7 +340,11 @@ impl Planner {
         for keys in contexts {
             let count = keys.len();
             if *first.get_or_insert(count) != count {
-                return Err(wrong("context", count, "as many frames for each character"));
+                return Err(wrong(
+                    "context",
+                    count,
+                    "the same number of frames for each character",
+                ));
             }
             if count == 0 {
                 continue;
@@ -352,7 +356,7 @@ impl Planner {
         Ok(given)
     }
 
-    /// The frames behind a gap, and whether the gap is one that can be filled.
+    /// The frames behind a gap. Fails if the gap cannot be filled.
     fn behind(&self, task: &PromptTask) -> Result<Option<Frames>, EngineError> {
         let unit = self.dims.frames_per_token;
         let count = task.targets.len();
@@ -402,7 +406,7 @@ impl Planner {
         Frames::of_keys(keys, self.dims.joints).ok_or_else(wanted)
     }
 
-    /// The first of these tasks that the pack has.
+    /// The first of these tasks that the pack was trained for.
     fn choose(&self, wanted: &[MessageTask]) -> Result<MessageTask, EngineError> {
         let known = &self.table.tasks;
         let found = wanted.iter().find(|task| known.contains(task));

@@ -7,7 +7,7 @@ use crate::EngineError;
 use crate::generator::Generator;
 
 #[test]
-fn tasks_out_of_range_fail_alone_and_say_why() {
+fn tasks_out_of_range_fail_alone_with_a_reason() {
     let good = prompt("walk", Some(16));
     let context = keys(&[1, 1, 1, 1], 0.0);
     let with = |change: fn(&mut PromptTask)| {
@@ -93,7 +93,7 @@ fn tasks_out_of_range_fail_alone_and_say_why() {
                 }),
                 ..prompt("", None)
             },
-            "message is too long, with room for 0 tokens; allowed: such that message and reply have 80 tokens at most",
+            "message is too long, with room for 0 tokens; allowed: at most 80 tokens of message and reply",
         ),
     ];
     let mut vermo = vermo(4);

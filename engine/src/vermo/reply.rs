@@ -1,49 +1,49 @@
-//! What a reply may hold next: its own kind of code, and the marks that part or end it.
+//! The rules of a reply: codes of its own kind, and the special tokens that separate or end them.
 
 use std::ops::Range;
 
 use super::vocabulary::{AGENT_SEP, EOS, Kind, Vocabulary};
 
-/// What a reply may hold.
+/// Which codes a reply has, and how many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rules {
-    /// What it is made of.
+    /// Kind of the reply's codes.
     pub kind: Kind,
-    /// Agents whose parts it has.
+    /// Number of agents; their parts follow each other.
     pub agents: usize,
-    /// Fewest codes of an agent.
+    /// Fewest codes of an agent's part.
     pub least: usize,
-    /// Most codes of an agent.
+    /// Most codes of an agent's part.
     pub most: usize,
 }
 
-/// The tokens that may come next.
+/// The tokens that may follow.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Allowed {
-    /// Codes.
+    /// Ids of codes.
     pub codes: Range<u32>,
-    /// A mark.
+    /// Id of a special token that separates or ends parts.
     pub mark: Option<u32>,
 }
 
 impl Allowed {
-    /// The ids, in rising order.
+    /// The ids of all tokens that may follow, in rising order.
     pub fn ids(&self) -> impl Iterator<Item = u32> + use<> {
-        // Marks come before all codes in a vocabulary.
+        // Special tokens precede all codes in a vocabulary.
         self.mark.into_iter().chain(self.codes.clone())
     }
 }
 
-/// A reply as far as it goes.
+/// A reply in progress.
 #[derive(Debug, Clone)]
 pub struct Reply {
     rules: Rules,
     codes: Range<u32>,
-    /// All tokens of it, marks included.
+    /// All tokens of the reply so far, special ones included.
     tokens: Vec<u32>,
-    /// Agents that are done.
+    /// Number of agents whose parts are complete.
     done: usize,
-    /// Codes of the agent that is being written.
+    /// Codes of the current agent's part.
     written: usize,
 }
 
@@ -59,7 +59,7 @@ impl Reply {
         }
     }
 
-    /// What may come next.
+    /// The tokens that may follow.
     pub fn allowed(&self) -> Allowed {
         let Rules {
             agents, least, most, ..
@@ -75,7 +75,7 @@ impl Reply {
         }
     }
 
-    /// Takes the next token. Says whether the reply is whole.
+    /// Appends a token. Returns whether the reply is complete.
     pub fn push(&mut self, token: u32) -> bool {
         self.tokens.push(token);
         match token {
@@ -89,13 +89,13 @@ impl Reply {
         token == EOS
     }
 
-    /// Whether nothing but the end may come next: there is no need to ask the network.
+    /// Whether only the end may follow: then the network does not run.
     pub fn must_end(&self) -> bool {
         let Allowed { codes, mark } = self.allowed();
         codes.is_empty() && mark == Some(EOS)
     }
 
-    /// Its tokens, marks included.
+    /// All tokens of the reply so far, special ones included.
     pub fn tokens(&self) -> &[u32] {
         &self.tokens
     }

@@ -1,40 +1,39 @@
-//! The choice of a token. It depends on logits, seed and the token's place in the reply alone,
-//! never on other sequences.
+//! Chooses tokens. A choice depends on logits, seed and the token's index in the reply alone, never
+//! on other sequences.
 
 use std::cmp::Ordering;
 
 use super::reply::Allowed;
 use crate::random::step64;
 
-/// Tokens that repetition looks back at.
+/// Number of latest tokens that the penalty for repetition looks at.
 const RECENT: usize = 8;
-/// Candidates that are sorted before more are looked at.
+/// Number of candidates that are sorted at a time.
 const SORTED_AT_ONCE: usize = 64;
 
 /// How tokens are chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sampling {
-    /// 0 for the most likely token, above 0 to sample.
+    /// 0 takes the likeliest token, above 0 samples.
     pub temperature: f32,
-    /// How many of the likeliest may be chosen; 0 for all.
+    /// Only the `top_k` likeliest tokens may be chosen; 0 allows all.
     pub top_k: usize,
-    /// The likeliest that may be chosen are together at least so likely; 1 for all.
+    /// Only the likeliest tokens, up to this sum of probabilities, may be chosen; 1 allows all.
     pub top_p: f32,
-    /// What logits of codes among the last tokens are weakened by; 1 for nothing.
+    /// Divisor of the logits of codes among the latest tokens; 1 changes nothing.
     pub repetition: f32,
 }
 
-/// Chooses tokens; keeps its memory between choices.
+/// Chooses tokens. It reuses its memory between choices.
 #[derive(Debug, Default)]
 pub(super) struct Sampler {
-    /// Logit and id of what may be chosen.
+    /// Logit and id of the tokens that may be chosen.
     candidates: Vec<(f32, u32)>,
 }
 
 impl Sampler {
-    /// The next token of a reply whose tokens so far are `reply`, from the logits of the whole
-    /// vocabulary. `index` is its place among all tokens that are drawn with the seed. None where a
-    /// logit is not finite, or nothing is allowed.
+    /// The next token after `reply`, from the logits of the whole vocabulary. `index` counts all
+    /// tokens that were drawn with the seed. None if a logit is not finite, or no token is allowed.
     pub(super) fn choose(
         &mut self,
         logits: &[f32],
@@ -66,7 +65,7 @@ impl Sampler {
         }
     }
 
-    /// The largest logit, the first of equals.
+    /// Id of the largest logit, the first of equal ones.
     fn likeliest(&self) -> Option<u32> {
         let mut best = *self.candidates.first()?;
         for &candidate in &self.candidates {
@@ -77,7 +76,7 @@ impl Sampler {
         Some(best.1)
     }
 
-    /// Cuts to the likeliest by number, then by probability, and draws at `unit` in [0, 1).
+    /// Restricts the candidates to `top_k`, then to `top_p`, and draws one at `unit` in [0, 1).
     fn draw(&mut self, sampling: &Sampling, unit: f64) -> Option<u32> {
         let candidates = &mut self.candidates;
         if (1..candidates.len()).contains(&sampling.top_k) {
@@ -95,10 +94,10 @@ impl Sampler {
         Some(self.candidates.get(last)?.1)
     }
 
-    /// Goes through the candidates, the likeliest first, until their weights are together `wanted`.
-    /// Gives the index of the last one, behind which nothing is in order, and the sum.
+    /// Sums the candidates' weights, the likeliest first, until the sum is `wanted`. Returns the
+    /// index of the last candidate and the sum. Candidates behind that index are not sorted.
     ///
-    /// A few are nearly all of it, so that no more than those are sorted.
+    /// A few candidates usually have almost the whole sum, so only a few are sorted.
     fn likeliest_until(&mut self, wanted: f64, weight: impl Fn(f32) -> f64) -> (usize, f64) {
         let candidates = &mut self.candidates;
         let mut sum = 0.0;
@@ -122,7 +121,7 @@ impl Sampler {
     }
 }
 
-/// Descending by logit; ids part equals, so that the order is always the same.
+/// Descending by logit. Ids decide between equal logits, so that the order is always the same.
 fn by_likelihood(a: &(f32, u32), b: &(f32, u32)) -> Ordering {
     b.0.total_cmp(&a.0).then(a.1.cmp(&b.1))
 }
@@ -134,7 +133,7 @@ fn weakened(logit: f32, repetition: f32) -> f32 {
     }
 }
 
-/// A number in [0, 1) of seed and index: 53 bits of splitmix64's finaliser, twice.
+/// A number in [0, 1) from seed and index: 53 bits of splitmix64's finaliser, applied twice.
 fn unit(seed: u64, index: u64) -> f64 {
     let bits = step64(step64(seed, 0), index);
     (bits >> 11) as f64 / (1_u64 << 53) as f64

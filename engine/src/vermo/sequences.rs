@@ -1,8 +1,8 @@
 //! Continuous batching: sequences join and leave between tokens, and no call waits for the longest
 //! of them.
 //!
-//! A sequence is read as a whole when it joins (prefill); then each step gives it one token more,
-//! in one call for all sequences. The one that ends leaves its slot of the cache to one that waits.
+//! A new sequence is read as a whole (prefill). Then each step gives it one more token, in one call
+//! for all sequences. A sequence that ends leaves its slot of the cache to one that waits.
 
 use std::collections::VecDeque;
 
@@ -14,58 +14,58 @@ use super::vocabulary::{PAD, Vocabulary};
 use crate::EngineError;
 use crate::generator::JobId;
 
-/// Prefill reads a multiple of so many columns: few shapes, and a length that depends on the
-/// sequence alone.
+/// Prefill reads a multiple of this number of columns. So the engine sees few shapes, and the
+/// number depends on the sequence alone.
 const PREFILL_UNIT: usize = 16;
 /// Most sequences of one prefill.
 const PREFILL_ROWS: usize = 8;
-/// Fewest rows of a call. One row alone would take other kernels, which round in another way.
+/// Fewest rows of a call. One row alone would run other kernels, which round differently.
 const LEAST_ROWS: usize = 2;
 
-/// A message whose reply is to be written.
+/// A message that needs a reply.
 #[derive(Debug, Clone)]
 pub struct Prompt {
-    /// Its tokens up to the reply.
+    /// The message's tokens, up to `<REPLY>`.
     pub tokens: Vec<u32>,
-    /// What the reply may hold.
+    /// Which tokens the reply may have.
     pub rules: Rules,
-    /// How tokens are chosen.
+    /// How the reply's tokens are chosen.
     pub sampling: Sampling,
-    /// Seed of the choices.
+    /// Seed of the choices, from the task.
     pub seed: u64,
-    /// Tokens that were drawn with the seed before.
+    /// Tokens that were drawn with the seed before this reply.
     pub drawn: u64,
 }
 
-/// What became of a sequence.
+/// The result of a step for a sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Said {
-    /// It has a token more.
+    /// The reply has one more token.
     Token(u32),
-    /// It is over.
+    /// The reply is complete.
     End,
-    /// It cannot go on: logits that are not finite.
+    /// The sequence fails: its logits are not finite.
     Failed,
 }
 
-/// A sequence that is being written.
+/// A sequence in progress.
 #[derive(Debug)]
 struct Sequence {
     id: JobId,
     prompt: Prompt,
     reply: Reply,
-    /// Columns of its slot that are filled.
+    /// Filled columns of the sequence's slot.
     filled: usize,
     is_over: bool,
 }
 
-/// Sequences of one worker.
+/// The sequences of one worker.
 #[derive(Debug)]
 pub struct Sequences {
     vocabulary: Vocabulary,
     slots: usize,
     arena: Arena,
-    /// In the order of their slots.
+    /// The sequences in progress, in the order of their slots.
     active: Vec<Sequence>,
     waiting: VecDeque<Sequence>,
     sampler: Sampler,
@@ -73,7 +73,7 @@ pub struct Sequences {
 }
 
 impl Sequences {
-    /// Up to `slots` sequences at a time; others wait.
+    /// Writes up to `slots` sequences at a time; others wait.
     pub fn new(shape: Shape, vocabulary: Vocabulary, slots: usize) -> Self {
         Self {
             vocabulary,
@@ -86,23 +86,23 @@ impl Sequences {
         }
     }
 
-    /// Sequences, waiting ones included.
+    /// Number of sequences, waiting ones included.
     pub fn len(&self) -> usize {
         self.active.len() + self.waiting.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no sequences.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Most tokens of a reply, without its end, behind so many tokens of a prompt. Below 0 there is
-    /// no room for it.
+    /// Most tokens of a reply after a prompt of `prompt` tokens, not counting the token for its
+    /// end. Negative if the prompt leaves no room.
     pub fn room(&self, prompt: usize) -> usize {
         self.arena.shape().positions.saturating_sub(prompt + 1)
     }
 
-    /// Takes a sequence. Its prompt and its longest reply are to fit into a slot: see
+    /// Adds a sequence. Its prompt and its longest reply must fit into a slot: see
     /// [`Sequences::room`].
     pub fn admit(&mut self, id: JobId, prompt: Prompt) {
         let reply = Reply::new(prompt.rules, &self.vocabulary);
@@ -115,7 +115,7 @@ impl Sequences {
         });
     }
 
-    /// Drops a sequence, and frees its slot.
+    /// Removes a sequence, and frees its slot.
     pub fn cancel(&mut self, id: JobId) {
         self.waiting.retain(|sequence| sequence.id != id);
         while let Some(slot) = self.active.iter().position(|sequence| sequence.id == id) {
@@ -123,17 +123,17 @@ impl Sequences {
         }
     }
 
-    /// Drops all.
+    /// Removes all sequences.
     pub fn clear(&mut self) {
         self.waiting.clear();
         self.active.clear();
     }
 
-    /// Reads those that join, then writes a token of each. Tells `out` of every token. Gives the
-    /// rows of the last call.
+    /// Reads the prompts of new sequences, then writes one token of each sequence. Calls `out` for
+    /// every token. Returns the rows of the last call.
     ///
     /// # Errors
-    /// [`EngineError`] where the network fails.
+    /// [`EngineError`] if the network fails.
     pub fn step(
         &mut self,
         networks: &mut dyn Networks,
@@ -157,7 +157,7 @@ impl Sequences {
         Ok(rows)
     }
 
-    /// The slots from `joined` on in groups of one prefill, and the columns of each.
+    /// Groups the slots from `joined` on into calls of prefill, and gives the columns of each.
     fn prefills(&self, joined: usize) -> Vec<(usize, Vec<usize>)> {
         let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
         for (slot, sequence) in self.active.iter().enumerate().skip(joined) {
@@ -171,7 +171,7 @@ impl Sequences {
         groups
     }
 
-    /// Reads the prompts of these slots.
+    /// Reads the prompts in these slots.
     fn prefill(
         &mut self,
         networks: &mut dyn Networks,
@@ -202,12 +202,12 @@ impl Sequences {
         self.answer.run(networks, &call, self.vocabulary.len(), shape)?;
         for (row, &slot) in slots.iter().enumerate() {
             let length = self.active[slot].prompt.tokens.len();
-            self.hear(row, slot, columns, length, out);
+            self.receive(row, slot, columns, length, out);
         }
         Ok(())
     }
 
-    /// One token more of all sequences.
+    /// Writes one more token of all sequences.
     fn decode(
         &mut self,
         networks: &mut dyn Networks,
@@ -235,14 +235,13 @@ impl Sequences {
         };
         self.answer.run(networks, &call, self.vocabulary.len(), shape)?;
         for slot in 0..self.active.len() {
-            self.hear(slot, slot, 1, 1, out);
+            self.receive(slot, slot, 1, 1, out);
         }
         Ok(rows)
     }
 
-    /// Keeps what a call gave for a slot in one of its rows: `count` of `columns` columns, and the
-    /// next token.
-    fn hear(
+    /// Stores the answer of row `row` for a slot: `count` of `columns` columns, and the next token.
+    fn receive(
         &mut self,
         row: usize,
         slot: usize,
@@ -275,7 +274,7 @@ impl Sequences {
         sequence.is_over = reply.push(token);
         if !sequence.is_over {
             out(sequence.id, Said::Token(token));
-            // Where nothing but the end may come, nobody has to be asked for it.
+            // If only the end may follow, the network need not run.
             sequence.is_over = reply.must_end();
         }
         if sequence.is_over {
@@ -283,14 +282,14 @@ impl Sequences {
         }
     }
 
-    /// Frees the slots of sequences that are over.
+    /// Frees the slots of sequences that are complete.
     fn drop_over(&mut self) {
         while let Some(slot) = self.active.iter().position(|sequence| sequence.is_over) {
             self.leave(slot);
         }
     }
 
-    /// Frees a slot: the last one moves there.
+    /// Frees a slot: the last slot moves into it.
     fn leave(&mut self, slot: usize) {
         let last = self.active.len() - 1;
         if slot != last {
@@ -301,7 +300,7 @@ impl Sequences {
 }
 
 impl LanguageAnswer {
-    /// Makes room for the answer to a call, and has it made.
+    /// Sizes the answer's buffers for a call, and runs it.
     fn run(
         &mut self,
         networks: &mut dyn Networks,

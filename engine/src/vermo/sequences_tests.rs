@@ -28,7 +28,7 @@ fn sequences(slots: usize) -> (Sequences, Toy, Calls) {
     (Sequences::new(toy.shape, toy.vocabulary, slots), toy, calls)
 }
 
-/// A prompt of so many text pieces, whose reply has `least` to `most` tokens.
+/// A prompt of `pieces` text pieces, with a reply of `least` to `most` tokens.
 fn prompt(seed: u64, pieces: usize, (least, most): (usize, usize), sampling: Sampling) -> Prompt {
     let vocabulary = toy(&pack()).vocabulary;
     let message = Message {
@@ -68,7 +68,8 @@ fn any_prompt(seed: u64) -> Prompt {
     )
 }
 
-/// Steps until nothing is left; `between` may admit and cancel before each step.
+/// Takes steps until all sequences have ended. `between` may admit and cancel sequences before each
+/// step.
 fn run(
     sequences: &mut Sequences,
     toy: &mut Toy,
@@ -95,11 +96,11 @@ fn alone(prompt: &Prompt) -> Vec<Said> {
 }
 
 #[test]
-fn a_reply_from_the_cache_is_that_of_reading_all_of_it_again() {
+fn a_reply_from_the_cache_equals_one_that_rereads_all_tokens() {
     for seed in 0..8 {
         let whole = prompt(seed, 5 + seed as usize, (6, 9), GREEDY);
         let cached = alone(&whole);
-        // Without the cache: the message and its reply so far, read as one prompt, for one token.
+        // Without the cache: reads the message and the reply so far as one prompt, for one token.
         let mut again = Vec::new();
         let mut longer = whole.clone();
         for length in 0.. {
@@ -121,7 +122,7 @@ fn a_reply_from_the_cache_is_that_of_reading_all_of_it_again() {
 }
 
 #[test]
-fn the_longest_reply_ends_without_asking() {
+fn the_longest_reply_ends_without_a_call_for_its_end() {
     let (mut sequences, mut toy, calls) = sequences(1);
     toy.end = -100.0;
     sequences.admit(id(0), prompt(1, 3, (2, 6), GREEDY));
@@ -129,19 +130,19 @@ fn the_longest_reply_ends_without_asking() {
     assert_eq!(said.len(), 7);
     assert_eq!(said[6], Said::End);
     assert!(!said[..6].contains(&Said::End));
-    // One prefill, whose step decodes as well, then four steps.
+    // One prefill, whose step also decodes, then four steps.
     assert_eq!(calls.lock().unwrap().len(), 6);
     assert_eq!(
         calls.lock().unwrap()[0],
         (2, 16, 0),
-        "a prefill of one row has another beside it"
+        "a prefill of one row is padded to two"
     );
     assert_eq!(sequences.room(70), 9);
     assert_eq!(sequences.room(90), 0);
 }
 
 #[test]
-fn sequences_join_and_leave_and_say_what_they_say_alone() {
+fn sequences_that_join_and_leave_have_the_same_replies_as_alone() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     for mix in 0..15 {
         let (mut sequences, mut toy, calls) = sequences(rng.random_range(1..8));
@@ -169,7 +170,7 @@ fn sequences_join_and_leave_and_say_what_they_say_alone() {
 }
 
 #[test]
-fn what_has_no_slot_waits_until_another_ends() {
+fn a_sequence_without_a_slot_waits_until_another_ends() {
     let (mut sequences, mut toy, calls) = sequences(2);
     toy.end = -100.0;
     for (seed, most) in [(1, 3), (2, 9), (3, 3), (4, 3)] {
@@ -190,7 +191,7 @@ fn what_has_no_slot_waits_until_another_ends() {
 }
 
 #[test]
-fn what_is_cancelled_leaves_its_slot_and_changes_no_other() {
+fn a_cancelled_sequence_frees_its_slot_and_changes_no_other() {
     let (mut sequences, mut toy, _) = sequences(3);
     for seed in 1..=4 {
         sequences.admit(id(seed), prompt(seed, 4, (8, 12), GREEDY));
@@ -214,7 +215,7 @@ fn what_is_cancelled_leaves_its_slot_and_changes_no_other() {
 fn logits_that_are_not_finite_end_one_sequence_alone() {
     let good = prompt(5, 4, (8, 8), GREEDY);
     let good_said = alone(&good);
-    // One that says what the other does not.
+    // A token that occurs in the first reply and not in the second.
     let (bad, bad_said, own) = (6..100)
         .find_map(|seed| {
             let bad = prompt(seed, 4, (8, 8), GREEDY);

@@ -1,4 +1,4 @@
-//! Vocabulary, messages, what a reply may hold, choices, and seams.
+//! Tests of vocabulary, messages, replies, choices, and seams.
 
 use troupe_motion::Vec3;
 use troupe_motion::root::wrap_angle;
@@ -23,7 +23,7 @@ fn vocabulary() -> Vocabulary {
 }
 
 #[test]
-fn ids_follow_one_another() {
+fn the_ids_of_all_kinds_are_consecutive() {
     let vocabulary = vocabulary();
     assert_eq!(Vocabulary::task(MessageTask::TextToMotion), 8);
     assert_eq!(Vocabulary::task(MessageTask::GestureToSpeech), 17);
@@ -37,7 +37,7 @@ fn ids_follow_one_another() {
 }
 
 #[test]
-fn messages_are_written_as_the_contract_says() {
+fn messages_have_the_tokens_of_the_documentation() {
     let (text, motion, audio) = (34, 71, 80);
     let vocabulary = vocabulary();
     let message = |task, captions: &[&[u32]], condition, length| {
@@ -104,7 +104,7 @@ fn messages_are_written_as_the_contract_says() {
 }
 
 #[test]
-fn a_reply_holds_its_own_kind_and_ends_where_it_may() {
+fn a_reply_has_codes_of_its_own_kind_and_ends_in_time() {
     let vocabulary = vocabulary();
     let rules = |kind, agents, least, most| Rules {
         kind,
@@ -151,7 +151,8 @@ fn the_likeliest_token_is_the_first_of_equals_among_those_allowed() {
     };
     let logits = [9.0, 9.0, 1.0, 1.0, 3.0, 3.0, 2.0, -1.0, 9.0];
     assert_eq!(choose(&logits, &[], greedy, 0), Some(4));
-    // Divided where positive, multiplied where negative; codes of the last eight tokens alone.
+    // Positive logits are divided and negative ones multiplied, for codes among the last eight
+    // tokens only.
     let penalty = Sampling {
         repetition: 2.0,
         ..greedy
@@ -165,7 +166,7 @@ fn the_likeliest_token_is_the_first_of_equals_among_those_allowed() {
     assert_eq!(
         choose(&ends, &[EOS], penalty, 0),
         Some(EOS),
-        "marks are not weakened"
+        "special tokens have no penalty"
     );
     assert_eq!(choose(&[0.0; 6], &[], greedy, 0), None, "fewer logits than ids");
     let mut broken = logits;
@@ -173,13 +174,13 @@ fn the_likeliest_token_is_the_first_of_equals_among_those_allowed() {
     assert_eq!(
         choose(&broken, &[], greedy, 0),
         Some(4),
-        "what is masked is not looked at"
+        "masked logits are not read"
     );
     broken[7] = f32::NAN;
     assert_eq!(choose(&broken, &[], greedy, 0), None);
 }
 
-/// How often each of the ids 0 to 7 is drawn in so many draws.
+/// The share of each id from 0 to 7 in `draws` draws.
 fn shares(logits: &[f32], sampling: Sampling, draws: u64) -> Vec<f64> {
     let mut counts = vec![0.0; 8];
     for index in 0..draws {
@@ -232,7 +233,7 @@ fn draws_have_the_probabilities_of_the_logits() {
 }
 
 #[test]
-fn draws_follow_from_seed_and_place() {
+fn draws_depend_on_seed_and_index() {
     let logits = [0.0; 8];
     let row = |from: u64| -> Vec<_> {
         (from..from + 20)
@@ -270,8 +271,8 @@ fn windows_become_the_motion_of_all_tokens() {
     let whole = whole.join(&decoded(&codes), 0, 40, None);
     let mut parts = stitcher(&Frames::default(), Vec3::ZERO);
     let mut motion = parts.join(&decoded(&codes[..6]), 0, 16, None);
-    // The first token of a window goes on from its own start, as the toy's frames do not know of
-    // others.
+    // The first frames of a window are in place already: the toy's frames do not depend on the
+    // tokens before.
     motion.append(parts.join(&decoded(&codes[2..9]), 8, 20, None));
     motion.append(parts.join(&decoded(&codes[5..]), 8, 20, None));
     assert_eq!(motion.frames(), 40);
@@ -282,9 +283,9 @@ fn windows_become_the_motion_of_all_tokens() {
 }
 
 #[test]
-fn a_motion_goes_on_from_the_last_frame_of_its_past() {
-    // The past ends anywhere, higher than the decoder's frames, and with the body turned against
-    // its root.
+fn a_motion_continues_from_the_last_frame_of_its_past() {
+    // The past may end anywhere. Here it is higher than the decoder's frames, and the body is
+    // turned against its root.
     let mut past = decoded(&[3, 3]);
     for (index, root) in past.root.chunks_exact_mut(5).enumerate() {
         root[0] += 2.0;
@@ -299,15 +300,15 @@ fn a_motion_goes_on_from_the_last_frame_of_its_past() {
     assert!((first[1] - last[1]).abs() < 0.02, "{} m up", first[1] - last[1]);
     let heading = |root: [f32; 5]| root[4].atan2(root[3]);
     assert!((wrap_angle(heading(first) - heading(last)) - 0.04).abs() < 1e-3);
-    // The difference is gone after the seam.
+    // The difference has vanished behind the seam.
     assert!((root(&motion.root, 15)[1] - 0.9).abs() < 1e-6);
     for pair in motion.root.chunks_exact(5).collect::<Vec<_>>().windows(2) {
         assert!((pair[0][1] - pair[1][1]).abs() < 0.06, "a jump in height");
     }
-    // What is told next are the frames that left.
-    let told = stitcher.past();
-    assert_eq!(told.len(), 16);
-    assert_close(&told.root, &motion.root, 1e-6);
+    // The next message contains the frames that were given out.
+    let given = stitcher.past();
+    assert_eq!(given.len(), 16);
+    assert_close(&given.root, &motion.root, 1e-6);
 }
 
 #[test]

@@ -1,7 +1,7 @@
-//! Networks for tests, made of sums of whole numbers: exact, in any order.
+//! Networks for tests, which add whole numbers: their results are exact in any order.
 //!
-//! The language model's next token depends on all tokens before and on their places, by way of the
-//! cache. Motion codes stand for steps ahead and turns.
+//! The language model's next token depends, by way of the cache, on all tokens before it and on
+//! their positions. Motion codes stand for steps ahead and turns.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -17,21 +17,22 @@ use crate::random::step64;
 /// Rows, columns and longest start of each call of the language model.
 pub(super) type Calls = Arc<Mutex<Vec<(usize, usize, i64)>>>;
 
-/// Networks of a pack of `joints` joints.
+/// Networks of a pack whose skeleton has `joints` joints.
 pub(super) struct Toy {
     pub shape: Shape,
     pub vocabulary: Vocabulary,
     pub joints: usize,
     pub motion_codes: u32,
     pub calls: Calls,
-    /// The logit of the end; it comes early where this is large.
+    /// The logit of the end: a large one ends replies early.
     pub end: f32,
-    /// A token after which logits are not finite.
+    /// After this token, logits are not finite.
     pub broken: Option<u32>,
 }
 
 impl Toy {
-    /// A code goes ahead by as many centimetres a frame, and turns left by as many hundredths.
+    /// A code moves ahead by its number of centimetres a frame, and turns left by its number of
+    /// hundredths of a radian.
     pub(super) fn decoded(&self, codes: &[u32]) -> Frames {
         let mut frames = Frames::default();
         let (mut x, mut z, mut heading) = (0.0_f32, 0.0_f32, 0.0_f32);
@@ -53,7 +54,7 @@ impl Toy {
     }
 }
 
-/// Whole numbers of a token at a place, as wide as a column.
+/// Whole numbers for a token at a position, as wide as a column.
 fn column(token: i64, place: i64, width: usize) -> impl Iterator<Item = f32> {
     let key = step64(token as u64, place as u64);
     (0..width).map(move |n| (step64(key, n as u64) % 64) as f32)
@@ -105,7 +106,7 @@ impl Networks for Toy {
         Ok(())
     }
 
-    /// The code of a token is what its last frame is ahead of its first, in centimetres.
+    /// The code of a token: the distance from its first frame to its last, in centimetres.
     fn encode(&mut self, frames: &Frames) -> Result<Vec<u32>, EngineError> {
         let roots = frames.root.as_chunks::<5>().0;
         Ok(roots
@@ -125,8 +126,7 @@ impl Networks for Toy {
         Some(3)
     }
 
-    /// Its state goes to 1 in a straight line, from wherever it begins. The height is what is left
-    /// of the way.
+    /// The state goes to 1 in a straight line from any start. The height is the remaining distance.
     fn flow(&mut self, call: &FlowCall<'_>) -> Result<(Vec<f32>, Frames), EngineError> {
         let left = (1.0 - call.time).max(call.delta);
         let next: Vec<f32> = (call.state.iter())
@@ -140,7 +140,7 @@ impl Networks for Toy {
     }
 }
 
-/// The pieces of a toy pack: letters, digits, and the mark before a word.
+/// The text pieces of a toy pack: letters, digits, and the mark before a word.
 const PIECES: &str = r#"{
 "version": "1.0", "truncation": null, "padding": null, "added_tokens": [], "post_processor": null,
 "normalizer": {"type": "Sequence", "normalizers": [{"type": "Lowercase"},
@@ -151,7 +151,7 @@ const PIECES: &str = r#"{
 "model": {"type": "BPE", "dropout": null, "unk_token": null, "continuing_subword_prefix": null, "end_of_word_suffix": null,
     "fuse_unk": false, "byte_fallback": false, "ignore_merges": false, "vocab": {VOCAB}, "merges": []}}"#;
 
-/// Text pieces of a toy pack.
+/// Number of text pieces of a toy pack.
 pub(super) const TEXT_PIECES: usize = 37;
 
 /// The manifest of a toy pack.
@@ -208,7 +208,7 @@ max_speed_mps = 0.5
 clearance_m = [0.05]
 "#;
 
-/// The text of a toy pack: it knows the words "walk" and "wave".
+/// The lexicon of a toy pack: it knows the words "walk" and "wave".
 pub(crate) fn lexicon() -> Lexicon {
     let letters = "▁abcdefghijklmnopqrstuvwxyz0123456789".chars().enumerate();
     let vocab: Vec<String> = letters
@@ -225,7 +225,7 @@ pub(super) fn pack() -> Pack {
     pack
 }
 
-/// Its networks. A reply of no fixed length ends late.
+/// The networks of a toy pack. A reply without a fixed length ends late.
 pub(super) fn toy(pack: &Pack) -> Toy {
     let table = pack.manifest.vermo.as_ref().unwrap();
     Toy {

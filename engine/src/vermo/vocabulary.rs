@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::pack::{MessageTask, VerMoDoc};
 
-/// Fills rows of a call behind their last token.
+/// Fills the columns of a call behind a row's last token.
 pub const PAD: u32 = 0;
 /// Begins a message.
 pub const BOS: u32 = 1;
@@ -17,16 +17,16 @@ pub const INSTRUCTION: u32 = 3;
 pub const CONDITION: u32 = 4;
 /// Begins the reply.
 pub const REPLY: u32 = 5;
-/// Stands for what an in-between is to fill.
+/// Marks the gap that an in-between fills.
 pub const GAP: u32 = 6;
-/// Parts what several agents do or are told.
+/// Separates the items of several agents.
 pub const AGENT_SEP: u32 = 7;
 /// The first of the tasks' tokens.
 const FIRST_TASK: u32 = 8;
-/// Special tokens.
+/// Number of special tokens.
 const SPECIALS: u32 = FIRST_TASK + MessageTask::ALL.len() as u32;
 
-/// Sizes of a pack's vocabularies.
+/// Sizes of the parts of a pack's vocabulary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Vocabulary {
     max_tokens: u32,
@@ -35,19 +35,19 @@ pub struct Vocabulary {
     audio_codes: u32,
 }
 
-/// What a code is of.
+/// The kinds of codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// Text pieces.
+    /// Pieces of text.
     Text,
-    /// Motion codes, of four frames each.
+    /// Motion codes: each stands for four frames.
     Motion,
-    /// Audio codes.
+    /// Codes of audio.
     Audio,
 }
 
 impl Vocabulary {
-    /// Of a pack whose replies have up to `max_tokens` motion tokens.
+    /// The vocabulary of a pack whose replies have up to `max_tokens` motion tokens.
     pub fn new(table: &VerMoDoc, max_tokens: usize) -> Self {
         Self {
             max_tokens: max_tokens as u32,
@@ -57,23 +57,23 @@ impl Vocabulary {
         }
     }
 
-    /// All tokens: columns of the logits.
+    /// Number of all tokens, which is that of the logits' columns.
     pub fn len(&self) -> usize {
         self.range(Kind::Audio).end as usize
     }
 
-    /// Never: special tokens are always there.
+    /// Always false: a vocabulary has special tokens.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The token of a task.
+    /// The token that names a task.
     pub fn task(task: MessageTask) -> u32 {
         let place = MessageTask::ALL.iter().position(|&other| other == task);
         FIRST_TASK + place.unwrap_or(0) as u32
     }
 
-    /// The token that fixes a reply to `tokens` tokens, from 1 to the pack's most.
+    /// The token that fixes the reply's length at `tokens`: 1 to the pack's most.
     pub fn length(&self, tokens: usize) -> u32 {
         SPECIALS + (tokens as u32).clamp(1, self.max_tokens) - 1
     }
@@ -90,13 +90,13 @@ impl Vocabulary {
         }
     }
 
-    /// The tokens of a kind's codes.
+    /// The tokens of codes of one kind.
     pub fn tokens<'a>(&self, kind: Kind, codes: &'a [u32]) -> impl Iterator<Item = u32> + use<'a> {
         let first = self.range(kind).start;
         codes.iter().map(move |code| first + code)
     }
 
-    /// The code of a token; none where it is of another kind.
+    /// The code of a token; none if the token is of another kind.
     pub fn code(&self, kind: Kind, token: u32) -> Option<u32> {
         let range = self.range(kind);
         range.contains(&token).then(|| token - range.start)

@@ -1,10 +1,10 @@
-//! Which of a pack's tasks a prompt may be.
+//! The tasks of a pack that can serve a prompt.
 
 use troupe_motion::model::{Audio, PromptTask, Sound};
 
 use crate::pack::MessageTask;
 
-/// What a prompt may be to a pack, the best first.
+/// The tasks that can serve a prompt, the best first.
 pub(super) fn wanted_tasks(task: &PromptTask, has_context: bool, has_text: bool) -> Vec<MessageTask> {
     match &task.audio {
         Some(Audio {
@@ -23,7 +23,7 @@ pub(super) fn wanted_tasks(task: &PromptTask, has_context: bool, has_text: bool)
     }
 }
 
-/// What a motion that goes on may be to a pack.
+/// The tasks that can continue a motion, the best first.
 pub(super) fn continuing(has_text: bool) -> &'static [MessageTask] {
     match has_text {
         true => &[

@@ -1,4 +1,4 @@
-//! Windows of motion codes that a step decodes: those of one length go together in a call.
+//! Windows of motion codes that a step decodes: windows of equal length share a call.
 
 use super::motion::Frames;
 use super::network::Networks;
@@ -8,7 +8,7 @@ use crate::generator::JobId;
 /// Most windows of a call.
 const MOST_ROWS: usize = 32;
 
-/// What is to be decoded in a step.
+/// The windows that one step decodes.
 #[derive(Debug, Default)]
 pub(super) struct Windows {
     windows: Vec<Window>,
@@ -19,12 +19,12 @@ struct Window {
     job: JobId,
     agent: usize,
     codes: Vec<u32>,
-    /// Empty until it is decoded.
+    /// Empty before decoding.
     frames: Frames,
 }
 
 impl Windows {
-    /// Adds what an agent of a job wants decoded.
+    /// Adds a window for an agent of a job.
     pub(super) fn add(&mut self, job: JobId, agent: usize, codes: Vec<u32>) {
         self.windows.push(Window {
             job,
@@ -34,10 +34,10 @@ impl Windows {
         });
     }
 
-    /// Decodes all.
+    /// Decodes all windows.
     ///
     /// # Errors
-    /// [`EngineError`] where the network fails.
+    /// [`EngineError`] if the network fails.
     pub(super) fn decode(&mut self, networks: &mut dyn Networks) -> Result<(), EngineError> {
         self.windows.sort_by_key(|window| window.codes.len());
         for alike in self.windows.chunk_by_mut(|a, b| a.codes.len() == b.codes.len()) {
@@ -52,7 +52,7 @@ impl Windows {
         Ok(())
     }
 
-    /// The frames of an agent; none where it wanted nothing.
+    /// The frames of an agent's window; none if the agent added no window.
     pub(super) fn take(&mut self, job: JobId, agent: usize) -> Option<Frames> {
         let wanted = |window: &&mut Window| window.job == job && window.agent == agent;
         let window = self.windows.iter_mut().find(wanted)?;

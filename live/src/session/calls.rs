@@ -16,7 +16,7 @@ use troupe_base::offload::offload;
 use troupe_base::telemetry::RequestContext;
 use troupe_base::turns::Turns;
 use troupe_character::Path;
-use troupe_character::live::Refusal;
+use troupe_character::live::CommandError;
 
 /// Most sessions of a page of the list, and how many where nothing is said.
 const PAGE: (u32, u32) = (1000, 100);
@@ -201,7 +201,7 @@ impl Sessions {
         let cell = self.registry().get(id, self.time().now(), &|| field.to_owned())?;
         let live = cell.live();
         let resident = live.resident().ok_or_else(|| SessionError::Refused {
-            refusal: Refusal::NoScene,
+            refusal: CommandError::NoScene,
             field: field.to_owned(),
         })?;
         Ok(CharacterPlace {

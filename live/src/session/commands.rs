@@ -16,7 +16,7 @@ use super::{Registry, SessionError, TimeSource};
 use crate::wire::{MAX_DISTANCE_M, units};
 use troupe_character::document::MAX_NAME_CHARS;
 use troupe_character::limits::MAX_HEIGHT_M;
-use troupe_character::live::{CommandOutcome, Intent, PerformCommand, Refusal};
+use troupe_character::live::{CommandError, CommandOutcome, Intent, PerformCommand};
 use troupe_character::primitives::path::{AskedPoint, PATH_POINTS};
 use troupe_character::primitives::{LocomotionCommand, PathCommand};
 use troupe_character::scene::MAX_ID_BYTES;
@@ -187,18 +187,18 @@ fn chosen(path: &Path<'_>, name: &str) -> Result<Option<String>, FieldError> {
 }
 
 /// The error of a command that the character could not carry out.
-fn refused(path: &Path<'_>, refusal: Refusal) -> SessionError {
+fn refused(path: &Path<'_>, refusal: CommandError) -> SessionError {
     let interact = path.field("interact");
     let skill = path.field("skill");
     let follow = path.field("follow_path");
     let first = follow.element("points", 0);
     let field = match &refusal {
-        Refusal::TooManyCommands => path.field("intent"),
-        Refusal::PathTooFar { .. } => first.field("position"),
-        Refusal::UnknownSkill { .. } | Refusal::SkillByPath => skill.field("name"),
-        Refusal::UnknownSkillVariant { .. } => skill.field("variant"),
-        Refusal::UnknownVariant { .. } => interact.field("variant"),
-        Refusal::UnknownApproach { .. } => interact.field("approach"),
+        CommandError::TooManyCommands => path.field("intent"),
+        CommandError::PathTooFar { .. } => first.field("position"),
+        CommandError::UnknownSkill { .. } | CommandError::SkillByPath => skill.field("name"),
+        CommandError::UnknownSkillVariant { .. } => skill.field("variant"),
+        CommandError::UnknownVariant { .. } => interact.field("variant"),
+        CommandError::UnknownApproach { .. } => interact.field("approach"),
         _ => interact.field("instance"),
     };
     SessionError::Refused {

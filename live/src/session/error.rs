@@ -5,7 +5,7 @@ use crate::world::{NoMemory, WorldError};
 use troupe_base::offload::WorkerStopped;
 use troupe_batch::SubmitError;
 use troupe_character::FieldError;
-use troupe_character::live::Refusal;
+use troupe_character::live::CommandError;
 
 /// Why a call about sessions or styles was not served.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -82,7 +82,7 @@ pub enum SessionError {
     #[error("{refusal}")]
     Refused {
         /// Why.
-        refusal: Refusal,
+        refusal: CommandError,
         /// The field of the request that asked for it.
         field: String,
     },

@@ -5,13 +5,13 @@ use troupe_motion::rotation::angle_between;
 
 use super::*;
 use troupe_character::scene::testing::boxed;
-use troupe_character::scene::{Body, BoxTrace, ColliderShape, Surface};
+use troupe_character::scene::{BoxTrace, ColliderShape, ObjectBody, Surface};
 
 /// One definition, named cup.
 struct Cups;
 
 impl Bodies for Cups {
-    fn body(&self, definition: &str) -> Option<Arc<Body>> {
+    fn body(&self, definition: &str) -> Option<Arc<ObjectBody>> {
         (definition == "cup").then(|| boxed(0.1))
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde_json::Value;
-use troupe_character::take::{Clock, Look, Note, Part, Prompt, Take};
+use troupe_character::take::{Clock, Look, Note, Prompt, Take, TakeSegment};
 
 use super::asked::Asked;
 use super::constraints::{self, Scope};
@@ -81,7 +81,7 @@ pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
     let parts = parts(&segments, &lengths, (&clock, model), &mut notes)?;
     let take = Take {
         subject: model.subject(),
-        parts,
+        segments: parts,
         wanted,
         seed: seed(options.seed, &mut notes),
         frames: clock.native_frames(),
@@ -259,7 +259,7 @@ fn parts(
     lengths: &[usize],
     (clock, model): (&Clock, &Model),
     notes: &mut Vec<Note>,
-) -> Result<Vec<Part>, Fault> {
+) -> Result<Vec<TakeSegment>, Fault> {
     let whole = clock.native_frames();
     let mut parts = Vec::with_capacity(lengths.len());
     let mut end = 0;
@@ -273,7 +273,7 @@ fn parts(
             }
             Some(Segment::Unconditioned(_)) | None => Prompt::Free,
         };
-        parts.push(Part {
+        parts.push(TakeSegment {
             end: match index + 1 == lengths.len() {
                 true => whole,
                 false => (clock.native(end).round() as usize).min(whole),

@@ -6,7 +6,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use troupe_motion::Vec3;
 
-use super::super::{EventKind, FailReason, Refusal};
+use super::super::{CommandError, EventKind, FailReason};
 use super::hand::Refused;
 use super::using::Using;
 use super::{Behaviour, CharacterParts, Doing};
@@ -36,7 +36,7 @@ impl Behaviour {
     /// character's; `names` are those of variant and approach that the command gives.
     ///
     /// # Errors
-    /// [`Refusal`] for the first condition that does not hold.
+    /// [`CommandError`] for the first condition that does not hold.
     pub(super) fn checked(
         &self,
         id: &Arc<str>,
@@ -44,14 +44,14 @@ impl Behaviour {
         seed: u64,
         root: Vec3,
         parts: &CharacterParts<'_>,
-    ) -> Result<Checked, Refusal> {
+    ) -> Result<Checked, CommandError> {
         let scene = self.world.scene.snapshot();
-        let unknown = || Refusal::UnknownObject { id: Arc::clone(id) };
+        let unknown = || CommandError::UnknownObject { id: Arc::clone(id) };
         let instance = scene.instance(id).ok_or_else(unknown)?;
         let listed = self.world.definitions.get(&instance.object);
         let definition = listed.map_err(|_| unknown())?.definition;
         if definition.pack != parts.rig.name() {
-            return Err(Refusal::WrongPack {
+            return Err(CommandError::WrongPack {
                 id: Arc::clone(id),
                 pack: definition.pack.clone(),
             });
@@ -67,7 +67,7 @@ impl Behaviour {
         };
         let using = checked.using(&scene, root, parts, 0);
         match using.blocked(&scene, root, parts.post.footing.level()) {
-            Some(by) => Err(Refusal::Blocked {
+            Some(by) => Err(CommandError::Blocked {
                 id: Arc::clone(id),
                 by,
             }),
@@ -83,16 +83,16 @@ impl Behaviour {
         instance: &Instance,
         definition: &Definition,
         variant: usize,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), CommandError> {
         let own = &self.world.holder;
         match &instance.state {
             State::Reserved(by) | State::Held(by) if by != own => {
-                return Err(Refusal::Taken {
+                return Err(CommandError::Taken {
                     id: Arc::clone(id),
                     by: by.clone(),
                 });
             }
-            State::Held(_) => return Err(Refusal::HandFull { id: Arc::clone(id) }),
+            State::Held(_) => return Err(CommandError::HandFull { id: Arc::clone(id) }),
             State::Free | State::Reserved(_) => {}
         }
         let takes = definition.variants.get(variant).is_some_and(|variant| {
@@ -102,7 +102,7 @@ impl Behaviour {
                 .any(|event| matches!(event.action, Action::Attach(_)))
         });
         match &self.hand {
-            Some(hand) if takes => Err(Refusal::HandFull {
+            Some(hand) if takes => Err(CommandError::HandFull {
                 id: Arc::clone(&hand.instance),
             }),
             _ => Ok(()),
@@ -201,7 +201,7 @@ impl Checked {
 }
 
 /// Index of the variant of this name. Without a name: one by weight and seed.
-pub(super) fn variant(definition: &Definition, name: Option<&str>, seed: u64) -> Result<usize, Refusal> {
+pub(super) fn variant(definition: &Definition, name: Option<&str>, seed: u64) -> Result<usize, CommandError> {
     let Some(name) = name else {
         return Ok(definition.variant_for(seed));
     };
@@ -210,12 +210,12 @@ pub(super) fn variant(definition: &Definition, name: Option<&str>, seed: u64) ->
             .map(|variant| variant.name.clone())
             .collect();
         match definition.is_skill {
-            true => Refusal::UnknownSkillVariant {
+            true => CommandError::UnknownSkillVariant {
                 skill: definition.name.clone(),
                 name: name.to_owned(),
                 there_are,
             },
-            false => Refusal::UnknownVariant {
+            false => CommandError::UnknownVariant {
                 definition: definition.name.clone(),
                 name: name.to_owned(),
                 there_are,
@@ -224,11 +224,11 @@ pub(super) fn variant(definition: &Definition, name: Option<&str>, seed: u64) ->
     })
 }
 
-fn approach(definition: &Definition, name: Option<&str>) -> Result<Option<usize>, Refusal> {
+fn approach(definition: &Definition, name: Option<&str>) -> Result<Option<usize>, CommandError> {
     let Some(name) = name else { return Ok(None) };
     match definition.approach_named(name) {
         Some(index) => Ok(Some(index)),
-        None => Err(Refusal::UnknownApproach {
+        None => Err(CommandError::UnknownApproach {
             definition: definition.name.clone(),
             name: name.to_owned(),
             there_are: (definition.approaches.iter())
@@ -238,11 +238,11 @@ fn approach(definition: &Definition, name: Option<&str>) -> Result<Option<usize>
     }
 }
 
-impl From<&Refusal> for Refused {
-    fn from(refusal: &Refusal) -> Self {
+impl From<&CommandError> for Refused {
+    fn from(refusal: &CommandError) -> Self {
         let reason = match refusal {
-            Refusal::Taken { .. } | Refusal::HandFull { .. } => FailReason::Taken,
-            Refusal::Blocked { .. } => FailReason::Blocked,
+            CommandError::Taken { .. } | CommandError::HandFull { .. } => FailReason::Taken,
+            CommandError::Blocked { .. } => FailReason::Blocked,
             _ => FailReason::Removed,
         };
         Self {

@@ -3,7 +3,9 @@
 
 use troupe_motion::Vec3;
 
-use super::super::{Activity, Character, Clock, EventKind, FailReason, Intent, Refusal, SUB_FRAMES, Start};
+use super::super::{
+    Activity, Character, Clock, CommandError, EventKind, FailReason, Intent, SUB_FRAMES, Start,
+};
 use super::testing::*;
 use super::tests::{SMOOTH, STEP, is_done, reached, with_cup};
 use crate::primitives::LocomotionCommand;
@@ -55,11 +57,11 @@ fn commands_that_cannot_be_carried_out_are_refused() {
         |rig: &mut Harness, instance: &str, variant: &str| rig.interact(instance, variant).unwrap_err();
     assert!(matches!(
         refusal(&mut rig, "chair", ""),
-        Refusal::UnknownObject { .. }
+        CommandError::UnknownObject { .. }
     ));
     assert!(matches!(
         refusal(&mut rig, "cup", "left"),
-        Refusal::UnknownVariant { .. }
+        CommandError::UnknownVariant { .. }
     ));
     let wall = block("wall", [0.0, 1.0, 1.5], [2.0, 1.0, 0.1]);
     let table = block("table", [0.0, 0.4, 3.15], [0.6, 0.4, 0.25]);
@@ -85,7 +87,7 @@ fn commands_that_cannot_be_carried_out_are_refused() {
         variant: None,
         approach: None,
     };
-    assert_eq!(nowhere.give(1, None, interact), Err(Refusal::NoScene));
+    assert_eq!(nowhere.give(1, None, interact), Err(CommandError::NoScene));
     nowhere.give(1, None, Intent::EndInteraction).unwrap();
     nowhere.advance(SUB_FRAMES, Clock::Waits);
 }
@@ -105,7 +107,7 @@ fn a_full_hand_takes_no_other_object() {
         })
         .unwrap();
     let refused = rig.interact("other", "right").unwrap_err();
-    assert_eq!(refused, Refusal::HandFull { id: "cup".into() });
+    assert_eq!(refused, CommandError::HandFull { id: "cup".into() });
     // Nodding at a sign takes no hand.
     rig.interact("sign", "nod").unwrap();
     rig.until(600, is_done).unwrap();

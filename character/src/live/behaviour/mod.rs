@@ -59,7 +59,8 @@ use troupe_motion::model::Rig;
 use super::event::EventLog;
 use super::timeline::Wish;
 use super::{
-    Activity, CharacterEvent, EventKind, FailReason, HeldObject, Intent, Pins, Refusal, SUB_FRAMES, World,
+    Activity, CharacterEvent, CommandError, EventKind, FailReason, HeldObject, Intent, Pins, SUB_FRAMES,
+    World,
 };
 use crate::primitives::PlanTargets;
 use crate::scene::{Scene, Transform};
@@ -185,8 +186,8 @@ impl Behaviour {
     /// Whether the character could carry out a command now.
     ///
     /// # Errors
-    /// [`Refusal`] if not.
-    pub(super) fn check(&self, intent: &Intent, parts: &CharacterParts<'_>) -> Result<(), Refusal> {
+    /// [`CommandError`] if not.
+    pub(super) fn check(&self, intent: &Intent, parts: &CharacterParts<'_>) -> Result<(), CommandError> {
         let Intent::Interact {
             instance,
             variant,

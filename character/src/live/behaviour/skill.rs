@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::super::{EventKind, Intent, Refusal};
+use super::super::{CommandError, EventKind, Intent};
 use super::check::variant;
 use super::using::Using;
 use super::{Behaviour, CharacterParts, Doing};
@@ -15,15 +15,15 @@ use crate::skill::Skills;
 /// and `seed`.
 ///
 /// # Errors
-/// [`Refusal::UnknownSkill`] or [`Refusal::UnknownSkillVariant`].
+/// [`CommandError::UnknownSkill`] or [`CommandError::UnknownSkillVariant`].
 pub(in crate::live) fn find<'a>(
     skills: &'a Skills,
     pack: &str,
     name: &Arc<str>,
     wanted: Option<&str>,
     seed: u64,
-) -> Result<(&'a Arc<Definition>, usize), Refusal> {
-    let definition = skills.get(name).ok_or_else(|| Refusal::UnknownSkill {
+) -> Result<(&'a Arc<Definition>, usize), CommandError> {
+    let definition = skills.get(name).ok_or_else(|| CommandError::UnknownSkill {
         pack: pack.to_owned(),
         name: Arc::clone(name),
         there_are: skills.names(),

@@ -2,7 +2,7 @@
 
 use troupe_motion::Vec3;
 
-use super::super::{Activity, EventKind, Intent, PlanCause, Refusal};
+use super::super::{Activity, CommandError, EventKind, Intent, PlanCause};
 use super::testing::*;
 use super::tests::is_done;
 
@@ -151,10 +151,12 @@ fn unknown_skills_and_variants_are_refused() {
     let mut rig = Harness::nowhere();
     let unknown = rig.skill("fly", "").unwrap_err();
     assert_eq!(unknown.to_string(), "pack dolls has no skill \"fly\"");
-    assert!(matches!(unknown, Refusal::UnknownSkill { there_are, .. } if there_are == ["lie", "spring"]));
+    assert!(
+        matches!(unknown, CommandError::UnknownSkill { there_are, .. } if there_are == ["lie", "spring"])
+    );
     let unknown = rig.skill("lie", "sideways").unwrap_err();
     assert!(
-        matches!(unknown, Refusal::UnknownSkillVariant { there_are, .. } if there_are == ["down", "squat"])
+        matches!(unknown, CommandError::UnknownSkillVariant { there_are, .. } if there_are == ["down", "squat"])
     );
     assert!(rig.skill("lie", "squat").is_ok());
     rig.until(100, is_done).expect("by its name it is done");

@@ -348,6 +348,6 @@ fn the_doll_stands() {
         let place = rig.joints(0)[foot];
         assert!((place.y - 0.07).abs() < 1e-3, "{place}");
     }
-    let body: &crate::scene::Body = &rig.object("cup").body;
+    let body: &crate::scene::ObjectBody = &rig.object("cup").body;
     assert!(body.solid && !body.shared);
 }

@@ -1,4 +1,4 @@
-//! The graphs of a pack's stages, and networks of fixed shapes made from them.
+//! The graphs of a pack's stages, and the networks of fixed shapes made from them.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,11 +12,11 @@ use crate::specs::StageTensors as _;
 use crate::{EngineError, lengths};
 use troupe_motion::model::Dims;
 
-/// What an open network takes beside its weights in 16 bits: graph and kernels. Measured with
-/// OpenVINO 2025.4.
+/// Memory of an open network besides its weights in 16 bits: graph and kernels, bytes. Measured
+/// with OpenVINO 2025.4.
 const NETWORK_BYTES: u64 = 13 << 20;
 
-/// Bytes that the networks take without which a pack cannot be served: one of every length.
+/// Memory of the indispensable networks, bytes: one of every length.
 pub(in crate::onnx) fn least_bytes(pack: &Pack) -> u64 {
     let count = lengths(&pack.rig.dims, true).len() as u64;
     let bytes = Stage::ALL.into_iter().map(|stage| {
@@ -30,7 +30,7 @@ fn network_bytes(file_bytes: u64) -> u64 {
     file_bytes + NETWORK_BYTES
 }
 
-/// A stage's graph, which networks are compiled from.
+/// A stage's graph, from which networks are compiled.
 pub(in crate::onnx) struct Graph {
     pub(super) id: u64,
     openvino: Arc<OpenVino>,
@@ -38,9 +38,9 @@ pub(in crate::onnx) struct Graph {
     pub(super) stage: Stage,
     pub(super) dims: Dims,
     threads: usize,
-    /// What a network of it takes, by estimate.
+    /// Estimated memory of a network, bytes.
     pub(super) bytes: u64,
-    /// Workers that run it.
+    /// Number of workers that run it.
     workers: Arc<AtomicUsize>,
 }
 
@@ -49,7 +49,7 @@ pub(in crate::onnx) struct PackNetworks {
     graphs: [Arc<Graph>; 3],
     lengths: Vec<usize>,
     pub(in crate::onnx) any_length: bool,
-    /// Workers that run them.
+    /// Number of workers that run them.
     workers: Arc<AtomicUsize>,
 }
 
@@ -90,13 +90,13 @@ impl PackNetworks {
         })
     }
 
-    /// Of all stages.
+    /// The graphs of all stages.
     pub(super) fn graphs(&self) -> &[Arc<Graph>] {
         &self.graphs
     }
 
-    /// The networks that are needed at least, as graphs and lengths. Stages in turns, because each
-    /// compiles one network at a time.
+    /// The indispensable networks, as graphs and lengths. Stages alternate, because each compiles
+    /// one network at a time.
     pub(super) fn least(&self) -> Vec<(&Arc<Graph>, usize)> {
         let [root, pose, decoder] = &self.graphs;
         let others = self
@@ -110,12 +110,12 @@ impl PackNetworks {
 }
 
 impl Graph {
-    /// Workers that run it.
+    /// Number of workers that run it.
     pub(super) fn workers(&self) -> usize {
         self.workers.load(Ordering::Relaxed)
     }
 
-    /// Makes a network. It has not run yet.
+    /// Compiles a network. It has not run yet.
     pub(super) fn compile(&self, key: Key) -> Result<Compiled, EngineError> {
         let inputs: Vec<(&'static str, Vec<usize>)> = self
             .dims
@@ -141,7 +141,7 @@ impl Graph {
     }
 }
 
-/// A worker that runs a pack's networks, counted as long as it is there.
+/// A worker that runs a pack's networks. It is counted until it is dropped.
 pub(in crate::onnx) struct PackWorker {
     networks: Arc<PackNetworks>,
 }

@@ -1,12 +1,12 @@
-//! The networks of fixed shapes that are open, for all workers and packs.
+//! The open networks of fixed shapes, for all workers and packs.
 //!
 //! A network is made for one stage, one length and one number of rows. Workers borrow one for a
-//! call. What is missing opens in the background, while calls run in what is open: a row's bits are
-//! the same in every number of rows, so it does not matter which. A network that is asked for while
-//! another worker has it is opened a second time.
+//! call. A missing network opens in the background, while calls run in open ones. Its row's bits
+//! are the same in every number of rows, so the choice makes no difference. If another worker has a
+//! network, it is opened a second time.
 //!
-//! All of them together stay within a budget. A network that was not used lately closes for one
-//! that is needed. Of every length one network stays open.
+//! All of them together stay within a budget. A network that was not used recently closes for one
+//! that is needed. Of every length, one network stays open.
 
 mod graph;
 mod opener;
@@ -29,13 +29,13 @@ pub(super) use graph::{Graph, PackNetworks, PackWorker, least_bytes};
 use opener::{Networks, Opener};
 use state::Key;
 
-/// A pack's networks, once who came first has opened them.
+/// A pack's networks, once the first worker has opened them.
 type Opened = OnceLock<Result<Arc<PackNetworks>, EngineError>>;
 
-/// By folder and threads.
+/// By folder and number of threads.
 type Packs = HashMap<(PathBuf, usize), Arc<Opened>>;
 
-/// Open networks. Clones are the same pool. With the last one ends the thread that opens networks.
+/// Open networks. Clones share one pool. The thread that opens networks ends with the last clone.
 #[derive(Clone)]
 pub struct NetworkPool {
     networks: Arc<Networks>,
@@ -44,7 +44,7 @@ pub struct NetworkPool {
 }
 
 impl NetworkPool {
-    /// A pool that keeps networks within `budget_bytes`, beyond those that packs cannot do without.
+    /// A pool that keeps networks within `budget_bytes`, apart from the indispensable ones.
     pub fn new(budget_bytes: u64) -> Self {
         let networks = Arc::new(Networks::new(budget_bytes));
         Self {
@@ -54,13 +54,13 @@ impl NetworkPool {
         }
     }
 
-    /// The budget.
+    /// The budget in bytes.
     pub fn budget_bytes(&self) -> u64 {
         self.networks.budget_bytes
     }
 
-    /// The graphs of a pack, with one network of every length open. Who comes first reads and opens
-    /// them; `look` checks them and says whether they take segments of any length.
+    /// The graphs of a pack, with one network of every length open. The first caller reads and
+    /// opens them. `look` checks them, and returns whether they accept segments of any length.
     pub(super) fn pack(
         &self,
         runtime: &Runtime,
@@ -97,7 +97,7 @@ impl NetworkPool {
         })
     }
 
-    /// Closes a pack's networks, which nobody runs any more.
+    /// Closes a pack's networks, which no worker runs any more.
     pub(crate) fn forget(&self, pack: &Pack) {
         let mut packs = self.packs.lock().unwrap_or_else(PoisonError::into_inner);
         let removed: Vec<_> = packs
@@ -114,7 +114,8 @@ impl NetworkPool {
         drop(closed);
     }
 
-    /// A network of this length, with room for `room` rows, where `rows` are left to run.
+    /// Borrows a network of this length for a call with `rows` remaining rows, and memory for
+    /// `room` rows.
     pub(super) fn borrow(
         &self,
         graph: &Arc<Graph>,
@@ -171,7 +172,7 @@ impl NetworkPool {
     }
 }
 
-/// A network that a worker runs a call in. Dropped, it goes back.
+/// A network in which a worker runs a call. Dropping it gives it back.
 pub(super) struct Borrowed {
     networks: Arc<Networks>,
     key: Key,

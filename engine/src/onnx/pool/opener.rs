@@ -1,4 +1,4 @@
-//! Opens networks: those that a pack cannot do without at once, others in the background.
+//! Opens networks: indispensable ones at once, others in the background.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -14,11 +14,11 @@ use crate::onnx::exit;
 use crate::onnx::network::Sample;
 use crate::onnx::openvino::Compiled;
 
-/// The thread that opens networks in the background. Dropped, it ends the thread and waits for it:
-/// a library that compiles must not be left while the process exits.
+/// The thread that opens networks in the background. Dropping it ends the thread and waits for it:
+/// a library that compiles must not be left running while the process exits.
 pub(super) struct Opener {
     closing: Arc<AtomicBool>,
-    /// Holds each shape once at most. None where there is no thread.
+    /// Holds each shape at most once. None if the thread could not start.
     wanted: Option<Sender<(Key, Arc<Graph>)>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -43,7 +43,7 @@ impl Opener {
     /// Asks for a network.
     pub(super) fn ask(&self, key: Key, graph: &Arc<Graph>) {
         if let Some(wanted) = &self.wanted {
-            // The thread ends with this only.
+            // Fails only after the thread has ended.
             let _ = wanted.send((key, graph.clone()));
         }
     }
@@ -59,11 +59,11 @@ impl Drop for Opener {
     }
 }
 
-/// What is open, shared by all who use and open networks.
+/// What is open, shared by everything that uses and opens networks.
 pub(super) struct Networks {
     pub(super) budget_bytes: u64,
     state: Mutex<State<Compiled>>,
-    /// A network was opened, or came back.
+    /// Signals that a network was opened, or came back.
     changed: Condvar,
 }
 
@@ -91,7 +91,7 @@ impl Networks {
         state
     }
 
-    /// Wakes those who wait for a network.
+    /// Wakes the workers that wait for a network.
     fn wake(&self, state: MutexGuard<'_, State<Compiled>>) {
         let waiting = state.waiting;
         drop(state);
@@ -130,7 +130,7 @@ impl Networks {
         self.open_reserved(graph, key)
     }
 
-    /// Opens a network whose room is reserved.
+    /// Opens a network within reserved memory.
     fn open_reserved(&self, graph: &Arc<Graph>, key: Key) -> Result<(), EngineError> {
         let opened = self.opened(graph, key);
         let mut state = self.lock();
@@ -162,8 +162,9 @@ impl Networks {
         result
     }
 
-    /// A network, run once. None where a row of it is not, bit for bit, what it is alone: a CPU may
-    /// have other instructions for larger products, and OpenVINO has bugs that show so too.
+    /// A network that has run once. None if one of its rows differs in any bit from the row alone:
+    /// a CPU may use other instructions for larger products, and bugs of OpenVINO also show like
+    /// this.
     fn opened(&self, graph: &Arc<Graph>, key: Key) -> Result<Option<Compiled>, EngineError> {
         let started = Instant::now();
         let run = |reason: String| EngineError::Run {
@@ -193,7 +194,7 @@ impl Networks {
         Ok(same.then_some(network))
     }
 
-    /// What rows of the sample give alone.
+    /// The results of the sample's rows alone.
     fn alone(&self, graph: &Arc<Graph>, length: usize) -> Result<Arc<Vec<u64>>, EngineError> {
         let key = Key {
             graph: graph.id,
@@ -214,13 +215,13 @@ impl Networks {
         }
     }
 
-    /// Opens what is asked for, until nobody can ask any more.
+    /// Opens requested networks until no more requests can come.
     fn open_wanted(&self, asked: &Receiver<(Key, Arc<Graph>)>, closing: &AtomicBool) {
         while let Ok((key, graph)) = asked.recv() {
             if closing.load(Ordering::Relaxed) {
                 return;
             }
-            // What closes is dropped without the lock.
+            // Networks that close are dropped without the lock.
             let room = self
                 .lock()
                 .make_room_for(key, graph.bytes, self.budget_bytes, Instant::now());

@@ -1,5 +1,5 @@
-//! Which networks of fixed shapes are open, and which close for others: the rules, without the
-//! networks.
+//! Decides which networks of fixed shapes are open, and which close for others: the rules, without
+//! the networks.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -7,19 +7,19 @@ use std::time::{Duration, Instant};
 
 use crate::onnx::calls::Calls;
 
-/// A network that was used within this time closes for no other, unless it is open more than once.
+/// A network used within this time does not close for others, unless it is open more than once.
 const KEEP: Duration = Duration::from_secs(10);
-/// How often a network has to be missed before it is opened. A rare shape is not worth it.
+/// How often a network must be missed before it is opened. A rare shape is not worth it.
 const MISSES: u32 = 3;
-/// Time until a network is tried again that the budget had no room for.
+/// Time until a network is tried again for which the budget had no room.
 const AGAIN: Duration = Duration::from_secs(5);
 
-/// What is open, and what is to be. `N` is a network.
+/// What is open, and what should be. `N` is a network.
 pub(super) struct State<N> {
     shapes: HashMap<Key, Shape<N>>,
     lengths: HashMap<(u64, usize), OfLength>,
     pub(super) used_bytes: u64,
-    /// Workers that wait for a network.
+    /// Number of workers that wait for a network.
     pub(super) waiting: usize,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Key {
 
 struct Shape<N> {
     idle: Vec<N>,
-    /// Idle ones, those at work and those that are being opened.
+    /// Number of idle networks, those at work, and those being opened.
     count: usize,
     bytes: u64,
     misses: u32,
@@ -42,13 +42,13 @@ struct Shape<N> {
     queued: bool,
 }
 
-/// What is known of the calls of one length.
+/// State of the calls of one length.
 #[derive(Default)]
 pub(super) struct OfLength {
     pub(super) calls: Calls,
-    /// What rows of a sample give alone, once a network for one row was open.
+    /// Results of the sample's rows alone, once a network for one row was open.
     pub(super) alone: Option<Arc<Vec<u64>>>,
-    /// Networks of all sizes, those that are being opened among them.
+    /// Number of networks of all sizes, those being opened included.
     pub(super) open: usize,
 }
 
@@ -78,7 +78,7 @@ impl<N> Default for Shape<N> {
 }
 
 impl<N> State<N> {
-    /// What is known of the calls of a shape's length.
+    /// State of the calls with a shape's length.
     pub(super) fn of_length(&mut self, key: Key) -> &mut OfLength {
         self.lengths.entry((key.graph, key.length)).or_default()
     }
@@ -88,14 +88,14 @@ impl<N> State<N> {
         self.shapes.get(&key).is_some_and(|shape| shape.count > 0)
     }
 
-    /// Takes in a network that came back. One of a pack that was forgotten is dropped.
+    /// Takes back a network. One of a forgotten pack is dropped.
     pub(super) fn put(&mut self, key: Key, network: N) {
         if let Some(shape) = self.shapes.get_mut(&key) {
             shape.idle.push(network);
         }
     }
 
-    /// Takes in a network that was opened. True where it is the first of its shape.
+    /// Takes a network that was opened. Answers whether it is the first of its shape.
     pub(super) fn opened(&mut self, key: Key, network: N, now: Instant) -> bool {
         let Some(shape) = self.shapes.get_mut(&key) else {
             return false;
@@ -105,7 +105,7 @@ impl<N> State<N> {
         shape.used.replace(now).is_none()
     }
 
-    /// Removes a graph and gives its networks.
+    /// Removes a graph, and returns its networks.
     pub(super) fn forget(&mut self, graph: u64) -> Vec<N> {
         self.lengths.retain(|(id, _), _| *id != graph);
         let shapes = self.shapes.extract_if(|key, _| key.graph == graph);
@@ -117,15 +117,15 @@ impl<N> State<N> {
         networks
     }
 
-    /// A shape that was asked for could not be opened. It is tried again later.
+    /// Notes that a requested shape could not be opened. It is tried again later.
     pub(super) fn refuse(&mut self, key: Key, now: Instant) {
         if let Some(shape) = self.shapes.get_mut(&key) {
             shape.refused = Some(now);
         }
     }
 
-    /// Reserves room for a network that was asked for. Gives those that close for it. None where
-    /// there is no room, or where it was forgotten meanwhile.
+    /// Reserves room for a requested network. Returns the networks that close for it. None if there
+    /// is no room, or the graph was forgotten.
     pub(super) fn make_room_for(
         &mut self,
         key: Key,
@@ -171,12 +171,12 @@ impl<N> State<N> {
         }
     }
 
-    /// Each of `workers` may have one.
+    /// Whether another network may open: one for each of `workers`.
     pub(super) fn may_open(&self, key: Key, workers: usize) -> bool {
         self.shapes.get(&key).map_or(0, |shape| shape.count) < workers.max(1)
     }
 
-    /// Notes that a network is missing. True where it is to be opened.
+    /// Notes that a network is missing. Answers whether to open it.
     pub(super) fn miss(&mut self, key: Key, workers: usize, now: Instant) -> bool {
         let may_open = self.may_open(key, workers);
         let shape = self.shapes.entry(key).or_default();
@@ -189,18 +189,18 @@ impl<N> State<N> {
         true
     }
 
-    /// No more calls of so many rows, nor of more: slower, but never wrong.
+    /// Allows no more calls of this many rows or more, which is slower but never wrong.
     pub(super) fn forbid(&mut self, key: Key) {
         if let Some(of_length) = self.lengths.get_mut(&(key.graph, key.length)) {
             of_length.calls.forbid(key.rows);
         }
     }
 
-    /// Takes out networks until `bytes` fit into the budget. None where too few may be closed.
+    /// Removes networks until `bytes` fit into the budget. None if too few may be closed.
     fn make_room(&mut self, key: Key, bytes: u64, budget: u64, now: Instant) -> Option<Vec<N>> {
         let is_first = self.shapes.get(&key).is_none_or(|shape| shape.count == 0);
         let (mut victims, mut freed) = (Vec::new(), 0);
-        // Oldest first. Of each shape as many as may be closed, by the rules above.
+        // Oldest first. Of each shape as many as the rules above allow to close.
         let mut candidates: BTreeMap<(Option<Instant>, usize), Key> = BTreeMap::new();
         for (index, (&other, shape)) in self.shapes.iter().enumerate() {
             if other != key && !shape.idle.is_empty() {

@@ -10,7 +10,7 @@ fn key(length: usize, rows: usize) -> Key {
     }
 }
 
-/// Networks that are idle, each with the time of its last use.
+/// Idle networks, each with the time of its last use.
 fn state(now: Instant, open: &[(Key, usize, Duration)]) -> State<Key> {
     let mut state = State::default();
     for &(key, count, ago) in open {
@@ -25,7 +25,7 @@ fn state(now: Instant, open: &[(Key, usize, Duration)]) -> State<Key> {
 }
 
 fn now() -> Instant {
-    // Times before it must be to be had.
+    // Earlier times must be representable.
     Instant::now() + Duration::from_secs(1000)
 }
 
@@ -33,7 +33,7 @@ const LONG: Duration = Duration::from_secs(60);
 const LATELY: Duration = Duration::from_secs(1);
 
 #[test]
-fn a_network_is_opened_once_it_was_missed_often() {
+fn a_network_is_opened_after_several_misses() {
     let (mut state, now) = (State::<Key>::default(), now());
     let asked: Vec<bool> = (0..5).map(|_| state.miss(key(16, 8), 2, now)).collect();
     assert_eq!(asked, [false, false, true, false, false]);
@@ -49,7 +49,7 @@ fn each_worker_may_have_one() {
 }
 
 #[test]
-fn what_the_budget_had_no_room_for_is_tried_again_later() {
+fn a_network_without_room_is_tried_again_later() {
     let (mut state, now) = (State::<Key>::default(), now());
     for _ in 0..MISSES {
         state.miss(key(16, 8), 1, now);
@@ -68,7 +68,7 @@ fn nothing_closes_while_there_is_room() {
 }
 
 #[test]
-fn the_one_that_was_not_used_for_longest_closes() {
+fn the_longest_unused_network_closes() {
     let now = now();
     let open = [
         (key(9, 1), 1, LATELY),
@@ -83,7 +83,7 @@ fn the_one_that_was_not_used_for_longest_closes() {
 }
 
 #[test]
-fn what_was_used_lately_stays() {
+fn a_recently_used_network_stays() {
     let now = now();
     let mut state = state(now, &[(key(9, 1), 1, LATELY), (key(9, 8), 1, LATELY)]);
     assert_eq!(state.make_room(key(16, 8), BYTES, 20, now), None);
@@ -98,31 +98,31 @@ fn the_last_network_of_a_length_stays() {
 }
 
 #[test]
-fn one_that_is_open_twice_closes_for_one_that_is_not_open_at_all() {
+fn a_duplicate_closes_for_a_missing_network() {
     let now = now();
     let open = [(key(9, 1), 1, LATELY), (key(9, 8), 2, LATELY)];
     let mut first = state(now, &open);
     assert_eq!(first.make_room(key(16, 8), BYTES, 30, now), Some(vec![key(9, 8)]));
     assert_eq!(first.shapes[&key(9, 8)].count, 1);
-    // For a second one it does not.
+    // Not for a second one.
     let mut second = state(now, &open);
     second.reserve(key(16, 8), BYTES);
     assert_eq!(second.make_room(key(16, 8), BYTES, 40, now), None);
 }
 
 #[test]
-fn one_at_work_does_not_close() {
+fn a_network_at_work_does_not_close() {
     let now = now();
     let mut state = state(now, &[(key(9, 1), 1, LONG), (key(9, 8), 1, LONG)]);
     let network = state.take(key(9, 8), now - LONG);
     assert_eq!(network, Some(key(9, 8)));
-    // The other one is not the last of its length while that one is open.
+    // The other is not the last of its length while that one is open.
     assert_eq!(state.make_room(key(16, 8), BYTES, 20, now), Some(vec![key(9, 1)]));
     assert_eq!(state.make_room(key(16, 8), BYTES, 10, now), None);
 }
 
 #[test]
-fn calls_that_are_forbidden_are_not_chosen() {
+fn forbidden_calls_are_not_chosen() {
     let now = now();
     let mut state = state(now, &[(key(9, 1), 1, LATELY)]);
     state.forbid(key(9, 8));

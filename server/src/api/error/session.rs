@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
 use super::world::no_upload_memory;
-use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
+use troupe_character::live::{CommandError, MAX_WAITING_COMMANDS};
 use troupe_character::primitives::path::MAX_LEAD_M;
 use troupe_live::packs::{CannotDo, UnknownBody, UnknownPack};
 use troupe_live::session::SessionError;
@@ -84,7 +84,7 @@ impl Tabled for CannotDo {
     }
 }
 
-impl Tabled for Refusal {
+impl Tabled for CommandError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::NoScene => NOT_NOW.because("NO_SCENE"),

@@ -7,8 +7,8 @@ use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::super::super::{
-    Advance, Character, CharacterEvent, CharacterOptions, Clock, EventKind, FrameOut, Intent, LivePlan,
-    PerformCommand, PlanFailed, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, WordsPart, WordsRequest,
+    Advance, Character, CharacterEvent, CharacterOptions, Clock, CommandError, EventKind, FrameOut, Intent,
+    LivePlan, PerformCommand, PlanFailed, PlanRequest, PlanTrace, SUB_FRAMES, Start, WordsPart, WordsRequest,
     World,
 };
 use super::{definitions, doll_rig, doll_style, room, skills};
@@ -161,13 +161,13 @@ impl Harness {
         }
     }
 
-    pub(crate) fn give(&mut self, intent: Intent) -> Result<(), Refusal> {
+    pub(crate) fn give(&mut self, intent: Intent) -> Result<(), CommandError> {
         self.sequence += 1;
         self.character.give(self.sequence, None, intent).map(|_| ())
     }
 
     /// Follows a path from here by way of a point `(x, z)` metres away to the origin.
-    pub(crate) fn follow(&mut self, x: f32, z: f32, is_loop: bool) -> Result<(), Refusal> {
+    pub(crate) fn follow(&mut self, x: f32, z: f32, is_loop: bool) -> Result<(), CommandError> {
         let here = self.character.view().root.position;
         let point = |position| AskedPoint {
             position,
@@ -180,7 +180,7 @@ impl Harness {
         self.give(Intent::FollowPath(path))
     }
 
-    pub(crate) fn interact(&mut self, instance: &str, variant: &str) -> Result<(), Refusal> {
+    pub(crate) fn interact(&mut self, instance: &str, variant: &str) -> Result<(), CommandError> {
         self.give(Intent::Interact {
             instance: instance.into(),
             variant: (!variant.is_empty()).then(|| variant.to_owned()),
@@ -188,7 +188,7 @@ impl Harness {
         })
     }
 
-    pub(crate) fn skill(&mut self, name: &str, variant: &str) -> Result<(), Refusal> {
+    pub(crate) fn skill(&mut self, name: &str, variant: &str) -> Result<(), CommandError> {
         self.give(Intent::Skill {
             name: name.into(),
             variant: (!variant.is_empty()).then(|| variant.to_owned()),
