@@ -9,9 +9,14 @@
 //! procedures.
 
 pub mod docs;
-pub mod json;
+mod json;
+#[cfg(feature = "openapi")]
+mod openapi;
 pub mod rpc;
 mod stats;
+
+#[cfg(all(test, feature = "openapi"))]
+mod json_tests;
 
 /// Version 1 of the API.
 #[allow(missing_docs, unused_qualifications, clippy::all)]

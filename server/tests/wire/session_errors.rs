@@ -221,7 +221,13 @@ async fn a_step_names_field_and_range() {
     assert_invalid(&status, "encoding", "encoding", "f32 (0) or compact (1)");
     let word = serde_json::json!({ "session_ids": ["a"], "encoding": "f16" });
     let response = server.send(Method::POST, "/v1/step", &word).await;
-    assert_refused(response, "encoding", "encoding", "f32, compact").await;
+    assert_refused(
+        response,
+        "encoding",
+        "encoding",
+        "`ENCODING_F32`, `ENCODING_COMPACT`",
+    )
+    .await;
 
     let status = client
         .step(step(&["ghost", "wraith"], 1, vec![]))
