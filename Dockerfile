@@ -33,7 +33,7 @@ COPY . .
 COPY --from=docs /out server/site
 RUN --mount=type=cache,id=troupe-cargo,target=/usr/local/cargo/registry \
     --mount=type=cache,id=troupe-target,target=/src/target \
-    cargo build --release --locked --package troupe-server \
+    cargo build --release --locked --timings --package troupe-server \
     && install -D target/release/troupe-server /out/troupe-server \
     && mkdir /out/state /out/credentials
 

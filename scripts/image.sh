@@ -127,6 +127,8 @@ build() {
         . >"$work/build.log" 2>&1 || { tail -n 50 "$work/build.log" >&2; fail "the build failed; all of it: $work/build.log"; }
     # What an earlier build has left.
     bud rmi --prune >/dev/null 2>&1 || true
+    # How long each crate took, for scripts/budgets.py.
+    cp "$TMPDIR"/buildah-cache/troupe-target/cargo-timings/cargo-timing.html "$work/" 2>/dev/null || true
     note "built"
 }
 
@@ -204,6 +206,7 @@ check_size() {
     mb=$(du -s --apparent-size --block-size=1000000 "$root" | cut -f1)
     [ "$mb" -le "$most_mb" ] || fail "the image has $mb MB; allowed: $most_mb"
     prove "size" "$mb MB (at most $most_mb)"
+    image_mb=$mb
 }
 
 check_labels() {
@@ -229,6 +232,16 @@ check_user() {
     prove "user" "$user, no capabilities (of /proc/PID/status)"
 }
 
+# For scripts/budgets.py: sizes, and the resident memory of the server that is ready and has answered nothing yet.
+write_figures() {
+    local rss_mib binary
+    rss_mib=$(awk '/^VmRSS:/ { print int($2 / 1024) }' "/proc/$pid/status")
+    binary=$(stat --format %s "$root/usr/local/bin/troupe-server")
+    printf '{"image_mb": %d, "ready_rss_mib": %d, "binary_mb": %.1f, "runtime": "%s"}\n' \
+        "$image_mb" "$rss_mib" "$(awk "BEGIN { print $binary / 1e6 }")" "$runtime" >"$work/figures.json"
+    prove "memory" "$rss_mib MiB resident when ready"
+}
+
 # Every metric that the dashboard asks for is exported.
 check_dashboard() {
     local metric count=0
@@ -241,7 +254,7 @@ check_dashboard() {
     prove "dashboard" "all $count metrics that it asks for are exported"
 }
 
-# The page at / has all that it names, and a character walks a second at the pace that it is told.
+# The page at / has all that it names, and a character walks a second at the commanded pace.
 check_viewer() {
     local asset count=0 metres
     curl --silent --fail --output "$work/viewer.html" http://127.0.0.1:8080/
@@ -292,6 +305,7 @@ check() {
     serve "$work/server.log" in_container "${entry[@]}"
     check_user
     prove "ready" "after $ready_s s (at most $most_ready_s)"
+    write_figures
     in_container "${health[@]:1}" >"$work/health.log" 2>&1 || { cat "$work/health.log" >&2; fail "the health check fails"; }
     frames=$(in_between)
     prove "in-between" "$frames frames"

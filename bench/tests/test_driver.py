@@ -22,7 +22,7 @@ def test_results_outlive_the_process_and_medians_are_over_repeats(settings: Sett
     store = Store(settings.results, "serving")
     assert store.median({"target": "raw", "batch": 16}, "frames_per_s") == 20_000.0
     assert len(store.of({"target": "raw"})) == 3
-    assert store.median({"target": "nobody"}, "frames_per_s") is None
+    assert store.median({"target": "absent"}, "frames_per_s") is None
     store.clear()
     assert Store(settings.results, "serving").data["runs"] == []
 

@@ -20,7 +20,7 @@ def settings(tmp_path: Path) -> Settings:
 
 
 def run(frames_per_s: float, p50: float, p99: float) -> dict:
-    """What the load tester says of a run, as far as the tables read it."""
+    """The load tester's report of a run, as far as the tables read it."""
     return {
         "throughput": {"frames_per_s": frames_per_s},
         "latency_ms": {"p50": p50, "p99": p99},
@@ -86,7 +86,7 @@ def test_the_page_has_throughput_latency_and_ratios(settings: Settings, tmp_path
         "| p99 at 32 clients ÷ LitServe's | ≤ 1 × | 0.50 × |",
     ):
         assert row in text
-    assert "raw loop | batch 16 | 7.00" not in text, "latencies of large batches are nobody's"
+    assert "raw loop | batch 16 | 7.00" not in text, "no client waits for a latency of a large batch"
 
 
 def test_a_ratio_is_of_runs_of_one_turn(settings: Settings, tmp_path: Path):
@@ -144,8 +144,8 @@ def test_the_page_says_what_was_measured_in_another_sitting(settings: Settings, 
         each["at"] = began + (31 * 60 + 60 * each["key"]["repeat"] if each["key"]["target"] == "troupe" else 0)
     store.note("repeats", 3)
     text = written(settings, tmp_path)
-    told = "raw, raw-jemalloc, litserve 2023-11-14 22:13 to 22:13; troupe 2023-11-14 22:44 to 22:46 (UTC)."
-    assert text.count(told) == text.count("- box: its scheduler had changed.") == 1
+    sitting = "raw, raw-jemalloc, litserve 2023-11-14 22:13 to 22:13; troupe 2023-11-14 22:44 to 22:46 (UTC)."
+    assert text.count(sitting) == text.count("- box: its scheduler had changed.") == 1
 
 
 def test_runs_without_names_are_counted_and_days_are_given(settings: Settings):

@@ -12,7 +12,7 @@ from troupe_bench.settings import Settings
 from troupe_bench.store import Store
 from troupe_bench.verify import verify
 
-# What each part is, and what measures it with no more than the settings.
+# The title of each part, and the function that measures it with the settings alone.
 PARTS: dict[str, tuple[str, Callable[[Settings], None] | None]] = {
     "build": ("build the programs in release mode", lambda _: programs.build()),
     "verify": ("check that the Python servers solve the server's problems", verify),

@@ -38,7 +38,7 @@ class Task:
 def read_task(body: bytes, pose_width: int) -> Task:
     """Reads a request.
 
-    Raises ValueError where the body is none.
+    Raises ValueError if the body is not one.
     """
     if len(body) < REQUEST.size:
         raise ValueError(f"the body has {len(body)} bytes, fewer than its header")
@@ -71,7 +71,7 @@ def write_frames(root: np.ndarray | None, rotations: np.ndarray | None) -> bytes
 def read_frames_header(header: bytes) -> tuple[int, int]:
     """Frames of a part, and the bytes behind its header.
 
-    Raises ValueError where it is none.
+    Raises ValueError if it is not a header.
     """
     if len(header) != PART.size:
         raise ValueError(f"the answer ends inside a part, after {len(header)} bytes of its header")

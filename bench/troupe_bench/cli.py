@@ -1,4 +1,4 @@
-"""What the Python programs share: engines, stages, and the command line of the servers."""
+"""Shared by the Python programs: engines, stages, and the command line of the servers."""
 
 import argparse
 import json

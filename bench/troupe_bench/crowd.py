@@ -6,7 +6,7 @@ from troupe_bench.settings import Settings
 from troupe_bench.store import Store, dig
 
 RUN_PARTS = ("measured_s", "counts", "latency_ms", "live", "server", "client")
-"""What is kept of a report; its series and histograms are not."""
+"""The part of a report that is kept: all but its series and histograms."""
 
 
 def live(settings: Settings) -> None:
@@ -36,7 +36,7 @@ def overload(settings: Settings) -> None:
             times = ("--before", "10s", "--seconds", f"{settings.overload_s:g}s", "--after", "15s")
             report = programs.load_report("overload", server.url, *times, "--beside-characters", "50")
         found = report["overload"]
-        # What was not right, by code, and a few of the messages: of failures there should be none.
+        # Failures by code, and a few of the messages. There should be none.
         found |= {name: report["runs"][0][name] for name in ("codes", "examples")}
         found["memory"]["grown"] = found["memory"]["peak"] - found["memory"]["begin"]
         store.add(key, found)

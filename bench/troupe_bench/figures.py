@@ -1,7 +1,7 @@
 """Figures of one machine: what docs/benchmarks.md shows of its results, small enough to keep in the repository.
 
-Raw results stay where they were measured, in target/bench/results. ``digest`` reduces them to the rows of the page's tables
-and ``keep`` writes those to bench/figures/MACHINE.json. A part that was not measured again keeps its older figures.
+Raw results stay on the machine that measured them, in target/bench/results. ``digest`` reduces them to the rows of the page's
+tables, and ``keep`` writes those to bench/figures/MACHINE.json. A part that was not measured again keeps its older figures.
 """
 
 import json
@@ -113,7 +113,7 @@ def ratios(store: Store, rows: list[Row]) -> list[Row]:
             for what, values in _against(store, engine, target, engine):
                 note(engine, what, values)
     if set(engines_of(store)) >= set(ENGINES):
-        # What `pip install litserve onnxruntime` gives, against what the server chooses by itself.
+        # The engine of `pip install litserve onnxruntime` beside the server's own choice.
         for what, values in _against(store, "openvino-bf16", "litserve", "cpu"):
             note("openvino-bf16", f"{what}_f32", values)
     return found
@@ -319,16 +319,16 @@ PARTS = {
 
 
 def sittings_note(store: Store) -> str:
-    """When a part was measured, where that was not in one sitting; nothing otherwise."""
+    """When a part was measured, if it took several sittings; otherwise an empty text."""
     sittings = store.sittings(LONGEST_PAUSE_S)
     if len(sittings) < 2:
         return ""
-    told = "; ".join(f"{_named(runs)} {_span(runs)}" for runs in sittings)
-    return f"measured in {len(sittings)} sittings, so the machine may have changed in between: {told} (UTC)"
+    spans = "; ".join(f"{_named(runs)} {_span(runs)}" for runs in sittings)
+    return f"measured in {len(sittings)} sittings, so the machine may have changed in between: {spans} (UTC)"
 
 
 def _named(runs: list[Json]) -> str:
-    """What runs measured, or how many there are where they have no names."""
+    """The names of what runs measured, or their count if they have none."""
     keys = [run["key"] for run in runs]
     names = [key.get("target") or key.get("preset") or key.get("engine") for key in keys]
     return ", ".join(dict.fromkeys(names)) if all(names) else f"{len(runs)} run{'s' * (len(runs) > 1)}"

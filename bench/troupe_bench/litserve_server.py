@@ -1,4 +1,4 @@
-"""LitServe with dynamic batching: worker processes own the networks and cut batches of what waits.
+"""LitServe with dynamic batching: worker processes own the networks and cut batches of the waiting requests.
 
 Bodies are raw bytes both ways: a dependency reads the request's, and the answer is made in the worker.
 """

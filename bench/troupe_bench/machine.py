@@ -1,4 +1,4 @@
-"""What the figures were measured on."""
+"""The machine and code that the figures were measured on."""
 
 import os
 import platform
@@ -12,7 +12,7 @@ FLAGS = ("avx2", "avx512f", "avx512_vnni", "avx512_bf16", "amx_bf16", "amx_int8"
 
 
 def output_of(*command: str) -> str:
-    """What a command prints, or nothing where it fails."""
+    """The output of a command, or nothing if it fails."""
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return done.stdout.strip() if done.returncode == 0 else ""
 

@@ -80,7 +80,7 @@ def _make_random_pack(settings: Settings, preset: str, pack: Path) -> None:
 
 
 def idle(settings: Settings) -> None:
-    """CPU and memory of a server that nobody asks anything, without sessions and with many."""
+    """CPU and memory of a server without requests, without sessions and with many."""
     store = Store(settings.results, "idle")
     for engine in settings.engines:
         for repeat in range(settings.repeats):

@@ -1,4 +1,4 @@
-"""What is measured: it is built, started on a free port, waited for, and stopped with all its children."""
+"""The measured programs: built, started on a free port, waited for, and stopped with all their children."""
 
 import contextlib
 import json
@@ -92,7 +92,7 @@ def requests(pack: Path, lengths: str, count: int) -> Path:
 
 
 def free_port() -> int:
-    """A port that nobody listens on at the moment."""
+    """A port that is free at the moment."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
@@ -149,7 +149,7 @@ def _python_served(kind: str, engine: str, options: list[str], settings: Json) -
 
 @contextlib.contextmanager
 def _served(name: str, command: list[str], env: dict[str, str], port: int, path: str) -> Iterator[Running]:
-    """Starts a server in a process group of its own, and ends the group whatever happens."""
+    """Starts a server in a process group of its own, and always ends the group."""
     log = HOME / "logs" / f"{name}.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()

@@ -17,31 +17,32 @@ Written by `make bench` from [bench/figures](../bench/figures), one file for eac
 - A ratio is the median of the ratios of single turns.
 - *Bar* is the goal that we set.
 - *f32* is ONNX Runtime's CPU engine. *bf16* is OpenVINO.
-- No GPU was measured."""
+- A machine's figures are of the commit and the pack that the first table names, if no note says otherwise.
+- A GPU is on [another page](engines.md#a-gpu)."""
 
 SECTIONS = (
     (
         "How many frames a second?",
         "serving",
         """Segments of 64 frames. All targets load the same pack and the same ONNX Runtime library, and take turns.
-Each client sends its next request when it has its answer. Clients and server share the machine.
+Each client waits for its answer before it sends its next request. Clients and server share the machine.
 
-The raw loop calls the three networks with no server around them. It is the most that a server can reach with the same
-allocator, the C library's or jemalloc. LitServe and FastAPI run with the fastest [settings](#which-settings-of-the-python-servers-were-tried)
-that were tried. They read and write raw arrays. They do not check requests, convert frames, pin keyframes or hold feet.""",
+The raw loop calls the three networks without a server. No server with the same allocator, the C library's or jemalloc, can be faster.
+LitServe and FastAPI run with the fastest [settings](#which-settings-of-the-python-servers-were-tried) of those that were tried. They read and
+write raw arrays. They do not check requests, convert frames, pin keyframes or hold feet.""",
         tables.throughput,
     ),
     (
         "How long does a request take?",
         "serving",
-        "The same runs: p50 / p99 in ms. Rows of the raw loop are single calls of the networks.",
+        "p50 / p99 in ms of the same runs. Rows of the raw loop are single calls of the networks.",
         tables.latency,
     ),
     ("How does that compare with the raw loop, LitServe and FastAPI?", "serving", "", tables.ratios),
     (
         "Where does the time of a request go?",
         "serving",
-        "Mean ms a request, by the client's clock and the server's metrics. A stage's time is that of its whole batch.",
+        "Mean ms of a request, by the client's clock and the server's metrics. The time of a stage is that of its whole batch.",
         tables.split,
     ),
     (
@@ -53,7 +54,7 @@ that were tried. They read and write raw arrays. They do not check requests, con
     (
         "Do live characters keep up?",
         "live",
-        """One Drive stream at 30 Hz for five minutes. Each character gets a new command every 2.5 s. The lateness of a tick counts
+        """One Drive stream at 30 Hz for five minutes. Each character gets a new command every 2.5 s. The lateness of a tick is counted
 from the earliest tick.""",
         tables.live,
     ),
@@ -61,20 +62,20 @@ from the earliest tick.""",
         "What happens in an overload?",
         "overload",
         """Single requests of 64 frames at five times the capacity, for two minutes (Poisson arrivals, open loop). 50 live characters
-run beside them. Before it the load is 90 % of the capacity, after it 50 %.""",
+run beside them. The load is 90 % of the capacity before the overload, and 50 % after it. Server and load tester share the cores, so
+refusals take time from answers ([more](loadtest.md#an-overload)).""",
         tables.overload,
     ),
     (
         "How fast is motion of words?",
         "words",
-        """`models/vermo` in f32: 25 sentences, 60 to 180 frames each, drawn with the pack's own sampling. Each client sends its next request when
-it has its answer. Both servers load the same graphs and the same ONNX Runtime library, and have as many threads for the networks as there
-are cores. Times are p50 / p99 in ms. A CPU second is one of the server alone. Troupe's queue has no limit of time here, as FastAPI's has
-none.
+        """`models/vermo` in f32: 25 sentences, 60 to 180 frames each, with the pack's own sampling. Each client waits for its answer before it sends
+its next request. Both servers load the same graphs and the same ONNX Runtime library, and have a network thread for each core. Times are
+p50 / p99 in ms. CPU seconds are those of the server alone. Troupe's queue has no time limit here, because FastAPI's has none.
 
-[Troupe](words.md) writes all requests together, and sends JSON with rotations of joints and contacts. FastAPI writes each request on its
-own, with its own key-value cache, in a pool of threads, with the fastest [settings](#which-settings-of-fastapi-were-tried-for-words) that
-were tried. It sends raw arrays as the decoder gives them. *In parts* it decodes as Troupe does, while tokens come. *At the end* it decodes
+[Troupe](words.md) generates all requests together, and sends JSON with rotations of joints and contacts. FastAPI generates each request
+alone, with its own key-value cache, in a pool of threads, with the fastest [settings](#which-settings-of-fastapi-were-tried-for-words) of
+those that were tried. It sends the decoder's raw arrays. *In parts* it decodes while tokens come, as Troupe does. *At the end* it decodes
 once.""",
         tables.words,
     ),
@@ -82,38 +83,38 @@ once.""",
     (
         "Which settings of FastAPI were tried for words?",
         "words",
-        """With 32 requests at once, frames in parts. The fastest by tokens/s was measured above. `cache_unit`: the language model reads as many columns of the cache as are
-filled, rounded up to a multiple of this (16 where it is not named; 128 is all).""",
+        """With 32 requests at once, frames in parts. The fastest by tokens/s was measured above. `cache_unit`: the language model reads the filled
+columns of the cache, rounded up to a multiple of this number (16 if not named; 128 is all).""",
         tables.words_tuned,
     ),
     (
         "What is the ceiling?",
         "ceiling",
         """Operations of a segment of 64 frames: two for each multiplication in matrix products and convolutions. The peak is the
-machine's best at large matrix products through the same engine, over three shapes. The last column is the speed if all the
-networks' time went into products at that peak.""",
+machine's best of three shapes of large matrix products through the same engine. The last column is the speed if the networks did nothing
+but products at that peak.""",
         tables.ceiling,
     ),
     (
         "Where does the networks' time go?",
         "operators",
         """One thread, 16 segments of 64 frames, from the engines' own counters. *Moves* are reordering, slicing, gathering and padding.
-The last column is the rate that the products reach; the ceiling above is for all cores and large products.""",
+The last column is the rate of the products; the ceiling above is for all cores and large products.""",
         tables.operators,
     ),
     (
         "How fast are networks of the paper's size?",
         "paper",
         """The raw loop on packs with random weights (`troupe-train random-pack`), 64 frames a segment. `paper` has the parameter counts
-of the paper's section 7.4. `paper-wide` has the widths of its text, which make it larger. *Alone* is one worker with all
-cores and one segment a call. The paper reports 15,000 frames/s and 2 ms on an RTX 5090.""",
+of the paper's section 7.4. `paper-wide` has the layer widths that the paper states, which give more parameters. *Alone* is one worker with
+all cores and one segment a call. The paper reports 15,000 frames/s and 2 ms on an RTX 5090.""",
         tables.paper,
     ),
     ("What does an idle server take?", "idle", "", tables.idle),
     (
         "What do the server's own parts take?",
         "micro",
-        "Criterion, one core. `finish` and `prepare` are all that the server does besides queue and networks.",
+        "Criterion, one core. Besides queue and networks, the server's own work is `prepare` and `finish`.",
         tables.micro,
     ),
 )
@@ -127,12 +128,12 @@ TUNED = (
 
 INSTRUCTIONS = """## How many instructions does the hot loop take?
 
-Counted under valgrind, so the same on every run and on a busy machine. The table is
+Counted under valgrind, so they are the same on every run and on a busy machine. The table is
 [bench/instructions.json](../bench/instructions.json); `make bench-instructions` compares with it."""
 
 
 def machine_table(found: list[dict[str, Any]]) -> list[str]:
-    """What was measured on what, with which code and pack."""
+    """The machines and their parts, with the code and pack of each."""
     rows = []
     for machine in found:
         facts, main = machine["machine"], main_part(machine)
@@ -153,23 +154,23 @@ def machine_table(found: list[dict[str, Any]]) -> list[str]:
 
 
 def main_part(machine: dict[str, Any]) -> dict[str, Any]:
-    """The part whose commit and pack the table of machines shows."""
+    """The part whose commit and pack are in the table of machines."""
     parts = machine["parts"]
     return parts.get("serving") or next(iter(parts.values()), {})
 
 
 def notes(found: list[dict[str, Any]], part: str) -> list[str]:
-    """What a reader has to know about a part of single machines."""
+    """Remarks on one part, for each machine that has any."""
     lines = []
     for machine in found:
         figures, main = machine["parts"].get(part), main_part(machine)
         if not figures:
             continue
-        told = list(figures.get("notes", []))
+        remarks = list(figures.get("notes", []))
         differs = [name for name in ("code", "pack") if figures.get(name) and figures[name] != main.get(name)]
         if differs:
-            told.append(f"measured with {' and '.join(figures[name] for name in differs)} on {figures['measured']}")
-        lines += [f"- {machine['title']}: {note}." for note in told]
+            remarks.append(f"measured with {' and '.join(figures[name] for name in differs)} on {figures['measured']}")
+        lines += [f"- {machine['title']}: {note}." for note in remarks]
     return lines
 
 
@@ -179,15 +180,15 @@ def page(found: list[dict[str, Any]], quick: bool = False) -> str:
     blocks += [f"{machine['title']}: {machine['remark']}" for machine in found if machine.get("remark")]
     if quick:
         blocks.append("**A quick look: one short run each. Not the real figures.**")
-    told = set()
+    noted = set()
     for title, part, text, table in (*SECTIONS, TUNED):
         if part == "tune":
             blocks += [INSTRUCTIONS, "\n".join(instruction_table())]
         lines = table(found)
         body = [text, "\n".join(lines)] if lines else [f"Not measured yet: `make bench PARTS={part}`."]
-        if lines and part not in told:
+        if lines and part not in noted:
             body.append("\n".join(notes(found, part)))
-            told.add(part)
+            noted.add(part)
         blocks += [f"## {title}", *body]
     return "\n\n".join(block.strip("\n") for block in blocks if block) + "\n"
 

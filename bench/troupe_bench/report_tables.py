@@ -51,7 +51,7 @@ FRAMES_PER_TOKEN = 4
 Machine = dict[str, Any]
 Row = dict[str, Any]
 Key = tuple[Any, ...]
-"""What names a row of the serving part."""
+"""The names of a row of the serving part."""
 
 
 def table(heads: list[str], rows: list[list[str]], words: int = 1) -> list[str]:
@@ -68,7 +68,7 @@ def number(value: float | None, decimals: int = 0, unit: str = "") -> str:
 
 
 def median_of(values: list[float] | None, decimals: int = 0, unit: str = "") -> str:
-    """A median with the least and the most in brackets, where they differ."""
+    """A median, with the least and the most in brackets if they differ."""
     if values is None:
         return "–"
     least, middle, most = (number(value, decimals, unit) for value in values)
@@ -76,7 +76,7 @@ def median_of(values: list[float] | None, decimals: int = 0, unit: str = "") -> 
 
 
 def rows_of(machine: Machine, part: str, name: str = "rows") -> list[Row]:
-    """The rows of a machine's part; none where it was not measured."""
+    """The rows of a machine's part, or none if it was not measured."""
     return machine["parts"].get(part, {}).get(name, [])
 
 

@@ -49,7 +49,7 @@ def tune(settings: Settings, kinds: tuple[str, ...] = ("litserve", "fastapi")) -
 
 
 def best_options(settings: Settings, engine: str, kind: str) -> Json:
-    """The options of a Python server that were the fastest in `tune`, which is run where it has not been."""
+    """The options of a Python server that were the fastest in `tune`, which runs first if needed."""
     store = Store(settings.results, "tune")
     if not store.of({"engine": engine, "target": kind}):
         tune(settings, (kind,))

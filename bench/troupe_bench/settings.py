@@ -56,7 +56,7 @@ class Settings:
 
 
 def python_settings(kind: str, quick: bool) -> list[Json]:
-    """What is tried for a Python server; the fastest at 32 clients is measured."""
+    """Settings to try for a Python server. The fastest at 32 clients is measured."""
     many = max(1, math.floor(cores()))
     if kind == "words":
         tried = [

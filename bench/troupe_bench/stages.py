@@ -115,7 +115,7 @@ class Stages:
         )
 
     def warm_up(self, bodies: Sequence[bytes], largest: int) -> None:
-        """Runs the batch sizes up to ``largest``, for the first run of a shape is slow."""
+        """Runs the batch sizes up to ``largest``, because the first run of a shape is slow."""
         for size in (size for size in BUCKETS if size <= largest):
             for start in range(0, len(bodies), max(1, len(bodies) // 4)):
                 self.run(list(itertools.islice(itertools.cycle(bodies), start, start + size)))

@@ -1,4 +1,4 @@
-"""Results, one JSON file a part, written after every single measurement: a run that was stopped goes on where it was."""
+"""Results, one JSON file a part, written after every single measurement: a run that was stopped goes on from there."""
 
 import json
 import statistics
@@ -68,7 +68,7 @@ class Store:
         return parts
 
     def median(self, key: Json, *path: str) -> float | None:
-        """The median over the runs of ``key`` of the number at ``path``; None where there is none."""
+        """The median over the runs of ``key`` of the number at ``path``; None if there is none."""
         values = [value for result in self.of(key) if (value := dig(result, *path)) is not None]
         return statistics.median(values) if values else None
 
@@ -89,7 +89,7 @@ class Store:
 
 
 def dig(value: Any, *path: str) -> Any:
-    """What lies at ``path`` in nested tables, or None."""
+    """The value at ``path`` in nested tables, or None."""
     for step in path:
         if not isinstance(value, dict):
             return None

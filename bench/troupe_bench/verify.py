@@ -16,7 +16,7 @@ CONTACT_TOLERANCE = {"cpu": 1e-3, "openvino-bf16": 2e-2}
 def verify(settings: Settings) -> None:
     """Compares the answers to the first requests of the set, engine by engine.
 
-    Raises Failed where they differ.
+    Raises Failed if they differ.
     """
     bodies = programs.requests(settings.pack, "64", settings.request_count)
     listed = json.loads((bodies / "requests.json").read_text())["requests"][:COMPARED]

@@ -114,7 +114,7 @@ class VerMo:
         )
 
     def warm_up(self) -> None:
-        """Runs the shapes that come, for the first run of a shape is slow."""
+        """Runs the shapes that come, because the first run of a shape is slow."""
         for frames in (self.per_token * self.least, self.per_token * self.most):
             for _ in self.parts(Asked("a person walks", frames, 1, self.sampling)):
                 pass
@@ -122,7 +122,7 @@ class VerMo:
     def prompt(self, text: str, tokens: int) -> list[int]:
         """The message up to its reply of so many tokens.
 
-        Raises ValueError where the pack does not take it.
+        Raises ValueError if the pack does not take it.
         """
         pieces = self.pieces.encode(text, add_special_tokens=False).ids
         if not 1 <= len(pieces) <= self.max_pieces:

@@ -107,7 +107,7 @@ def _summary(run: Json) -> str:
 def agreement(pack: Path, name: str, temperature: float | None, count: int) -> Json:
     """Asks both servers the same: how many motions are the same, and how far apart joints of those are.
 
-    Raises Failed where fewer than 99 of 100 are.
+    Raises Failed if fewer than 99 of 100 are.
     """
     asked = [words(index) for index in range(count)]
     skeleton = Skeleton(pack)
@@ -126,7 +126,7 @@ def agreement(pack: Path, name: str, temperature: float | None, count: int) -> J
 def answer(target: Target, asked: Words, temperature: float | None) -> list[tuple[int, bytes]]:
     """All parts of an answer.
 
-    Raises Failed where the server gives none.
+    Raises Failed if the server gives none.
     """
     try:
         return list(target.ask(asked, temperature))
@@ -137,7 +137,7 @@ def answer(target: Target, asked: Words, temperature: float | None) -> list[tupl
 def gap(theirs: np.ndarray, ours: np.ndarray, asked: Words) -> float:
     """The largest distance of a joint between two motions ``[F, J, 3]``.
 
-    Raises Failed where they have not the frames that were asked for, or are not finite.
+    Raises Failed if they have other frames than requested, or are not finite.
     """
     if theirs.shape != ours.shape or len(ours) != asked.frames:
         raise Failed(f"{asked}: {theirs.shape} and {ours.shape} joints came")

@@ -67,7 +67,7 @@ class Target:
     def ask(self, asked: Words, temperature: float | None = None) -> Iterator[tuple[int, bytes]]:
         """Asks once, and gives the parts of the answer.
 
-        Raises ValueError where the server refuses, or its frames are not as many as asked for.
+        Raises ValueError if the server refuses, or its frames are not as many as asked for.
         """
         connection = http.client.HTTPConnection(self.host, timeout=TIMEOUT_S)
         try:
@@ -114,7 +114,7 @@ class Troupe(Target):
 
 @dataclass
 class Seen:
-    """What clients saw; times by one clock."""
+    """The clients' view of a run; times by one clock."""
 
     parts: list[tuple[float, int]] = field(default_factory=list)  # when frames came, and how many
     answers: list[tuple[float, float, float]] = field(default_factory=list)  # begin, first frames, end

@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use troupe_engine::accuracy::compare_paths;
+use troupe_engine::families::unimogen::{CALL_ROWS, Call, Denoiser, ROW_CHANNELS, UniMoGen, probe_task};
 use troupe_engine::generator::{Generator as _, JobId, Progress};
 use troupe_engine::machine::available_cores;
 use troupe_engine::onnx::{Growth, OnnxDenoiser, Runtime, SessionOptions};
 use troupe_engine::pack::Pack;
-use troupe_engine::unimogen::{CALL_ROWS, Call, Denoiser, ROW_CHANNELS, probe_task};
-use troupe_engine::{EngineChoice, EngineError, EngineKind, UniMoGen};
+use troupe_engine::{EngineChoice, EngineError, EngineKind};
 use troupe_motion::model::{PathTask, SLOTS};
 
 /// Of the kernel's clock ticks.

@@ -8,11 +8,13 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
+use troupe_engine::families::vermo::{
+    LanguageAnswer, LanguageCall, Networks as _, OnnxVerMo, Shape, VerMo, Vocabulary, table,
+};
 use troupe_engine::generator::{Generator as _, JobId, Progress};
-use troupe_engine::onnx::{Growth, OnnxVerMo, Runtime, SessionOptions};
+use troupe_engine::onnx::{Growth, Runtime, SessionOptions};
 use troupe_engine::pack::Pack;
-use troupe_engine::vermo::{LanguageAnswer, LanguageCall, Networks as _, Shape, Vocabulary};
-use troupe_engine::{EngineError, EngineKind, VerMo};
+use troupe_engine::{EngineError, EngineKind};
 use troupe_motion::model::{PromptTask, Task};
 
 /// How often everything is measured.
@@ -146,7 +148,7 @@ impl Bench {
 
     /// Tokens a second of the decode graph alone, without choosing tokens or keeping their columns.
     fn bare(&mut self, sequences: usize) -> Result<f64, Failed> {
-        let table = self.pack.manifest.vermo.as_ref().ok_or("no pack of VerMo")?;
+        let table = table(&self.pack).ok_or("no pack of VerMo")?;
         let shape = Shape::new(table);
         let logits = Vocabulary::new(table, self.pack.rig.dims.max_tokens).len();
         let (tokens, ones, start) = (vec![1; sequences], vec![1; sequences], vec![FILLED; sequences]);

@@ -8,6 +8,8 @@
 pub mod accuracy;
 mod checks;
 mod choice;
+#[cfg(any(test, feature = "testing"))]
+pub mod families;
 mod fill;
 pub mod generator;
 pub mod machine;
@@ -24,21 +26,28 @@ mod specs;
 mod tensors;
 #[cfg(any(test, feature = "testing"))]
 pub mod toy;
-pub mod unimogen;
-pub mod vermo;
+mod trial;
+#[cfg_attr(
+    not(any(test, feature = "testing")),
+    allow(dead_code, unused_imports, reason = "some of it is for `families` alone")
+)]
+mod unimogen;
+#[cfg_attr(
+    not(any(test, feature = "testing")),
+    allow(dead_code, unused_imports, reason = "some of it is for `families` alone")
+)]
+mod vermo;
 
-use crate::pack::Stage;
+use crate::pack::{Family, Stage};
 
 pub use checks::CheckCache;
 pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Workers};
-pub use motionbricks::MotionBricks;
 pub use pipeline::{Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;
 pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
-pub use unimogen::UniMoGen;
-pub use vermo::VerMo;
+pub use trial::{NetworkLoop, Networks};
 
 /// Runs the networks of one pack.
 ///
@@ -105,6 +114,12 @@ pub enum EngineError {
         engine: EngineKind,
         /// Why not.
         reason: String,
+    },
+    /// A pack of a family that this engine has no generator for.
+    #[error("the family {family:?} is unknown; allowed: {}", Family::ALL.map(Family::name).join(", "))]
+    UnknownFamily {
+        /// What the manifest names.
+        family: String,
     },
     /// A stage that does not load.
     #[error("cannot load {file}: {reason}")]

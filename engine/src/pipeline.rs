@@ -17,6 +17,8 @@ use super::fill::FillRows as _;
 use super::sampling::{PoseSampler, fill_count_noise, fill_root_noise};
 use super::tensors::{ROOM_MULTIPLE, Rows};
 use super::{BatchSizes, DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
+use crate::generator::Generator;
+use crate::motionbricks::MotionBricks;
 use crate::pack::Stage;
 
 /// Token axes that an engine is asked for, in rising order: the most tokens, three quarters of it,
@@ -118,6 +120,12 @@ impl Pipeline {
     /// The stages, for other use.
     pub fn into_stages(self) -> Box<dyn Stages> {
         self.stages
+    }
+
+    /// A generator of the stages, which takes up to `max_batch` jobs in a step: as many as the
+    /// pipeline was made for.
+    pub fn into_generator(self, max_batch: usize) -> Box<dyn Generator> {
+        Box::new(MotionBricks::new(self, max_batch))
     }
 
     /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet

@@ -8,15 +8,14 @@ use super::accuracy::{Accuracy, Probe, compare, compare_paths, probe};
 use super::checks::{self, CheckCache};
 use super::generator::Generator;
 use super::machine::Machine;
+use super::onnx::vermo::OnnxVerMo;
 use super::onnx::{
-    Batching, Growth, NetworkPool, OnnxDenoiser, OnnxStages, OnnxVerMo, Runtime, SessionOptions,
-    no_fixed_shapes,
+    Batching, Growth, NetworkPool, OnnxDenoiser, OnnxStages, Runtime, SessionOptions, no_fixed_shapes,
 };
-use super::{
-    AccuracyCheck, EngineChoice, EngineError, EngineKind, MotionBricks, Pipeline, Stages, UniMoGen, VerMo,
-    Workers,
-};
-use crate::pack::{Pack, UNIMOGEN, VERMO};
+use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Pipeline, Stages, Workers};
+use crate::pack::{Family, Pack};
+use crate::unimogen::UniMoGen;
+use crate::vermo::VerMo;
 
 /// What serves a pack, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -79,10 +78,11 @@ impl Selector {
     /// [`EngineError::Unusable`] where an engine is named and cannot serve, and what else fails on
     /// the way.
     pub fn choose(&self, pack: &Pack) -> Result<Decision, EngineError> {
+        let family = known(pack)?;
         let missing = |engine| self.missing(engine);
         let check = |engine| self.kept_check(pack, engine);
         let (engine, mut why, check) = match self.choice.named() {
-            _ if family(pack) == VERMO => (EngineKind::Cpu, F32_ALONE.to_owned(), None),
+            _ if family == Family::VerMo => (EngineKind::Cpu, F32_ALONE.to_owned(), None),
             Some(engine) => named(engine, self.accuracy_check, missing, check)?,
             None => best(self.accuracy_check, missing, check),
         };
@@ -90,7 +90,7 @@ impl Selector {
             self.pool.forget(pack);
         }
         let no_fixed_shapes = match engine {
-            EngineKind::OpenvinoBf16 if family(pack) != UNIMOGEN => self.no_fixed_shapes(pack),
+            EngineKind::OpenvinoBf16 if family == Family::MotionBricks => self.no_fixed_shapes(pack),
             _ => None,
         };
         if let (EngineKind::OpenvinoBf16, Some(reason)) = (engine, &no_fixed_shapes) {
@@ -99,10 +99,10 @@ impl Selector {
         let decision = Decision {
             engine,
             workers: self.workers,
-            batching: match family(pack) {
-                UNIMOGEN => Batching::of_unimogen(engine),
-                VERMO => Batching::of_vermo(),
-                _ => Batching::of(engine, no_fixed_shapes.is_none()),
+            batching: match family {
+                Family::UniMoGen => Batching::of_unimogen(engine),
+                Family::VerMo => Batching::of_vermo(),
+                Family::MotionBricks => Batching::of(engine, no_fixed_shapes.is_none()),
             },
             why,
             check,
@@ -150,31 +150,31 @@ impl Selector {
     /// decides which.
     ///
     /// # Errors
-    /// [`EngineError`] where the networks do not load or run.
+    /// [`EngineError`] where the engine does not know the family, or the networks do not load or run.
     pub fn generator(
         &self,
         pack: &Pack,
         engine: EngineKind,
         max_batch: usize,
     ) -> Result<Box<dyn Generator>, EngineError> {
-        match family(pack) {
-            UNIMOGEN => {
+        match known(pack)? {
+            Family::UniMoGen => {
                 let denoiser = Box::new(self.load_denoiser(pack, engine)?);
                 let mut generator = UniMoGen::new(pack, denoiser, max_batch)?;
                 generator.warm_up(pack)?;
                 Ok(Box::new(generator))
             }
-            VERMO => {
-                let networks = Box::new(self.load_vermo(pack, engine)?);
+            Family::VerMo => {
+                let networks = Box::new(self.load_language(pack, engine)?);
                 let mut generator = VerMo::new(pack, networks, max_batch)?;
                 generator.warm_up()?;
                 Ok(Box::new(generator))
             }
-            _ => {
+            Family::MotionBricks => {
                 let stages = self.load(pack, engine)?;
                 let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), max_batch);
                 pipeline.warm_up()?;
-                Ok(Box::new(MotionBricks::new(pipeline, max_batch)))
+                Ok(pipeline.into_generator(max_batch))
             }
         }
     }
@@ -190,7 +190,7 @@ impl Selector {
         }
     }
 
-    /// The network of one worker, of a UniMoGen pack.
+    /// The network of one worker, of a pack whose one network moves many bodies.
     ///
     /// # Errors
     /// [`EngineError`] where it does not load.
@@ -198,15 +198,15 @@ impl Selector {
         OnnxDenoiser::load(&self.runtime, pack, self.any_shape(engine))
     }
 
-    /// The networks of one worker, of a VerMo pack.
+    /// The networks of one worker, of a pack with a language model.
     ///
     /// # Errors
     /// [`EngineError`] where they do not load.
-    pub fn load_vermo(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxVerMo, EngineError> {
+    pub(crate) fn load_language(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxVerMo, EngineError> {
         OnnxVerMo::load(&self.runtime, pack, self.any_shape(engine))
     }
 
-    /// The stages of one worker, of a MotionBricks pack.
+    /// The stages of one worker, of a pack that has three.
     ///
     /// # Errors
     /// [`EngineError`] where they do not load.
@@ -285,17 +285,17 @@ impl Selector {
             fixed_shapes: false,
             growth: Growth::None,
         };
-        let accuracy = match family(pack) {
-            VERMO => {
+        let accuracy = match known(pack)? {
+            Family::VerMo => {
                 let reason = F32_ALONE.to_owned();
                 return Err(EngineError::Unusable { engine, reason });
             }
-            UNIMOGEN => {
+            Family::UniMoGen => {
                 let reference = OnnxDenoiser::load(&self.runtime, pack, reference)?;
                 let candidate = self.load_denoiser(pack, engine)?;
                 compare_paths(pack, Box::new(reference), Box::new(candidate))?
             }
-            _ => self.compare_stages(pack, reference, engine)?,
+            Family::MotionBricks => self.compare_stages(pack, reference, engine)?,
         };
         Ok(Check {
             engine,
@@ -324,8 +324,11 @@ impl Selector {
 /// Why a VerMo pack has one engine.
 const F32_ALONE: &str = "networks of VerMo packs run in f32 alone";
 
-fn family(pack: &Pack) -> &str {
-    &pack.manifest.family
+/// The family of a pack that the engine runs.
+pub(crate) fn known(pack: &Pack) -> Result<Family, EngineError> {
+    pack.manifest.family().ok_or_else(|| EngineError::UnknownFamily {
+        family: pack.manifest.family.clone(),
+    })
 }
 
 /// An engine, why it serves, and its check.

@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde::Deserialize;
-use troupe_engine::generator::{Generator, JobId, Progress};
-use troupe_engine::onnx::{Growth, OnnxVerMo, Runtime, SessionOptions};
-use troupe_engine::pack::{MessageTask, Pack};
-use troupe_engine::vermo::{
-    Frames, Kind, LanguageAnswer, LanguageCall, Networks, Prompt, Rules, Said, Sampling, Sequences, Shape,
-    Vocabulary,
+use troupe_engine::EngineKind;
+use troupe_engine::families::vermo::{
+    Frames, Kind, LanguageAnswer, LanguageCall, Networks, OnnxVerMo, Prompt, Rules, Said, Sampling,
+    Sequences, Shape, VerMo, Vocabulary, lexicon, table,
 };
-use troupe_engine::{EngineKind, VerMo};
+use troupe_engine::generator::{Generator, JobId, Progress};
+use troupe_engine::onnx::{Growth, Runtime, SessionOptions};
+use troupe_engine::pack::{MessageTask, Pack};
 use troupe_motion::model::{
     AgentTask, Audio, DescribeTask, KeyTensors, Motion, Output, PromptTask, SamplingTask, Sound, Task,
     Telling,
@@ -84,7 +84,7 @@ fn networks(pack: &Pack, threads: usize) -> OnnxVerMo {
 }
 
 fn vocabulary(pack: &Pack) -> Vocabulary {
-    Vocabulary::new(pack.manifest.vermo.as_ref().unwrap(), pack.rig.dims.max_tokens)
+    Vocabulary::new(table(pack).unwrap(), pack.rig.dims.max_tokens)
 }
 
 fn assert_near(found: &[f32], wanted: &[f32], most: f32) {
@@ -105,8 +105,8 @@ fn id(request: u64) -> JobId {
 fn a_prompt_gets_the_references_logits() {
     let pack = Pack::load(&tiny()).unwrap();
     let mut networks = networks(&pack, 1);
-    let shape = Shape::new(pack.manifest.vermo.as_ref().unwrap());
-    let lexicon = pack.lexicon.as_ref().unwrap();
+    let shape = Shape::new(table(&pack).unwrap());
+    let lexicon = lexicon(&pack).unwrap();
     let mut compared = 0;
     for message in &reference().messages {
         // Text pieces stand in the prompt as the library makes them.
@@ -151,7 +151,7 @@ fn a_prompt_gets_the_references_logits() {
 fn replies_are_those_of_the_reference() {
     let pack = Pack::load(&tiny()).unwrap();
     let mut networks = networks(&pack, 1);
-    let shape = Shape::new(pack.manifest.vermo.as_ref().unwrap());
+    let shape = Shape::new(table(&pack).unwrap());
     let messages = reference().messages;
     let mut sequences = Sequences::new(shape, vocabulary(&pack), 4);
     for (index, message) in messages.iter().enumerate() {

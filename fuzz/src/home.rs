@@ -8,8 +8,8 @@ use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use troupe_character::testing::toy_rig;
 use troupe_engine::generator::Generator;
+use troupe_engine::pack::Pack;
 use troupe_engine::pack::testing::pack_of;
-use troupe_engine::pack::{Manifest, Pack};
 use troupe_engine::toy::{FAMILY, Toy};
 use troupe_motion::model::Capabilities;
 use troupe_proto::v1;
@@ -44,16 +44,14 @@ thread_local! {
 /// A pack of two joints, whose generator knows everything and needs no networks.
 fn source() -> PackSource {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../server/tests/common/toy");
-    let manifest = Manifest {
-        family: FAMILY.to_owned(),
-        capabilities: Capabilities {
-            inbetween: true,
-            live: true,
-            text: true,
-            describe: true,
-            ..Capabilities::default()
-        },
-        ..pack_of(toy_rig()).manifest
+    let mut manifest = pack_of(toy_rig()).manifest;
+    manifest.family = FAMILY.to_owned();
+    manifest.capabilities = Capabilities {
+        inbetween: true,
+        live: true,
+        text: true,
+        describe: true,
+        ..Capabilities::default()
     };
     PackSource {
         pack: Pack::from_manifest(manifest, &folder).expect("a pack"),

@@ -7,9 +7,9 @@ use crate::root::wrap_angle;
 /// Place and velocity after `t` seconds of a spring with damping `gamma` (1/s) that started at `x0`
 /// with velocity `v0` and is drawn to `target`.
 ///
-/// The place is the paper's equation 6, `x(t) = target + (d + (v0 + γ d) t) e^(-γ t)` with `d = x0
-/// - target`, the velocity its derivative, `(v0 - γ (v0 + γ d) t) e^(-γ t)`. It solves `x'' = -2 γ
-/// x' - γ² (x - target)`: critically damped, so that it reaches the target as fast as a spring can
+/// The place is the paper's equation 6, `x(t) = target + (d + (v0 + γ d) t) e^(-γ t)` with
+/// `d = x0 - target`, the velocity its derivative, `(v0 - γ (v0 + γ d) t) e^(-γ t)`. It solves
+/// `x'' = -2 γ x' - γ² (x - target)`: critically damped, so that it reaches the target as fast as a spring can
 /// without swinging about it.
 ///
 /// For `f32`, `glam::Vec2` and `glam::Vec3`.

@@ -11,8 +11,8 @@
 use std::collections::{BTreeMap, HashMap};
 use std::time::{Duration, Instant};
 
-use troupe_server::batch::scheduler::{Action, Batch, Event, Finished, Limits, Ready, RequestId, Scheduler};
-use troupe_server::batch::{Order, OwnerId};
+use troupe_batch::scheduler::{Action, Batch, Event, Finished, Limits, Ready, RequestId, Scheduler};
+use troupe_batch::{Order, OwnerId};
 
 const WORKERS: usize = 2;
 const MS: Duration = Duration::from_millis(1);

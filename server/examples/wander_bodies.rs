@@ -22,9 +22,10 @@ use troupe_character::post::hold_live;
 use troupe_character::primitives::path::AskedPoint;
 use troupe_character::primitives::{LocomotionCommand, PathCommand};
 use troupe_character::style::{Style, StyleTable};
+use troupe_engine::EngineKind;
+use troupe_engine::families::unimogen::UniMoGen;
 use troupe_engine::onnx::{Growth, OnnxDenoiser, Runtime, SessionOptions};
 use troupe_engine::pack::Pack;
-use troupe_engine::{EngineKind, UniMoGen};
 use troupe_motion::fk::world_transforms;
 use troupe_motion::model::{Body, PathTask};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
@@ -143,7 +144,7 @@ impl<'a> Wander<'a> {
             let given = item.words.iter().find(|(given, _)| given == word);
             given.map_or(0.0, |(_, weight)| *weight)
         };
-        let steps = (self.pack.manifest.unimogen.as_ref()).map_or(1, |table| table.sampler_steps as u32);
+        let steps = self.pack.sampler().map_or(1, |steps| steps.default);
         let task = PathTask {
             body: self.body.clone(),
             style: self.pack.words.iter().map(weight).collect(),

@@ -5,7 +5,6 @@
 //! address of its connection, and for all together, and each has a limit.
 
 mod identity;
-mod turns;
 
 use std::collections::{HashMap, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
@@ -14,11 +13,10 @@ use std::time::Instant;
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use self::turns::Line;
-use crate::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
+use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
+use troupe_base::turns::{Line, Turns};
 
-pub use identity::{Identity, Quota, Role, TENANT_NAMES, Tenant, names_a_tenant};
-pub use turns::Turns;
+pub use identity::{Identity, Quota, Role};
 
 const TRANSFER: Metric = Metric::new(
     "troupe_transfer_memory_bytes",

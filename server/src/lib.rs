@@ -6,13 +6,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`telemetry`] | the registry of metrics, of which each layer owns its handles; request ids and traces |
-//! | `offload` | work that takes long, away from the threads of I/O |
-//! | [`batch`] | queues, scheduling, the threads that own engines |
-//! | [`packs`] | the packs that are loaded, each with its engine and styles |
-//! | [`wire`] | values of messages: checks, units, axes, keyframes |
-//! | [`world`] | scenes, objects and their definitions |
-//! | [`session`] | live characters: commands, steps, streams |
+//! | [`traces`] | where traces go |
 //! | [`inbetween`] | single requests: from keyframes to tasks, from motion to frames |
 //! | [`service`] | every call, apart from how it travels |
 //! | [`mmcp`] | the protocol of motion tools: requests in its form, answers as glTF |
@@ -24,7 +18,7 @@
 //!
 //! # The way of a request
 //! A request arrives over gRPC or HTTP, is checked and brought into each character's segment frame
-//! ([`inbetween`]), waits in a bounded queue and travels with whatever else waits ([`batch`]),
+//! ([`inbetween`]), waits in a bounded queue and travels with whatever else waits (`troupe-batch`),
 //! passes the networks of a pack (`troupe-engine`), and comes back as frames.
 //!
 //! # The way of a live character
@@ -48,19 +42,12 @@
 //! ```
 
 pub mod api;
-pub mod batch;
 pub mod clients;
 pub mod config;
 pub mod doctor;
 pub mod health;
 pub mod inbetween;
 pub mod mmcp;
-pub mod offload;
-pub mod packs;
-pub mod records;
 pub mod server;
 pub mod service;
-pub mod session;
-pub mod telemetry;
-pub mod wire;
-pub mod world;
+pub mod traces;

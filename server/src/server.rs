@@ -27,25 +27,25 @@ use tokio::sync::{Notify, watch};
 use tonic_health::server::HealthReporter;
 
 use crate::api;
-use crate::batch::scheduler::Limits;
-use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::clients::Clients;
 use crate::config::Config;
-use crate::packs::{LoadedPack, PackTable, load_skills, load_styles};
 use crate::service::Service;
-use crate::session::{Executor, Sessions, TimeSource};
-use crate::telemetry::Telemetry;
-use crate::world::Store;
 use access::Access;
 use keeping::{Keeping, OpenRecords};
 use listen::Listen;
 use places::Places;
 use reload::Source;
 use tls::{Tls, TlsFiles};
+use troupe_base::telemetry::Telemetry;
+use troupe_batch::scheduler::Limits;
+use troupe_batch::{Batcher, GeneratorFactory, PackMetrics};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
-use troupe_engine::{Decision, EngineError, MotionBricks, Pipeline, Stages};
+use troupe_engine::{Decision, EngineError, Pipeline, Stages};
+use troupe_live::packs::{LoadedPack, PackTable, load_skills, load_styles};
+use troupe_live::session::{Executor, Sessions, TimeSource};
+use troupe_live::world::Store;
 
 pub use error::StartError;
 pub use handle::{ServerHandle, Stopped};
@@ -77,17 +77,17 @@ pub struct PackSource {
     pub workers: usize,
     /// Makes a worker's generator.
     pub generator: MakeGenerator,
-    /// The engine that runs MotionBricks' stages, and why; nothing where the caller brings its own.
+    /// The engine that runs its networks, and why; nothing where the caller brings its own.
     pub decision: Option<Decision>,
 }
 
 impl PackSource {
-    /// A MotionBricks pack whose stages `stages` makes.
+    /// A pack that fills gaps, whose three stages `stages` makes.
     pub fn of_stages(pack: Pack, workers: usize, stages: StagesFactory, decision: Option<Decision>) -> Self {
         let generator = move |pack: &Pack, max_batch| {
             let mut pipeline = Pipeline::new(pack.rig.dims, stages(pack)?, max_batch);
             pipeline.warm_up()?;
-            Ok(Box::new(MotionBricks::new(pipeline, max_batch)) as Box<dyn Generator>)
+            Ok(pipeline.into_generator(max_batch))
         };
         Self {
             pack,
@@ -223,7 +223,7 @@ async fn serve_on(
     };
     let mut telemetry = Telemetry::new().map_err(|error| internal(&error))?;
     if let Some(options) = config.trace_options() {
-        telemetry = telemetry.traced(&options)?;
+        telemetry = telemetry.traced(options.exporter()?, options.sample_ratio);
     }
     let Around {
         time,

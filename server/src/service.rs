@@ -18,18 +18,18 @@ use std::time::{Duration, Instant};
 
 use troupe_proto::v1;
 
-use crate::batch::{Order, Served, SubmitError, trace_served};
-use crate::clients::Tenant;
 use crate::inbetween::{Plan, RequestLimits, finish_judged, prepare, refuse, refuse_keyframes};
-use crate::offload::{WorkerStopped, offload};
-use crate::packs::{LoadedPack, PackTable};
-use crate::records::{Records, RecordsError};
-use crate::session::{Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions};
-use crate::telemetry::{RequestContext, Telemetry};
-use crate::world::Store;
 use metrics::ServiceMetrics;
 use pack::describe;
+use troupe_base::offload::{WorkerStopped, offload};
+use troupe_base::telemetry::{RequestContext, Telemetry};
+use troupe_base::tenant::Tenant;
+use troupe_batch::{Order, Served, SubmitError, trace_served};
 use troupe_engine::EngineError;
+use troupe_live::packs::{LoadedPack, PackTable};
+use troupe_live::records::{Records, RecordsError};
+use troupe_live::session::{Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions};
+use troupe_live::world::Store;
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig};
 

@@ -41,9 +41,9 @@ def biped(neutral_seed: int | None = None) -> Body:
     rng = np.random.default_rng(neutral_seed)
     turned = random_rotations(rng, 8)
     offsets = [turned[max(p, 0)].T @ np.array(o) for p, o in zip(SKELETON.parents, SKELETON.offsets, strict=True)]
-    told = json.loads(json.dumps(SKELETON.__dict__)) | {"offsets": [list(map(float, o)) for o in offsets]}
-    told["left_axis"] = [float(v) for v in turned[0].T @ np.array([1.0, 0.0, 0.0])]
-    return body_of("turned", Skeleton(**told), turned)
+    fields = json.loads(json.dumps(SKELETON.__dict__)) | {"offsets": [list(map(float, o)) for o in offsets]}
+    fields["left_axis"] = [float(v) for v in turned[0].T @ np.array([1.0, 0.0, 0.0])]
+    return body_of("turned", Skeleton(**fields), turned)
 
 
 def random_rotations(rng: np.random.Generator, *shape: int) -> np.ndarray:

@@ -19,7 +19,7 @@ PACKAGE = Path("troupe/v1")
 
 
 def generate(into: Path) -> list[Path]:
-    """Runs protoc and gives the paths of what it wrote, relative to `into`."""
+    """Runs protoc and gives the paths of the files that it wrote, relative to `into`."""
     sources = sorted(str(path.relative_to(PROTO)) for path in (PROTO / PACKAGE).glob("*.proto"))
     common = str(files("grpc_tools") / "_proto")
     arguments = ["protoc", f"-I{PROTO}", f"-I{common}", f"--python_out={into}", f"--pyi_out={into}", *sources]

@@ -46,7 +46,7 @@ def test_gaps_paths_and_refusals(address: str) -> None:
         parts = [part async for part in client.generate_parts([[0, 0, 0], [0, 0, 1]], pack="unimogen", body="fox")]
         assert sum(len(part.clip) for part in parts) == len(made.clip)
         with pytest.raises(troupe.NotFoundError):
-            await client.pack("nobody")
+            await client.pack("absent")
 
     run(address, test)
 

@@ -12,7 +12,7 @@ from troupe.v1 import event_pb2, motion_pb2, scene_pb2, session_pb2
 
 
 class Status:
-    """What gRPC raises."""
+    """An error as gRPC raises it."""
 
     def __init__(self, code: grpc.StatusCode, words: str, *details: object, request_id: str = "") -> None:
         self._code, self._words = code, words
@@ -96,7 +96,7 @@ def test_what_the_transport_says_is_no_servers_word() -> None:
     assert isinstance(late, TimeoutError) and "within 2 s" in str(late)
 
 
-def test_where_no_server_is_that_is_told() -> None:
+def test_an_unreachable_server_is_named() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -107,7 +107,7 @@ def test_where_no_server_is_that_is_told() -> None:
 
 
 @pytest.mark.parametrize("address", ["", "ftp://a", "a b", "http://a/b"])
-def test_what_is_no_address_is_told(address: str) -> None:
+def test_a_wrong_address_is_named(address: str) -> None:
     with pytest.raises(troupe.InvalidArgumentError) as caught:
         troupe.Client(address)
     assert caught.value.field == "address"

@@ -45,7 +45,7 @@ def test_bvh_is_what_the_servers_own_tools_write(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("nothing", "HIERARCHY"),
         ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Wrotation } MOTION", "Wrotation"),
@@ -53,9 +53,9 @@ def test_bvh_is_what_the_servers_own_tools_write(tmp_path: Path) -> None:
         ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Zrotation } MOTION Frames: 2 Frame Time: 1 5", "reshape"),
     ],
 )
-def test_what_is_no_bvh_is_told(tmp_path: Path, text: str, told: str) -> None:
+def test_errors_name_what_is_no_bvh(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "a.bvh").write_text(text)
-    with pytest.raises(troupe.InvalidArgumentError, match=re.escape(told)) as caught:
+    with pytest.raises(troupe.InvalidArgumentError, match=re.escape(message)) as caught:
         troupe.Clip.from_bvh(tmp_path / "a.bvh")
     assert caught.value.field == "bvh"
 

@@ -5,7 +5,7 @@ import troupe
 from troupe.intent import Intent, locomotions
 
 
-def test_only_changes_are_told_and_sequences_count_up() -> None:
+def test_only_changes_are_sent_and_sequences_count_up() -> None:
     intent = Intent()
     assert list(intent.commands("a")) == [], "a new character stands by itself"
     intent.wanted = troupe.Locomotion((0, 0, 1), style="old")
@@ -31,7 +31,7 @@ def test_acts_go_once_and_leave_locomotion_alone() -> None:
     assert [command.sequence for command in intent.commands("a")] == [3], "it is to walk again"
 
 
-def test_what_may_not_have_arrived_is_told_again_with_its_style() -> None:
+def test_what_may_not_have_arrived_is_sent_again_with_its_style() -> None:
     intent = Intent()
     intent.wanted = troupe.Locomotion((0, 0, 1), style="old")
     list(intent.commands("a"))
@@ -57,7 +57,7 @@ def test_unsent_commands_come_again_in_order() -> None:
     assert [command.WhichOneof("intent") for command in intent.commands("a")] == ["drop", "cancel"]
 
 
-def test_a_priority_is_told_alone() -> None:
+def test_a_priority_is_sent_alone() -> None:
     intent = Intent()
     intent.set_priority(0.9)
     (command,) = intent.commands("a")

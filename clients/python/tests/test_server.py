@@ -17,7 +17,7 @@ def walk() -> troupe.Clip:
 
 
 def took(client: troupe.Client, options: troupe.FrameOptions, pack: str = "", **more: object) -> troupe.Frames:
-    """Sixty frames of a walk of a fresh character: the same whatever the options."""
+    """Sixty frames of a walk of a fresh character, the same for all options."""
     with client.session(troupe.SessionOptions(seed=3, **more), pack=pack) as session:  # type: ignore[arg-type]
         session.frame_options = options
         ahead = session.convention.position_from_native(np.array([0, 0, 1.2], np.float32))
@@ -40,7 +40,7 @@ def test_packs_have_skeletons_and_bodies(client: troupe.Client) -> None:
     with pytest.raises(troupe.InvalidArgumentError, match=r"client\.pack"):
         packs["unimogen"].of_body("horse")
     with pytest.raises(troupe.NotFoundError) as missing:
-        client.pack("nobody")
+        client.pack("absent")
     assert missing.value.request_id
 
 
@@ -56,14 +56,14 @@ def test_compact_frames_are_those_of_floats_within_the_documented_error(client: 
 
 @pytest.mark.parametrize("convention", troupe.Convention)
 def test_world_positions_are_the_servers(client: troupe.Client, convention: troupe.Convention) -> None:
-    told = took(client, troupe.FrameOptions(positions=True), convention=convention)
-    assert told.positions is not None and told.positions.shape == (60, 1, 21, 3)
-    made = told.skeleton.world(told.root, told.rotations, convention)[0]
-    assert np.abs(made - told.positions).max() < 1e-4 * convention.units_per_metre
+    framed = took(client, troupe.FrameOptions(positions=True), convention=convention)
+    assert framed.positions is not None and framed.positions.shape == (60, 1, 21, 3)
+    made = framed.skeleton.world(framed.root, framed.rotations, convention)[0]
+    assert np.abs(made - framed.positions).max() < 1e-4 * convention.units_per_metre
     native = took(client, troupe.FrameOptions())
-    assert np.abs(told.clip().world_positions() - native.clip().world_positions()).max() < 1e-3
+    assert np.abs(framed.clip().world_positions() - native.clip().world_positions()).max() < 1e-3
     packed = took(client, troupe.FrameOptions(encoding=troupe.Encoding.COMPACT), convention=convention)
-    assert np.abs(packed.root - told.root).max() <= codec.MAX_ROOT_ERROR_M * convention.units_per_metre * 1.01
+    assert np.abs(packed.root - framed.root).max() <= codec.MAX_ROOT_ERROR_M * convention.units_per_metre * 1.01
 
 
 def test_a_robots_qpos_is_the_same_pose(client: troupe.Client) -> None:
@@ -323,7 +323,7 @@ def test_a_drive_gives_ticks(client: troupe.Client) -> None:
         assert {one.session for one in attached if isinstance(one, troupe.Attached)} == set(drive.sessions)
         last = ticks[-1].frames
         assert last.root.shape == (1, 3, 3) and sorted(last.ids) == sorted(of.id for of in sessions)
-        # What a busy server could not send is counted.
+        # The client counts the frames that a busy server could not send.
         assert ticks[-1].number - ticks[0].number + 1 <= len(ticks) + ticks[-1].dropped
         assert all(later.number > tick.number for tick, later in pairwise(ticks))
         together = troupe.join_frames([tick.frames for tick in ticks if len(tick.frames.ids) == 3])
@@ -335,7 +335,7 @@ def test_a_drive_gives_ticks(client: troupe.Client) -> None:
         refused = [one for tick, _ in zip(drive, range(10), strict=False) for one in tick.news]
         assert any(isinstance(one, troupe.Refused) and one.problem.reason == "UNKNOWN_STYLE" for one in refused)
         drive.detach([of.id for of in sessions])
-        assert len(list(drive)) < 10, "nobody is left"
+        assert len(list(drive)) < 10, "the stream is empty"
         assert {type(one) for one in drive.news} == {troupe.Left}
 
 

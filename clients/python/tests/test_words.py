@@ -77,9 +77,9 @@ def test_two_characters_move_together(words: troupe.Client) -> None:
     made = words.generate(prompt=prompt, past=still(words, 16), seed=1)
     assert [len(clip) for clip in (made.clip, *made.others)] == [60, 60]
     assert abs(made.others[0].root[0, 0] - 1.0) < 0.3 and abs(made.clip.root[0, 0]) < 0.3
-    told = words.describe(made.clip, others=made.others, seed=2)
-    assert told and told == words.describe(made.clip, others=made.others, seed=2)
-    assert told != words.describe(made.clip, seed=2)
+    description = words.describe(made.clip, others=made.others, seed=2)
+    assert description and description == words.describe(made.clip, others=made.others, seed=2)
+    assert description != words.describe(made.clip, seed=2)
 
 
 def test_audio_goes_both_ways(words: troupe.Client) -> None:
@@ -99,8 +99,8 @@ def test_audio_goes_both_ways(words: troupe.Client) -> None:
 
 def test_motion_becomes_words_in_parts(words: troupe.Client) -> None:
     walk = still(words, 40)
-    told = words.describe(walk, seed=5)
-    assert told and "".join(words.describe_parts(walk, seed=5)) == told
+    description = words.describe(walk, seed=5)
+    assert description and "".join(words.describe_parts(walk, seed=5)) == description
     with pytest.raises(troupe.InvalidArgumentError, match="4 to 259") as caught:
         words.describe(still(words, 300))
     assert caught.value.field == "frames"
@@ -132,11 +132,13 @@ def test_the_same_awaits(words: troupe.Client, words_address: str) -> None:
 
     async def main() -> None:
         async with troupe.aio.Client(words_address) as client:
-            made, told = await asyncio.gather(client.generate(prompt=prompt, seed=1), client.describe(walk, seed=1))
+            made, description = await asyncio.gather(
+                client.generate(prompt=prompt, seed=1), client.describe(walk, seed=1)
+            )
             blocking = words.generate(prompt=prompt, seed=1)
             assert same(made.clip, blocking.clip) and same(made.others[0], blocking.others[0])
-            assert told == words.describe(walk, seed=1)
-            assert "".join([part async for part in client.describe_parts(walk, seed=1)]) == told
+            assert description == words.describe(walk, seed=1)
+            assert "".join([part async for part in client.describe_parts(walk, seed=1)]) == description
             parts = [part async for part in client.generate_parts(prompt=prompt, seed=1)]
             assert {part.character for part in parts} == {0, 1}
             audio = await client.audio_of(walk, troupe.Sound.SPEECH)

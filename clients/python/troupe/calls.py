@@ -216,5 +216,5 @@ def delete_object(name: str) -> Steps[None]:
 
 
 def detect(request: scene_pb2.DetectRequest) -> Steps[scene_pb2.DetectResponse]:
-    """What a character, or any box, reaches in its scene."""
+    """The objects that a character, or any box, reaches in its scene."""
     return (yield from io.ask(io.DETECT, request))

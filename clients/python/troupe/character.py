@@ -33,9 +33,9 @@ class Character:
         self.convention = Convention(of.convention)
         """Axes and unit of all that it takes and gives."""
         self.events: list[Event] = []
-        """What happened to it in the last step: with objects, in skills, on its path."""
+        """Events of the last step: with objects, in skills, on its path."""
         self.held: event_pb2.HeldObject | None = of.held if of.HasField("held") else None
-        """What is in its hand at the last frame of the last step."""
+        """The object in its hand at the last frame of the last step."""
         self._intent = Intent(of.last_sequence)
 
     def __repr__(self) -> str:
@@ -66,7 +66,7 @@ class Character:
         return self
 
     def face(self, heading: float | None) -> Self:
-        """Faces this way, radians, whatever the velocity. None: where it goes."""
+        """Faces this way, radians, at any velocity. None: it faces where it goes."""
         self._intent.wanted = replace(self._intent.wanted, facing=heading)
         return self
 

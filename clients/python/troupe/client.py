@@ -167,11 +167,11 @@ class Client:
         sampling: Sampling | None = None,
     ) -> Iterator[str]:
         """As `describe`, part by part while they are found."""
-        told = Description()
+        description = Description()
         request = describe_request(self._pack(pack, ""), motion, others, None, seed, sampling)
         for part in self._connection.parts(Call(io.DESCRIBE, request)):
-            yield told.words(part)
-        told.check_end()
+            yield description.words(part)
+        description.check_end()
 
     def audio_of(
         self,
@@ -184,10 +184,10 @@ class Client:
         sampling: Sampling | None = None,
     ) -> Audio:
         """Makes audio that goes with a motion, as codes of a pack that declares such a task."""
-        told = Description()
+        description = Description()
         request = describe_request(self._pack(pack, ""), motion, others, sound, seed, sampling)
-        codes = [told.codes(part) for part in self._connection.parts(Call(io.DESCRIBE, request))]
-        told.check_end()
+        codes = [description.codes(part) for part in self._connection.parts(Call(io.DESCRIBE, request))]
+        description.check_end()
         return Audio(sound, [code for part in codes for code in part])
 
     def _pack(self, pack: Pack | str, body: str) -> Pack:
@@ -310,5 +310,5 @@ class Client:
         self._connection.run(calls.delete_object(name))
 
     def detect(self, request: scene_pb2.DetectRequest) -> scene_pb2.DetectResponse:
-        """What a character, or any box, reaches in its scene."""
+        """The objects that a character, or any box, reaches in its scene."""
         return self._connection.run(calls.detect(request))

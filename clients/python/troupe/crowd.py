@@ -35,7 +35,7 @@ def on_a_grid(count: int) -> list[SessionOptions]:
 
 @dataclass(frozen=True, eq=False)
 class CrowdStep:
-    """What a step brought."""
+    """The result of a step."""
 
     frames: Frames
     """Frames of those that moved, in the order of `members`."""
@@ -44,9 +44,9 @@ class CrowdStep:
     faults: tuple[Fault, ...]
     """Characters that could not be served, and those whose command was refused, which moved on as before."""
     events: tuple[Event, ...]
-    """What happened to characters in their scenes, in order for each."""
+    """Events of characters in their scenes, in order for each."""
     held: tuple[event_pb2.HeldObject, ...] = field(repr=False)
-    """What is in the characters' hands; `slot` is the number of the character."""
+    """Objects in the characters' hands; `slot` is the number of the character."""
     waited: float
     """Longest time that a request of the step waited for plans on the server, seconds."""
 
@@ -109,7 +109,7 @@ class CrowdCore(Generic[C]):
         facing: npt.ArrayLike | None = None,
         styles: str | Sequence[str | None] | None = None,
     ) -> None:
-        """What all characters should do, from arrays with a row for each: only changes go to the server.
+        """Commands for all characters, from arrays with a row for each: only changes go to the server.
 
         `velocities` is (n, 3), units a second over the ground; zero stands. `facing` is (n) radians, NaN where a character faces
         its way. `styles` is one name for all, or one for each, None for the style that it has.
@@ -156,7 +156,7 @@ class CrowdCore(Generic[C]):
         return taken.step()
 
     def _ask_each(self, chunk: list[int], common: SessionError, taken: _Taken[C]) -> Steps[None]:
-        """Where not one of a request could be served, the server answers with the first one's problem alone."""
+        """If not one of a request could be served, the server answers with the first one's problem alone."""
         questions = [Call(io.GET_SESSION, session_pb2.GetSessionRequest(id=self[number].id)) for number in chunk]
         answers = yield from io.ask_all(questions)
         for number, answer in zip(chunk, answers, strict=True):
@@ -174,7 +174,7 @@ class CrowdCore(Generic[C]):
 
 
 class _Taken(Generic[C]):
-    """What the answers to a step's requests brought, so far."""
+    """The answers to a step's requests so far."""
 
     def __init__(self, crowd: CrowdCore[C]) -> None:
         self._crowd = crowd

@@ -38,7 +38,7 @@ class DriveOptions:
     reconnect: float | None = 10.0
     """Seconds for which a stream that breaks is opened again, with its sessions where this client saw them last.
 
-    A server that keeps its sessions may be started anew meanwhile. None: a stream that breaks ends with an error."""
+    A server that keeps its sessions may be restarted meanwhile. None: a stream that breaks ends with an error."""
 
     def to_message(self) -> session_pb2.DriveRequest:
         """The message that opens a stream."""
@@ -60,19 +60,19 @@ class Tick:
     blocks: tuple[Frames, ...]
     """Frames of the characters, one block for each skeleton and convention."""
     events: tuple[Event, ...]
-    """What happened to characters in their scenes since the last tick, in order for each."""
+    """Events of characters in their scenes since the last tick, in order for each."""
     news: tuple[StreamEvent, ...]
-    """What the stream said of its sessions since the last tick."""
+    """News of the stream's sessions since the last tick."""
     dropped: int
     """Ticks so far that were not given: the server or this client skipped them, because this client was slow."""
     underruns: int
     """Characters of this tick that had to slow down because a plan was late."""
     held: tuple[event_pb2.HeldObject, ...] = field(repr=False)
-    """What is in the characters' hands."""
+    """Objects in the characters' hands."""
 
     @property
     def frames(self) -> Frames:
-        """Frames of the characters, where all have one skeleton and convention.
+        """Frames of the characters, if all have one skeleton and convention.
 
         Raises:
             ValueError: They have several: see `blocks`.
@@ -94,13 +94,13 @@ class DriveCore:
         self.sessions: dict[str, Character] = {}
         """The characters on the stream, by their names. They are commanded in place."""
         self.news: list[StreamEvent] = []
-        """What the stream has said since the last tick."""
+        """News of the stream since the last tick."""
         self._address = address
         self._events: list[Event] = []
         self._slots: dict[int, str] = {}
         self._blocks: tuple[Frames, ...] = ()
         self._skipped = 0
-        # How it ended, to be told once all that came before has been given; and why it broke, until
+        # How it ended, reported after the last frame; and why it broke, until
         # it is opened again.
         self._ended = False
         self._error: TroupeError | None = None
@@ -119,7 +119,7 @@ class DriveCore:
         yield Send(session_pb2.DriveRequest(detach=session_pb2.DriveDetach(session_ids=ids)))
 
     def _flush(self) -> Steps[None]:
-        """Sends what changed. Where the connection is busy it stays for the next time, so that the newest goes."""
+        """Sends what changed. If the connection is busy it stays for the next time, so that the newest goes."""
         commands = [command for name, of in self.sessions.items() for command in of._intent.commands(name)]
         if not commands:
             return
@@ -131,7 +131,7 @@ class DriveCore:
                 self.sessions[command.session_id]._intent.unsent(command)
 
     def _next(self, timeout: float | None) -> Steps[Tick | None]:
-        """Sends what changed, and waits for the next tick. None: the stream ended as asked, or nobody is left on it."""
+        """Sends what changed, and waits for the next tick. None: the stream ended as asked, or has no character left."""
         until = None if timeout is None else time.monotonic() + timeout
         while True:
             if self._broken is not None:
@@ -165,7 +165,7 @@ class DriveCore:
             came = more
 
     def _sort(self, came: Received) -> session_pb2.DriveFrames | None:
-        """Sorts one message of the server, and gives the frames where it has some."""
+        """Sorts one message of the server, and gives the frames if it has some."""
         if isinstance(came, TroupeError):
             self._ends(came)
             return None
@@ -284,7 +284,7 @@ class DriveCore:
         yield from self._attach(list(self.sessions.values()))
 
     def _last_seen(self) -> list[session_pb2.SessionResume]:
-        """What this client saw last of each session; nothing of one that had no frames yet."""
+        """The last frame of each session that this client saw. A session without frames is missing."""
         seen = {name: session_pb2.SessionResume(session_id=name) for name in self.sessions}
         for block in self._blocks:
             for place, name in enumerate(block.ids):

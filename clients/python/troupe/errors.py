@@ -1,4 +1,4 @@
-"""What can go wrong. Every error of this library is a `TroupeError`.
+"""Errors. Every error of this library is a `TroupeError`.
 
 The server names the field that is wrong and what it may be; errors that the client finds before it asks say the same.
 """
@@ -16,7 +16,7 @@ from google.rpc import error_details_pb2, status_pb2
 from troupe.v1 import session_pb2
 
 DETAILS = "grpc-status-details-bin"
-# Problems of one session, as the server names them: also where they are a call's error.
+# Problems of one session, as the server names them: also if they are a call's error.
 GONE = frozenset({"SESSION_EXPIRED", "UNKNOWN_SESSION", "SESSION_CLOSED"})
 OF_A_SESSION = GONE | {"SESSION_EXISTS", "SESSION_BUSY"}
 
@@ -51,7 +51,7 @@ class TroupeError(Exception):
         self.request_id = request_id
         """The request's id, which the server's log lines show."""
         self.place = place
-        """Line and column, from 1, of what is wrong in a document."""
+        """Line and column, from 1, of the error in a document."""
 
 
 class InvalidArgumentError(TroupeError, ValueError):
@@ -137,7 +137,7 @@ class AnswerError(TroupeError):
 
 
 class SessionError(TroupeError):
-    """One session cannot be served, or refuses its command. `code` is the gRPC status where that is a call's error."""
+    """One session cannot be served, or refuses its command. `code` is the gRPC status if that is a call's error."""
 
     def __init__(self, message: str, *, session: str = "", code: str = "NOT_FOUND", **more: Any) -> None:
         super().__init__(message, **more)
@@ -179,7 +179,7 @@ _BY_CODE: dict[str, type[TroupeError]] = {
 
 
 class Status(Protocol):
-    """What gRPC raises, from a channel of either kind."""
+    """gRPC's error, from a channel of either kind."""
 
     def code(self) -> grpc.StatusCode:
         """The status."""
@@ -190,7 +190,7 @@ class Status(Protocol):
         ...
 
     def trailing_metadata(self) -> Iterable[tuple[str, str | bytes]] | None:
-        """What came with it."""
+        """Metadata that came with it."""
         ...
 
 
@@ -228,7 +228,7 @@ def of_status(status: Status, address: str, timeout_s: float | None) -> TroupeEr
 
 
 def _details(packed: bytes) -> dict[str, Any]:
-    """What `google.rpc` details say of an error, by the names of a `TroupeError`'s arguments."""
+    """The `google.rpc` details of an error, by the names of a `TroupeError`'s arguments."""
     more: dict[str, Any] = {}
     try:
         details = status_pb2.Status.FromString(packed).details

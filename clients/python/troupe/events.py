@@ -1,4 +1,4 @@
-"""What happens to characters, and what comes beside their frames."""
+"""Events of characters, and news beside their frames."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def of_messages(all_sessions: Iterable[event_pb2.SessionEvents]) -> list[Event]:
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with one character of many."""
+    """The problem of one character among many."""
 
     member: int
     """Its number in the crowd."""
@@ -47,7 +47,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class StreamEvent:
-    """What a stream says of a session, beside frames and what happens in scenes."""
+    """News of a session on a stream, beside frames and events of scenes."""
 
     session: str
 
@@ -61,7 +61,7 @@ class Attached(StreamEvent):
 class Resumed(StreamEvent):
     """The stream broke, and the session is taken up again behind the last frame that came.
 
-    What it should do is told again. Acts are not, and may be lost.
+    The client sends its locomotion again. Acts may be lost.
     """
 
     frame: int
@@ -88,6 +88,6 @@ class Left(StreamEvent):
 
 @dataclass(frozen=True)
 class Refused(StreamEvent):
-    """What the session should do was refused; it goes on as before."""
+    """The server refused the session's command; the session goes on as before."""
 
     problem: SessionError

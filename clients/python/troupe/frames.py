@@ -42,13 +42,13 @@ class Frames:
     first_frames: Ints = field(repr=False)
     """(characters) numbers of the first frames on the sessions' timelines, which count 30 a second."""
     positions: F32 | None = field(default=None, repr=False)
-    """(frames, characters, joints, 3) world positions, where they were asked for."""
+    """(frames, characters, joints, 3) world positions, if they were asked for."""
     qpos: F32 | None = field(default=None, repr=False)
-    """(frames, characters, qpos_size) MuJoCo's `qpos`, in its own axes, where frames came so."""
+    """(frames, characters, qpos_size) MuJoCo's `qpos`, in its own axes, if frames came so."""
     hinge_residuals: F32 | None = field(default=None, repr=False)
-    """(frames, characters) how far a robot's hinges could not follow, radians, where frames came as `qpos`."""
+    """(frames, characters) how far a robot's hinges could not follow, radians, if frames came as `qpos`."""
     clamped_hinges: Ints | None = field(default=None, repr=False)
-    """(frames, characters) hinges that were asked for more than their limits, where frames came as `qpos`."""
+    """(frames, characters) hinges that were asked for more than their limits, if frames came as `qpos`."""
 
     def __len__(self) -> int:
         return len(self.root)

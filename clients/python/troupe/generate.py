@@ -30,7 +30,7 @@ class FollowPath:
     times: npt.ArrayLike | None = None
     """(points) seconds from the begin. None: at `speed`."""
     speed: float | None = None
-    """Metres a second, where points have no times. None: a walk of the body's size."""
+    """Metres a second, if points have no times. None: a walk of the body's size."""
     seconds: float | None = None
     """Length of the motion. None: that of the path."""
     words: Mapping[str, float] = field(default_factory=dict)
@@ -90,9 +90,9 @@ class Generated:
     """A motion that was made."""
 
     clip: Clip
-    """Its frames: those of the first character where there are several."""
+    """Its frames: those of the first character if there are several."""
     notes: tuple[str, ...]
-    """What the model was asked for that it may not do well."""
+    """Parts of the request that the model may not do well."""
     others: tuple[Clip, ...] = ()
     """Those of the other characters, in the order of the prompt."""
     feasibility: motion_pb2.Feasibility | None = None

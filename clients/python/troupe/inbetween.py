@@ -17,7 +17,7 @@ from troupe.v1 import motion_pb2
 
 @dataclass(frozen=True)
 class RootKey:
-    """What the root is to be in a frame of a segment: any part of place, height and heading.
+    """The wanted root in a frame of a segment: any part of place, height and heading.
 
     The rest is as the networks make it.
     """
@@ -107,7 +107,7 @@ class InBetween:
 
 
 def keyframes(of: Clip | Sequence[Keyframe], field: str, pack: Pack | None) -> list[motion_pb2.Keyframe]:
-    """Keyframes on the wire, of a pack's skeleton where that is known."""
+    """Keyframes on the wire, of a pack's skeleton if that is known."""
     joints = pack.skeleton.joint_count if pack else None
     if isinstance(of, Clip):
         if pack and abs(of.fps - pack.fps) > 1e-2:
@@ -129,11 +129,11 @@ class InBetweenAnswer:
     qpos: F32 | None = field(repr=False)
     """(frames, qpos_size) MuJoCo's `qpos`. None: the pack has no robot."""
     hinge_residuals: F32 = field(repr=False)
-    """(frames) how far a robot's hinges could not follow, radians; empty where the pack has no robot."""
+    """(frames) how far a robot's hinges could not follow, radians; empty if the pack has no robot."""
     clamped_hinges: Ints = field(repr=False)
-    """(frames) a robot's hinges that were asked for more than their limits; empty where the pack has no robot."""
+    """(frames) a robot's hinges that were asked for more than their limits; empty if the pack has no robot."""
     intermediates: motion_pb2.Intermediates | None = field(repr=False)
-    """What each stage produced, where that was asked for."""
+    """Each stage's output, if that was asked for."""
     feasibility: motion_pb2.Feasibility | None = field(repr=False)
     """Whether the motion stays within what the pack's data does. None: the pack has no limits."""
     timing: motion_pb2.Timing = field(repr=False)

@@ -1,4 +1,4 @@
-"""What a character should do, and which of it the server knows already."""
+"""The commands for a character, and which of them the server knows already."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def end_interaction() -> Act:
 
 
 def cancel() -> Act:
-    """Break off whatever it does, at once, let go of what is in the hand, and stand."""
+    """Break off at once, let go of the object in the hand, and stand."""
     return Act(session_pb2.Command(cancel=session_pb2.Cancel()))
 
 
@@ -119,24 +119,24 @@ def path_points(
 
 
 class Intent:
-    """What one character should do, what the server was told, and the sequence numbers of the commands between."""
+    """The commands for one character, the part that the server knows, and their sequence numbers."""
 
-    __slots__ = ("_acts", "_priority", "_told", "_told_priority", "_touched", "_wanted", "sequence")
+    __slots__ = ("_acts", "_priority", "_sent", "_sent_priority", "_touched", "_wanted", "sequence")
 
     def __init__(self, sequence: int = 0) -> None:
         self.sequence = sequence
         """The highest sequence number so far."""
         self._wanted = Locomotion()
-        self._told: Locomotion | None = None
-        # A session that is taken up goes on as it does until somebody wants something of it.
+        self._sent: Locomotion | None = None
+        # A session that is taken up goes on as it does until it gets a command.
         self._touched = False
         self._priority: float | None = None
-        self._told_priority: float | None = None
+        self._sent_priority: float | None = None
         self._acts: list[session_pb2.Command] = []
 
     @property
     def wanted(self) -> Locomotion:
-        """What is wanted."""
+        """The wanted locomotion."""
         return self._wanted
 
     @wanted.setter
@@ -153,17 +153,17 @@ class Intent:
         self.sequence = max(self.sequence, sequence)
 
     def act(self, act: Act) -> None:
-        """Does something once. Unless the character goes on moving meanwhile, its locomotion counts as told until it is set."""
+        """Does something once. Unless the character goes on moving meanwhile, its locomotion counts as sent until it is set."""
         before = self._changed()
         if before is not None:
             self._acts.append(session_pb2.Command(locomote=before))
         self._acts.append(act.command)
         if not act.lets_move:
-            self._told = None
+            self._sent = None
             self._touched = False
 
     def commands(self, session: str) -> Iterator[session_pb2.Command]:
-        """The commands that bring the server up to date. They count as told from now on."""
+        """The commands that bring the server up to date. They count as sent from now on."""
         acts, self._acts = self._acts, []
         for act in acts:
             yield self._numbered(session, act)
@@ -172,18 +172,18 @@ class Intent:
             yield self._numbered(session, session_pb2.Command(locomote=locomote, priority=priority))
 
     def command_at(self, session: str, frame: int) -> session_pb2.Command:
-        """The command that tells what is wanted from a frame of the session's timeline on."""
-        command = session_pb2.Command(locomote=self._tell(), priority=self._changed_priority(), at_frame=frame)
+        """The command for what is wanted from a frame of the session's timeline on."""
+        command = session_pb2.Command(locomote=self._send(), priority=self._changed_priority(), at_frame=frame)
         return self._numbered(session, command)
 
     def doubt(self) -> None:
-        """The last command may not have arrived: what is wanted is to be told again."""
-        self._told_priority = None
-        if self._told is not None:
-            # A style that was told before may hold or not; it is told again where it is wanted.
-            self._wanted = replace(self._wanted, style=self._wanted.style or self._told.style)
+        """The last command may not have arrived: the next look sends everything again."""
+        self._sent_priority = None
+        if self._sent is not None:
+            # The style of an earlier command may hold or not, so the next command repeats it.
+            self._wanted = replace(self._wanted, style=self._wanted.style or self._sent.style)
             # Differs from everything, so that the next look finds a change.
-            self._told = Locomotion(velocity=(math.nan, math.nan, math.nan))
+            self._sent = Locomotion(velocity=(math.nan, math.nan, math.nan))
 
     def unsent(self, command: session_pb2.Command) -> None:
         """A command that was not sent after all."""
@@ -200,25 +200,25 @@ class Intent:
         return numbered
 
     def _changed(self) -> session_pb2.Locomote | None:
-        """The locomotion that the server does not know yet. It counts as told from now on."""
-        told, wanted = self._told, self._wanted
-        if told is None:
-            # One that nobody has commanded stands in its own style.
+        """The locomotion that the server does not know yet. It counts as sent from now on."""
+        sent, wanted = self._sent, self._wanted
+        if sent is None:
+            # A character without a command stands in its own style.
             same = not self._touched or (self.sequence == 0 and wanted == Locomotion())
         else:
-            style = wanted.style or told.style
-            same = told == (wanted if style == wanted.style else replace(wanted, style=style))
-        return None if same else self._tell()
+            style = wanted.style or sent.style
+            same = sent == (wanted if style == wanted.style else replace(wanted, style=style))
+        return None if same else self._send()
 
     def _changed_priority(self) -> float | None:
-        changed = self._priority if self._priority != self._told_priority else None
-        self._told_priority = self._priority
+        changed = self._priority if self._priority != self._sent_priority else None
+        self._sent_priority = self._priority
         return changed
 
-    def _tell(self) -> session_pb2.Locomote:
-        before = self._told.style if self._told else None
+    def _send(self) -> session_pb2.Locomote:
+        before = self._sent.style if self._sent else None
         wanted = self._wanted
-        self._told = wanted if wanted.style else replace(wanted, style=before)
+        self._sent = wanted if wanted.style else replace(wanted, style=before)
         return wanted.to_message()
 
 
@@ -228,7 +228,7 @@ def locomotions(
     styles: str | Sequence[str | None] | None,
     before: Sequence[Locomotion],
 ) -> list[Locomotion]:
-    """What many characters should do, from arrays: velocities (n, 3), facing (n) with NaN for none, a style for all or each."""
+    """Locomotion of many characters, from arrays: velocities (n, 3), facing (n) with NaN for none, a style for all or each."""
     count = len(before)
     speeds = floats("velocities", velocities, (count, 3)).tolist()
     faced: list[float | None] = [None] * count

@@ -1,4 +1,4 @@
-"""What the client's logic asks of a connection, whichever kind it is.
+"""The client's requests to a connection of either kind.
 
 The logic is written once, as generators: each yields what it needs done and gets the outcome sent back. The clients of
 `troupe` and `troupe.aio` drive the same generators, one by blocking and one by awaiting.
@@ -72,7 +72,7 @@ class Receive:
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """To look whether a message has come. The outcome is as of `Receive`, and `NOTHING` where none has."""
+    """To look whether a message has come. The outcome is as of `Receive`, and `NOTHING` if none has."""
 
 
 @dataclass(frozen=True, slots=True)

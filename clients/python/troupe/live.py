@@ -40,7 +40,7 @@ class Session(Character):
         return self._connection.run(self._step(frames, self.frame_options))
 
     def send(self) -> None:
-        """Sends what it should do now, where it changed, without a step."""
+        """Sends what it should do now, if it changed, without a step."""
         self._connection.run(self._send())
 
     def send_at(self, frame: int) -> None:
@@ -48,7 +48,7 @@ class Session(Character):
         self._connection.run(self._send_at(frame))
 
     def info(self) -> session_pb2.Session:
-        """The session as the server has it: where it is, what it does and has done."""
+        """The session as the server has it: its place, what it does and has done."""
         return self._connection.run(self._info())
 
     def peek(self, frames: int = 0) -> session_pb2.PeekResponse:
@@ -111,7 +111,7 @@ class Crowd(CrowdCore[Session]):
 class Drive(DriveCore):
     """A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by `Client.drive`.
 
-    `for tick in drive` gives ticks as they come, until nobody is left on the stream or it is closed. A stream that breaks is
+    `for tick in drive` gives ticks as they come, until the stream has no character left or is closed. A stream that breaks is
     opened again, and its sessions go on behind the last frame that came (`DriveOptions.reconnect`).
     """
 
@@ -130,7 +130,7 @@ class Drive(DriveCore):
         self._connection.run(self._detach(ids), self._stream)
 
     def next(self, timeout: float | None = None) -> Tick | None:
-        """Sends what changed, and waits for the next tick. None: the stream ended as asked, or nobody is left on it.
+        """Sends what changed, and waits for the next tick. None: the stream ended as asked, or has no character left.
 
         Raises:
             DeadlineExceededError: None came in `timeout` seconds; the stream goes on.

@@ -38,7 +38,7 @@ class FrameOptions:
 
 @dataclass(frozen=True, eq=False)
 class SessionOptions:
-    """What a new character is: by default one that stands at the origin in the pack's default style, seed 0."""
+    """Options of a new character: by default it stands at the origin in the pack's default style, seed 0."""
 
     id: str = ""
     """Unique on the server: 1 to 64 letters, digits, `-`, `_` or `.`. Empty: the server makes one."""

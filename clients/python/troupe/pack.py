@@ -33,7 +33,7 @@ class Pack:
     version: str
     fps: float
     capabilities: frozenset[str]
-    """What it can do: inbetween, live, path, text, describe, agents."""
+    """Its capabilities: inbetween, live, path, text, describe, agents."""
     skeleton: Skeleton = field(repr=False)
     bodies: tuple[Body, ...] = field(repr=False)
     """The bodies that one network moves, the default one first. None: the pack has one skeleton."""
@@ -59,7 +59,7 @@ class Pack:
 
     @property
     def skills(self) -> tuple[str, ...]:
-        """Names of what its characters can do where they stand: see `troupe.skill`."""
+        """Names of its characters' skills: see `troupe.skill`."""
         return tuple(skill.name for skill in self.message.skills)
 
     def of_body(self, name: str) -> Pack:

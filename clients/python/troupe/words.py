@@ -15,7 +15,7 @@ from troupe.v1 import motion_pb2
 
 
 class Sound(IntEnum):
-    """What sounds."""
+    """The samples of a sound."""
 
     MUSIC = 0
     """Music, for dances."""
@@ -48,7 +48,7 @@ class Sampling:
     top_p: float | None = None
     """The likeliest tokens that may be drawn are together at least so likely: above 0, up to 1 for all of them."""
     repetition: float | None = None
-    """What the logits of the last tokens are weakened by: 1 for nothing, up to 10."""
+    """Divides the logits of the last tokens: 1 changes nothing, up to 10."""
 
     def to_message(self) -> motion_pb2.Sampling:
         """The sampling on the wire."""
@@ -62,7 +62,7 @@ class Agent:
     """A second character of a motion, and more."""
 
     text: str
-    """What it is to do. All characters have words, or none has."""
+    """Words for its motion. All characters have words, or none has."""
     past: Clip | Sequence[Keyframe] = ()
     """Frames that go before, as many as those of the first character."""
 
@@ -72,7 +72,7 @@ class Prompt:
     """Words to act out, for packs with the capability `text`."""
 
     text: str = ""
-    """What to do. Empty beside a past, targets or audio: the model decides."""
+    """Words for the motion. Empty beside a past, targets or audio: the model decides."""
     seconds: float | None = None
     """Length of the motion. None, and without `frames`: the model decides."""
     frames: int | None = None
@@ -82,7 +82,7 @@ class Prompt:
     others: Sequence[Agent] = ()
     """Other characters of the same motion, for packs with the capability `agents`."""
     audio: Audio | None = None
-    """What to dance or to speak to."""
+    """The sound to dance or to speak to."""
     flow_steps: int | None = None
     """Steps of the pack's flow decoder, whose frames are finer and come in one part. None or 0: the plain decoder."""
 

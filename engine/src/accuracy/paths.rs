@@ -10,9 +10,9 @@ use troupe_motion::rotation::from_six_ds;
 use troupe_motion::{Quat, Vec3};
 
 use super::{Accuracy, CONTACT, Kind, Sums, finite_or_huge, global_roots};
+use crate::EngineError;
 use crate::pack::Pack;
-use crate::unimogen::{Denoiser, LIVE_FRAMES, probe_task};
-use crate::{EngineError, UniMoGen};
+use crate::unimogen::{Denoiser, LIVE_FRAMES, UniMoGen, probe_task};
 
 /// Tasks of each body.
 const ROUNDS: usize = 2;

@@ -10,7 +10,7 @@ mod pool;
 mod runtime;
 mod session;
 mod signature;
-mod vermo;
+pub(crate) mod vermo;
 mod weights;
 
 use std::ops::Range;
@@ -32,7 +32,6 @@ use pool::PackWorker;
 pub use runtime::{LIBRARY_VARIABLE, Runtime};
 pub use session::{Growth, SessionOptions};
 use signature::{check_signature, takes_any_length};
-pub use vermo::OnnxVerMo;
 
 /// How an engine takes batches of a pack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -72,7 +71,7 @@ impl Batching {
     }
 
     /// Of a VerMo pack: jobs join and leave between tokens.
-    pub fn of_vermo() -> Self {
+    pub(crate) fn of_vermo() -> Self {
         Self {
             any_size: true,
             usual_most: SLOTS,
@@ -81,7 +80,7 @@ impl Batching {
     }
 
     /// Of a UniMoGen pack: its jobs have shapes of their own.
-    pub fn of_unimogen(engine: EngineKind) -> Self {
+    pub(crate) fn of_unimogen(engine: EngineKind) -> Self {
         Self {
             any_size: true,
             usual_most: match engine {

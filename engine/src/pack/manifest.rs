@@ -7,13 +7,12 @@ use troupe_motion::model::{Capabilities, Capability, Dims};
 use troupe_motion::robot::RobotDoc;
 
 use super::PackProblem;
-use super::unimogen::{UNIMOGEN, UniMoGenDoc};
-use super::vermo::{VERMO, VerMoDoc};
+use super::family::Family;
+use super::unimogen::UniMoGenDoc;
+use super::vermo::VerMoDoc;
 
 /// The newest manifest format; format 1 loads as well.
 const FORMAT: u32 = 2;
-/// The family that every manifest of format 1 is of.
-pub const MOTIONBRICKS: &str = "motionbricks";
 /// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30,
 /// 50 and 60 Hz rest on it.
 const FPS: f32 = 30.0;
@@ -26,8 +25,8 @@ const MAX_ROOT_CHOICES: usize = 64;
 pub struct Manifest {
     /// Version of the manifest's own format.
     pub format: u32,
-    /// The model family, which says what runs the pack. Format 1 has none: it is MotionBricks.
-    #[serde(default = "motionbricks")]
+    /// Name of the model family, which says what runs the pack. Format 1 has none: it is MotionBricks.
+    #[serde(default = "format_1_family")]
     pub family: String,
     /// What the pack can do. Format 1 does not say: it fills gaps and drives live characters.
     #[serde(default = "format_1_capabilities")]
@@ -78,10 +77,10 @@ pub struct Manifest {
     pub limits: Option<LimitsDoc>,
     /// What a pack of the family UniMoGen says beside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unimogen: Option<UniMoGenDoc>,
+    pub(crate) unimogen: Option<UniMoGenDoc>,
     /// What a pack of the family VerMo says beside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub vermo: Option<VerMoDoc>,
+    pub(crate) vermo: Option<VerMoDoc>,
     /// How it was trained; free.
     #[serde(default)]
     pub training: toml::Table,
@@ -118,7 +117,7 @@ impl Manifest {
         let manifest: Self = toml::from_str(text)?;
         if found == 1 {
             return Ok(Self {
-                family: motionbricks(),
+                family: format_1_family(),
                 capabilities: format_1_capabilities(),
                 ..manifest
             });
@@ -141,7 +140,11 @@ impl Manifest {
             let why = "30: timelines of sessions and the rates at which frames are taken count in 30 frames a second";
             return Err(field("fps", self.fps, why));
         }
-        let least_targets = if self.family == VERMO { 0 } else { 1 };
+        let family = self.family();
+        let least_targets = match family {
+            Some(Family::VerMo) => 0,
+            Some(Family::MotionBricks | Family::UniMoGen) | None => 1,
+        };
         let ranges = [
             ("frames_per_token", self.frames_per_token, 1, 64),
             ("min_tokens", self.min_tokens, 1, 1024),
@@ -154,7 +157,7 @@ impl Manifest {
                 return Err(field(name, value, format!("{low} to {high}")));
             }
         }
-        if self.family == MOTIONBRICKS {
+        if family == Some(Family::MotionBricks) {
             for (name, value, low, high) in [("heads", self.heads, 1, 64), ("codes", self.codes, 2, 65_536)] {
                 if !(low..=high).contains(&value) {
                     return Err(field(name, value, format!("{low} to {high}")));
@@ -162,7 +165,7 @@ impl Manifest {
             }
         }
         if let Some(choices) = self.root_choices {
-            if self.family != MOTIONBRICKS {
+            if family != Some(Family::MotionBricks) {
                 return Err(field("root_choices", choices, "none, for the family is another"));
             }
             if !(1..=MAX_ROOT_CHOICES).contains(&choices) {
@@ -212,18 +215,19 @@ impl Manifest {
 
     /// Checks the table of the family, and that there is no other's.
     fn check_family(&self, dims: &Dims) -> Result<(), PackProblem> {
+        let family = self.family();
         for (name, allowed, has, needs) in [
             (
                 "unimogen",
                 "the table [unimogen]",
                 self.unimogen.is_some(),
-                self.family == UNIMOGEN,
+                family == Some(Family::UniMoGen),
             ),
             (
                 "vermo",
                 "the table [vermo]",
                 self.vermo.is_some(),
-                self.family == VERMO,
+                family == Some(Family::VerMo),
             ),
         ] {
             match (has, needs) {
@@ -241,14 +245,19 @@ impl Manifest {
         Ok(())
     }
 
+    /// What runs the pack; none where the engine does not know the family.
+    pub(crate) fn family(&self) -> Option<Family> {
+        Family::of(&self.family)
+    }
+
     /// The free tables as JSON text: `{"training": {..}, "evaluation": {..}}`.
     pub fn figures_json(&self) -> String {
         serde_json::json!({ "training": self.training, "evaluation": self.evaluation }).to_string()
     }
 }
 
-fn motionbricks() -> String {
-    MOTIONBRICKS.to_owned()
+fn format_1_family() -> String {
+    Family::MotionBricks.name().to_owned()
 }
 
 fn format_1_capabilities() -> Capabilities {

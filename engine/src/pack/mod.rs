@@ -3,12 +3,14 @@
 //! a wrong pack fails at start and says why.
 
 mod error;
+mod facts;
+mod family;
 mod lexicon;
 mod manifest;
 #[cfg(feature = "testing")]
 pub mod testing;
 mod unimogen;
-mod vermo;
+pub(crate) mod vermo;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,14 +20,17 @@ use troupe_motion::feasibility::Limits;
 use troupe_motion::model::{Body, Rig};
 
 pub use error::{PackError, PackProblem};
+pub use facts::{Language, SamplerSteps, TaskRefusal};
+pub(crate) use family::Family;
 pub use lexicon::Lexicon;
-pub use manifest::{MOTIONBRICKS, Manifest};
-pub use unimogen::{DENOISER_FILE, RATE, UNIMOGEN, UniMoGenDoc};
-pub(crate) use vermo::FRAMES_PER_TOKEN;
+pub use manifest::Manifest;
+pub(crate) use unimogen::UniMoGenDoc;
+pub use unimogen::{DENOISER_FILE, RATE};
 pub use vermo::{
     DECODER_FILE, ENCODER_FILE, FLOW_FILE, LANGUAGE_FILE, MAX_FLOW_STEPS, MAX_REPETITION, MAX_TEMPERATURE,
-    MessageTask, VERMO, VerMoDoc,
+    MessageTask,
 };
+pub(crate) use vermo::{FRAMES_PER_TOKEN, VerMoDoc};
 
 /// Name of the manifest inside a pack folder.
 pub const MANIFEST_FILE: &str = "pack.toml";
@@ -77,7 +82,7 @@ pub struct Pack {
     /// The words that the network knows, in the order of its inputs; empty for a family without.
     pub words: Vec<String>,
     /// The text that it understands, where it takes any.
-    pub lexicon: Option<Arc<Lexicon>>,
+    pub(crate) lexicon: Option<Arc<Lexicon>>,
     /// The folder, where the ONNX files are.
     pub folder: PathBuf,
 }
@@ -142,16 +147,14 @@ impl Pack {
         })
     }
 
-    /// The files of its networks, in the order in which the content hash reads them. A family that
-    /// names none has none.
+    /// The files of its networks, in the order in which the content hash reads them. Families that
+    /// the engine does not run have none.
     pub fn files(&self) -> &'static [&'static str] {
-        if let Some(table) = &self.manifest.vermo {
-            return table.files();
-        }
-        match self.manifest.family.as_str() {
-            MOTIONBRICKS => &["root.onnx", "pose.onnx", "decoder.onnx"],
-            UNIMOGEN => &[DENOISER_FILE],
-            _ => &[],
+        match self.manifest.family() {
+            Some(Family::MotionBricks) => &["root.onnx", "pose.onnx", "decoder.onnx"],
+            Some(Family::UniMoGen) => &[DENOISER_FILE],
+            Some(Family::VerMo) => self.manifest.vermo.as_ref().map_or(&[], VerMoDoc::files),
+            None => &[],
         }
     }
 

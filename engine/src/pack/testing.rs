@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use troupe_motion::model::{Capabilities, Rig};
 
-use super::{MOTIONBRICKS, Manifest, Pack};
+use super::{Family, Manifest, Pack, VerMoDoc};
 
 /// A pack of that rig. It has a manifest and no networks.
 pub fn pack_of(rig: Rig) -> Pack {
     let dims = rig.dims;
     let manifest = Manifest {
         format: 2,
-        family: MOTIONBRICKS.to_owned(),
+        family: Family::MotionBricks.name().to_owned(),
         capabilities: Capabilities {
             inbetween: true,
             live: true,
@@ -49,4 +49,9 @@ pub fn pack_of(rig: Rig) -> Pack {
         words: Vec::new(),
         lexicon: None,
     }
+}
+
+/// What the manifest says of the pack's language model, to be changed; none for a pack without one.
+pub fn language_table(pack: &mut Pack) -> &mut Option<VerMoDoc> {
+    &mut pack.manifest.vermo
 }

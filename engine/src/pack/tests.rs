@@ -216,7 +216,7 @@ fn a_folder_without_packs_says_so() {
 #[test]
 fn format_2_says_its_family_and_what_it_can_do() {
     let first = Manifest::parse(MANIFEST).unwrap();
-    assert_eq!(first.family, MOTIONBRICKS);
+    assert_eq!(first.family(), Some(Family::MotionBricks));
     let named = |manifest: &Manifest| -> Vec<_> {
         let all = manifest.capabilities.list();
         all.map(|able| able.name()).collect()

@@ -15,8 +15,6 @@ use troupe_motion::rotation::from_wxyz;
 use super::manifest::field;
 use super::{PackProblem, read_text};
 
-/// The family of packs whose one network moves many bodies.
-pub const UNIMOGEN: &str = "unimogen";
 /// The network's file.
 pub const DENOISER_FILE: &str = "denoiser.onnx";
 /// Frames of the network's slowest level: a window has a multiple of it.

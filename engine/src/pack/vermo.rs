@@ -10,8 +10,6 @@ use troupe_motion::model::{Capabilities, Capability, Dims};
 use super::PackProblem;
 use super::manifest::field;
 
-/// The family of packs whose language model speaks text, motion and audio.
-pub const VERMO: &str = "vermo";
 /// The language model's file.
 pub const LANGUAGE_FILE: &str = "language.onnx";
 /// The file of the network that makes motion tokens of frames.

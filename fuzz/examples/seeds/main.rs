@@ -9,15 +9,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use prost::Message as _;
+use troupe_base::turns::Turns;
 use troupe_fuzz::{HEAD_BYTES, Local, SEPARATOR, two_joints};
+use troupe_live::records::{Kind, Records};
 use troupe_motion::files::write_npz;
 use troupe_motion::glb::write_glb;
 use troupe_motion::{Clip, Quat, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
 use troupe_proto::v1::drive_request::Message as Ask;
-use troupe_server::clients::Turns;
-use troupe_server::records::{Kind, Records};
 
 /// A session's record as the server writes it: format, pack, body, convention, seed, scene, time to
 /// live, priority, style, character.

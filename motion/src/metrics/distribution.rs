@@ -95,8 +95,8 @@ impl Gaussian {
         Some(Self { mean, covariance })
     }
 
-    /// FID (Heusel et al. 2017) of each of the others: the Fréchet distance of two Gaussians, `|m_a
-    /// - m_b|² + tr(A + B - 2 (A^½ B A^½)^½)`. In the unit of the latents squared; not scaled.
+    /// FID (Heusel et al. 2017) of each of the others: the Fréchet distance of two Gaussians,
+    /// `|m_a - m_b|² + tr(A + B - 2 (A^½ B A^½)^½)`. In the unit of the latents squared; not scaled.
     ///
     /// Both square roots are taken through eigenvalues of symmetric matrices. Finite sets measure
     /// more than 0 even where they come from one distribution, the more the fewer windows they

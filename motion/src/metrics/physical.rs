@@ -52,8 +52,8 @@ pub fn foot_skate_m_per_frame(
     })))
 }
 
-/// Penetration: mean over the frames of `range` and the contact joints of `max(0, clearance - 5 mm
-/// - height)`, metres.
+/// Penetration: mean over the frames of `range` and the contact joints of
+/// `max(0, clearance - 5 mm - height)`, metres.
 ///
 /// # Errors
 /// [`MetricError`] where the range does not fit or the skeleton has no contact joints.

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use troupe_character::live::{CONTEXT_FRAMES, FrameOut, LivePlan, LiveShape, finish_live};
 use troupe_character::primitives::PlanTargets;
 use troupe_engine::pack::Pack;
+use troupe_live::session::{BlockWriter, Form};
 use troupe_motion::bvh::{self, BvhOptions};
 use troupe_motion::conventions::Convention;
 use troupe_motion::fk::world_transforms;
@@ -17,7 +18,6 @@ use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::{Clip, GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_server::inbetween::{Plan, RequestLimits, finish, prepare};
-use troupe_server::session::{BlockWriter, Form};
 
 pub use waiting::Waiting;
 

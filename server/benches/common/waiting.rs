@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use troupe_server::batch::scheduler::{Action, Event, Limits, Ready, RequestId, Scheduler};
-use troupe_server::batch::{Order, OwnerId};
+use troupe_batch::scheduler::{Action, Event, Limits, Ready, RequestId, Scheduler};
+use troupe_batch::{Order, OwnerId};
 
 /// Most characters in one batch.
 const BATCH: usize = 64;

@@ -138,7 +138,7 @@ mod tests {
     use super::*;
     use crate::api::{Keys, document};
     use crate::clients::{Identity, Share, Shares};
-    use crate::telemetry::Telemetry;
+    use troupe_base::telemetry::Telemetry;
     use troupe_proto::rpc::RPCS;
 
     /// The procedures that only authors may call. All others are for everybody with a key.

@@ -5,11 +5,11 @@ use troupe_proto::v1::drive_response::Message;
 
 use super::ApiError;
 use crate::service::ServiceError;
-use crate::session::cell::End;
-use crate::session::drive::{Closing, Departure, Said};
-use crate::session::{CommandResult, Resumed, SessionProblem, Stepped};
-use crate::world::ObjectsChanged;
 use troupe_character::live::CommandOutcome;
+use troupe_live::session::cell::End;
+use troupe_live::session::drive::{Closing, Departure, Said};
+use troupe_live::session::{CommandResult, Resumed, SessionProblem, Stepped};
+use troupe_live::world::ObjectsChanged;
 
 /// An error as part of an answer that serves others.
 fn problem(error: impl Into<ServiceError>) -> v1::Problem {

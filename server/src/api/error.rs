@@ -16,18 +16,18 @@ use std::time::Duration;
 
 use super::head::MAX_HEAD_BYTES;
 use super::tokens::TokenError;
-use crate::batch::SubmitError;
 use crate::clients::{Exhausted, Role};
 use crate::mmcp::Fault;
 use crate::service::ServiceError;
-use crate::session::SessionError;
-use crate::world::WorldError;
 use row::{
     FORBIDDEN, FULL, HEADERS, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, NOT_NOW, Row, TOO_LARGE, TOO_LATE,
     Tabled, UNAUTHENTICATED, UNAVAILABLE, UNIMPLEMENTED, WRONG_TYPE,
 };
+use troupe_batch::SubmitError;
 use troupe_character::FieldError;
 use troupe_engine::EngineError;
+use troupe_live::session::SessionError;
+use troupe_live::world::WorldError;
 
 pub(super) use form::{CodeLabel, is_grpc};
 pub use form::{ErrorBody, ErrorDetail};

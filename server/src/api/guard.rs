@@ -227,7 +227,7 @@ fn refused(header: &'static str, found: &HeaderValue, allowed: &'static str) -> 
     let found = String::from_utf8_lossy(found.as_bytes());
     ApiError::NotAllowed {
         header,
-        found: crate::wire::cut(&found, MAX_ECHO),
+        found: troupe_base::echo::cut(&found, MAX_ECHO),
         allowed,
     }
 }

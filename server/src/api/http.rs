@@ -32,7 +32,7 @@ use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
 use super::{ApiLimits, openapi, tickets, ws};
 use crate::service::Service;
-use crate::wire::{MAX_MESSAGE, cut};
+use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
 
 /// The routes of remote procedures, with their documentation.

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-use crate::clients::{Identity, Quota, Role, TENANT_NAMES, names_a_tenant};
+use crate::clients::{Identity, Quota, Role};
+use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
 
 /// What a key begins with, so that one can be found where it does not belong.
 const PREFIX: &str = "troupe_";

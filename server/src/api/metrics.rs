@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use crate::telemetry::{Counter, Histogram, Labels, Metric, Telemetry};
+use troupe_base::telemetry::{Counter, Histogram, Labels, Metric, Telemetry};
 
 const REQUESTS: Metric = Metric::new(
     "troupe_requests_total",

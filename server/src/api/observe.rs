@@ -7,12 +7,12 @@ use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
 use axum::response::Response;
 use http::{HeaderName, HeaderValue};
-use opentelemetry::KeyValue;
 use tracing::Instrument as _;
+use troupe_base::telemetry::KeyValue;
 
 use super::refusals::Refusals;
 use crate::clients::Client;
-use crate::telemetry::{RequestContext, RequestId, Telemetry, Traces};
+use troupe_base::telemetry::{RequestContext, RequestId, Telemetry, Traces};
 
 /// The header of a request's id, in requests and answers.
 pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");

@@ -8,7 +8,7 @@ use std::time::Instant;
 use http::StatusCode;
 
 use super::error::ApiError;
-use crate::telemetry::{Counter, Labels, Metric, Seldom, Telemetry};
+use troupe_base::telemetry::{Counter, Labels, Metric, Seldom, Telemetry};
 
 const REFUSALS: Metric = Metric::new(
     "troupe_refusals_total",

@@ -10,9 +10,9 @@ use troupe_proto::rpc::{List, RPCS, Step};
 
 use super::{ApiError, ApiLimits};
 use crate::inbetween::MAX_PATH_POINTS;
-use crate::session::MAX_COMMANDS;
 use troupe_character::FieldError;
 use troupe_character::primitives::path::PATH_POINTS;
+use troupe_live::session::MAX_COMMANDS;
 
 /// How many entries a list may have.
 #[derive(Debug, Clone, Copy)]

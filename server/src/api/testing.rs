@@ -16,8 +16,8 @@ use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
 use super::shape::Shapes;
 use super::ws;
-use crate::clients::Turns;
 use crate::service::{Service, ServiceError};
+use troupe_base::turns::Turns;
 
 /// Reads messages as the server does.
 pub struct Reader(BodyLimits);

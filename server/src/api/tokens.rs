@@ -12,7 +12,8 @@ use jsonwebtoken::{Algorithm, DecodingKey, Validation, decode, decode_header, ge
 
 use super::keys::{HASH_BYTES, hash};
 use super::verify;
-use crate::clients::{Identity, Role, TENANT_NAMES, names_a_tenant};
+use crate::clients::{Identity, Role};
+use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
 
 /// How far the clocks of a server and of a provider may be apart, seconds.
 const LEEWAY_S: u64 = 30;

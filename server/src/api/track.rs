@@ -15,8 +15,8 @@ use bytes::Bytes;
 use http::Method;
 use http_body::{Frame, SizeHint};
 use http_body_util::LengthLimitError;
-use opentelemetry::KeyValue;
 use tonic::Status;
+use troupe_base::telemetry::KeyValue;
 use troupe_proto::rpc::RPCS;
 use utoipa::openapi::{OpenApi, PathItem};
 
@@ -25,7 +25,7 @@ use super::error::{ApiError, CodeLabel};
 use super::metrics::RequestMetrics;
 use super::shape::{Shape, Shapes};
 use crate::service::Service;
-use crate::telemetry::{RequestContext, Trace};
+use troupe_base::telemetry::{RequestContext, Trace};
 
 /// Codes that are the server's fault.
 const FAULTS: [&str; 3] = ["INTERNAL", "UNAVAILABLE", "UNKNOWN"];

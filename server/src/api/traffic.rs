@@ -16,7 +16,7 @@ use tokio_util::task::AbortOnDropHandle;
 
 use super::error::{ApiError, is_grpc};
 use crate::clients::{Client, Clients, Exhausted, Memory};
-use crate::telemetry::{Counter, Labels, Metric, Telemetry};
+use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
 /// Answers up to this size are small: they are not counted, and not cut into pieces, bytes.
 const SMALL: usize = 64 << 10;

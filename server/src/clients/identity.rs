@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use troupe_base::tenant::Tenant;
+
 /// What a caller may do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -46,19 +48,6 @@ impl Role {
     }
 }
 
-/// Whose sessions, scenes, definitions and added styles are meant: each tenant has its own, and so
-/// have all callers without one together.
-pub type Tenant = Option<Arc<str>>;
-
-/// What a tenant may be called, for messages.
-pub const TENANT_NAMES: &str = "1 to 64 letters, digits, '-', '_' or '.', not '.' first";
-
-/// Whether a tenant may be called that: its name is that of a folder, too.
-pub fn names_a_tenant(name: &str) -> bool {
-    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    (1..=64).contains(&name.len()) && !name.starts_with('.') && name.chars().all(fits)
-}
-
 /// Who calls. Requests carry it as an extension where the server asks for keys; without keys nobody
 /// is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -85,22 +74,6 @@ pub struct Quota {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_tenant_is_called_as_a_folder_may_be() {
-        for (name, fits) in [
-            ("a", true),
-            ("studio-1_b.c", true),
-            ("", false),
-            (".hidden", false),
-            ("..", false),
-            ("a/b", false),
-            ("ä", false),
-        ] {
-            assert_eq!(names_a_tenant(name), fits, "{name:?}");
-        }
-        assert!(names_a_tenant(&"x".repeat(64)) && !names_a_tenant(&"x".repeat(65)));
-    }
 
     #[test]
     fn a_role_may_what_those_before_it_may_but_metrics_is_apart() {

@@ -1,7 +1,7 @@
 //! Which values a configuration may have.
 
 use super::{Config, ConfigError};
-use crate::session::TTL_RANGE_MS;
+use troupe_live::session::TTL_RANGE_MS;
 
 /// Most memory for networks, MiB: more than any machine has.
 const MOST_NETWORK_MIB: u64 = 1 << 30;

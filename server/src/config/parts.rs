@@ -6,15 +6,15 @@ use std::time::Duration;
 
 use super::Config;
 use crate::api::{ApiLimits, Guard};
-use crate::batch::scheduler::Limits;
 use crate::clients::{Share, Shares};
 use crate::inbetween::RequestLimits;
-use crate::session::{SessionLimits, TenantOptions};
-use crate::telemetry::TraceOptions;
-use crate::world::Folders;
+use crate::traces::TraceOptions;
+use troupe_batch::scheduler::Limits;
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
+use troupe_live::session::{SessionLimits, TenantOptions};
+use troupe_live::world::Folders;
 
 /// Shortest time for which InBetween calls stay behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);

@@ -5,8 +5,8 @@ use std::fmt::{self, Display, Formatter};
 use serde::Serialize;
 
 use super::Config;
-use crate::session::{MAX_PERFORMERS, MAX_SESSION_BYTES, PERFORMER_BYTES};
 use troupe_engine::pack::Pack;
+use troupe_live::session::{MAX_PERFORMERS, MAX_SESSION_BYTES, PERFORMER_BYTES};
 
 /// The program, its libraries and what it needs without packs and clients, bytes; two packs of 10
 /// million parameters took 300 MiB with theirs (`scripts/measure-memory.py`).

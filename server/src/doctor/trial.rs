@@ -6,10 +6,8 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use troupe_engine::pack::{Pack, UNIMOGEN, VERMO};
-use troupe_engine::unimogen::probe_task;
-use troupe_engine::{EngineError, EngineKind, Pipeline, RawLoop, Selector, UniMoGen, VerMo, Workers};
-use troupe_motion::model::PathTask;
+use troupe_engine::pack::Pack;
+use troupe_engine::{EngineError, EngineKind, NetworkLoop, Networks, Selector, Workers};
 
 /// Time for one measurement.
 const MOMENT: Duration = Duration::from_millis(200);
@@ -27,8 +25,8 @@ pub struct Trial {
     pub warm_up_s: f64,
     /// Frames of the plans that were made.
     pub frames: usize,
-    /// The networks alone, by workers and batch size; of a UniMoGen pack, all steps of the sampler;
-    /// of a VerMo pack, whole answers.
+    /// The networks alone, by workers and batch size; with a sampler all its steps, with a language
+    /// model whole answers.
     pub speeds: Vec<Speed>,
 }
 
@@ -61,16 +59,14 @@ impl Trial {
         };
         let workers = selector.workers;
         let loading = Instant::now();
-        let loaded = on_workers(0..workers.count, |_| {
-            Loaded::load(selector, pack, engine, max_batch)
-        })?;
+        let loaded = on_workers(0..workers.count, |_| selector.networks(pack, engine, max_batch))?;
         let warming = Instant::now();
-        let warm = on_workers(loaded, |loaded| loaded.warm_up(pack))?;
+        let warm = on_workers(loaded, |mut loaded| loaded.warm_up(pack).map(|()| loaded))?;
         trial.load_s = (warming - loading).as_secs_f64();
         trial.warm_up_s = warming.elapsed().as_secs_f64();
 
         let frames = trial.frames;
-        let loops = |loaded: Vec<Loaded>| {
+        let loops = |loaded: Vec<Networks>| {
             let loops = loaded
                 .into_iter()
                 .map(|loaded| loaded.into_loop(pack, max_batch, frames));
@@ -86,7 +82,7 @@ impl Trial {
                 workers: one,
                 ..selector.clone()
             };
-            let alone = Loaded::load(&selector, pack, engine, max_batch)?;
+            let alone = selector.networks(pack, engine, max_batch)?;
             trial.measure(pack, one, loops(vec![alone]), max_batch)?;
         }
         Ok(trial)
@@ -96,7 +92,7 @@ impl Trial {
         &mut self,
         pack: &Pack,
         workers: Workers,
-        mut loops: Vec<Loop>,
+        mut loops: Vec<NetworkLoop>,
         max_batch: usize,
     ) -> Result<(), EngineError> {
         for batch in BATCHES.into_iter().filter(|&batch| batch <= max_batch) {
@@ -123,90 +119,6 @@ impl Trial {
             });
         }
         Ok(())
-    }
-}
-
-/// The networks of one worker, by family.
-enum Loaded {
-    Stages(Box<Pipeline>),
-    Paths(Box<UniMoGen>),
-    Words(Box<VerMo>),
-}
-
-impl Loaded {
-    fn load(
-        selector: &Selector,
-        pack: &Pack,
-        engine: EngineKind,
-        max_batch: usize,
-    ) -> Result<Self, EngineError> {
-        match pack.manifest.family.as_str() {
-            UNIMOGEN => {
-                let denoiser = Box::new(selector.load_denoiser(pack, engine)?);
-                Ok(Self::Paths(Box::new(UniMoGen::new(pack, denoiser, max_batch)?)))
-            }
-            VERMO => {
-                let networks = Box::new(selector.load_vermo(pack, engine)?);
-                Ok(Self::Words(Box::new(VerMo::new(pack, networks, max_batch)?)))
-            }
-            _ => {
-                let stages = Box::new(selector.load(pack, engine)?);
-                let pipeline = Pipeline::new(pack.rig.dims, stages, max_batch);
-                Ok(Self::Stages(Box::new(pipeline)))
-            }
-        }
-    }
-
-    fn warm_up(mut self, pack: &Pack) -> Result<Self, EngineError> {
-        match &mut self {
-            Self::Stages(pipeline) => pipeline.warm_up()?,
-            Self::Paths(generator) => generator.warm_up(pack)?,
-            Self::Words(generator) => generator.warm_up()?,
-        }
-        Ok(self)
-    }
-
-    fn into_loop(self, pack: &Pack, max_batch: usize, frames: usize) -> Loop {
-        match self {
-            Self::Stages(pipeline) => {
-                let stages = pipeline.into_stages();
-                let raw = RawLoop::new(&pack.rig.dims, stages, max_batch, frames);
-                Loop::Stages(Box::new(raw))
-            }
-            Self::Paths(generator) => Loop::Paths(generator, Vec::new()),
-            Self::Words(generator) => Loop::Words(generator, 0, frames),
-        }
-    }
-}
-
-/// Runs batches of one size again and again.
-enum Loop {
-    Stages(Box<RawLoop>),
-    Paths(Box<UniMoGen>, Vec<PathTask>),
-    /// With the jobs of a batch, and the frames of each.
-    Words(Box<VerMo>, usize, usize),
-}
-
-impl Loop {
-    /// Batches of so many characters; of a pack with many bodies, these in turns.
-    fn set_batch(&mut self, pack: &Pack, batch: usize, frames: usize) {
-        match self {
-            Self::Stages(stages) => stages.set_shape(&pack.rig.dims, batch, frames),
-            Self::Paths(_, tasks) => {
-                *tasks = (0..batch)
-                    .filter_map(|index| probe_task(pack, index, frames))
-                    .collect();
-            }
-            Self::Words(_, jobs, _) => *jobs = batch,
-        }
-    }
-
-    fn run(&mut self) -> Result<(), EngineError> {
-        match self {
-            Self::Stages(stages) => stages.run().map(|_| ()),
-            Self::Paths(generator, tasks) => generator.run(tasks).map(|_| ()),
-            Self::Words(generator, jobs, frames) => generator.run_trial(*jobs, *frames).map(|_| ()),
-        }
     }
 }
 

@@ -11,7 +11,7 @@ use super::prepare::check_keyframes;
 use super::prompt::{check_near, same_count, segment};
 use super::sampling::check_sampling;
 use super::words::check_description;
-use crate::wire::keyframe::Role;
+use troupe_live::wire::keyframe::Role;
 
 /// Checks a request and brings it into the form of a task for `pack`. Gives what the motion is put
 /// into with it.
@@ -64,7 +64,7 @@ fn check_telling(root: &Path<'_>, request: &v1::DescribeRequest, pack: &Pack) ->
             return Err(root.field("into").error(found, allowed));
         }
     };
-    if pack.manifest.vermo.is_some() {
+    if pack.language().is_some() {
         return Ok(into);
     }
     let no_model = format!("the pack {} has no language model", pack.name());

@@ -17,8 +17,8 @@ use troupe_proto::v1;
 
 use super::body::inline_body;
 use super::prepare::check_keyframes;
-use crate::wire::keyframe::Role;
-use crate::wire::{MAX_DISTANCE_M, units};
+use troupe_live::wire::keyframe::Role;
+use troupe_live::wire::{MAX_DISTANCE_M, units};
 
 /// Most points of a path.
 pub const MAX_PATH_POINTS: usize = 10_000;
@@ -461,10 +461,8 @@ fn near(path: &Path<'_>, end: &str, off: [f32; 3]) -> Result<(), FieldError> {
 }
 
 fn steps(path: &Path<'_>, goal: &v1::PathGoal, pack: &Pack) -> Result<u32, FieldError> {
-    let table = pack.manifest.unimogen.as_ref();
-    let (usual, most) = table.map_or((1, 1), |table| (table.sampler_steps, table.diffusion_steps));
-    let steps = goal.steps.unwrap_or(usual as u32);
-    units::count_within(&path.field("steps"), steps, 1, most as u32)
+    let (usual, most) = pack.sampler().map_or((1, 1), |steps| (steps.default, steps.max));
+    units::count_within(&path.field("steps"), goal.steps.unwrap_or(usual), 1, most)
 }
 
 /// A weight for each word of the pack.

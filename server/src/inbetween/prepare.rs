@@ -8,8 +8,8 @@ use troupe_proto::v1;
 
 use super::root::{Around, GivenRoot, check_root};
 use super::{MAX_ID_BYTES, MAX_POSE_STEPS};
-use crate::wire::keyframe::{self, Role};
-use crate::wire::{MAX_TEMPERATURE, units};
+use troupe_live::wire::keyframe::{self, Role};
+use troupe_live::wire::{MAX_TEMPERATURE, units};
 
 /// Limits of a request that the server sets, beside those of the pack.
 #[derive(Debug, Clone, Copy)]

@@ -10,8 +10,8 @@ use troupe_proto::v1;
 use super::prepare::check_keyframes;
 use super::sampling::check_sampling;
 use super::words::{check_prompt, most_past};
-use crate::wire::keyframe::{Role, check_reach};
-use crate::wire::units;
+use troupe_live::wire::keyframe::{Role, check_reach};
+use troupe_live::wire::units;
 
 /// Most frames that a prompt asks for, and that a motion to describe has.
 pub const MAX_GENERATED_FRAMES: usize = 1024;
@@ -81,8 +81,9 @@ pub(super) fn segment(from: Option<&Checked>) -> SegmentFrame {
 
 /// Packs without a language model take words alone, and those without audio no audio.
 fn check_pack(path: &Path<'_>, prompt: &v1::Prompt, pack: &Pack) -> Result<(), FieldError> {
-    let has_model = pack.manifest.vermo.is_some();
-    let has_audio = (pack.manifest.vermo.as_ref()).is_some_and(|table| table.audio_codes > 0);
+    let language = pack.language();
+    let has_model = language.is_some();
+    let has_audio = language.is_some_and(|language| language.audio_codes() > 0);
     let given = [
         ("targets", !prompt.targets.is_empty() && !has_model),
         ("others", !prompt.others.is_empty() && !has_model),

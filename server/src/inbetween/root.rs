@@ -8,8 +8,8 @@ use troupe_motion::root::wrap_angle;
 use troupe_motion::{SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
-use crate::wire::keyframe::{check_height, facing, finite};
-use crate::wire::{HEIGHT_TOLERANCE_M, MAX_DISTANCE_M};
+use troupe_live::wire::keyframe::{check_height, facing, finite};
+use troupe_live::wire::{HEIGHT_TOLERANCE_M, MAX_DISTANCE_M};
 
 /// How far from a keyframe's root a given one may be, metres over the ground.
 const PLACE_TOLERANCE_M: f32 = HEIGHT_TOLERANCE_M;

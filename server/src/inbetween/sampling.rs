@@ -5,7 +5,7 @@ use troupe_engine::pack::MAX_REPETITION;
 use troupe_motion::model::SamplingTask;
 use troupe_proto::v1;
 
-use crate::wire::{MAX_TEMPERATURE, units};
+use troupe_live::wire::{MAX_TEMPERATURE, units};
 
 /// Checks the member `sampling` of the request at `root`. What is left out is as the pack says.
 ///

@@ -2,23 +2,19 @@
 
 use troupe_character::live::MAX_UNKNOWN_WORDS;
 use troupe_character::{FieldError, Path};
-use troupe_engine::EngineError;
-use troupe_engine::pack::Pack;
-use troupe_engine::vermo;
+use troupe_engine::pack::{Language, Pack, TaskRefusal};
 use troupe_motion::model::{PromptTask, Task};
 use troupe_proto::v1;
 
-use crate::wire::MAX_PROMPT_CHARS;
+use troupe_live::wire::MAX_PROMPT_CHARS;
 
 /// Most characters of a word that a note names.
 const MAX_WORD_CHARS: usize = 32;
 
 /// Most frames that go before words: more than the pack's context where it takes more.
 pub fn most_past(pack: &Pack) -> usize {
-    match &pack.manifest.vermo {
-        Some(_) => pack.rig.dims.max_frames(),
-        None => pack.rig.dims.context_frames,
-    }
+    let context = pack.rig.dims.context_frames;
+    pack.language().map_or(context, |language| language.max_frames())
 }
 
 /// Checks a prompt's task against what the pack can read and write. Gives notes on what the model
@@ -27,14 +23,14 @@ pub fn most_past(pack: &Pack) -> usize {
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub(super) fn check_prompt(pack: &Pack, asked: &v1::Prompt, task: &Task) -> Result<Vec<String>, FieldError> {
-    if let Some(refusal) = Refusal::of(pack, task) {
-        return Err(refusal.of_prompt(pack, asked));
-    }
-    let Some(lexicon) = &pack.lexicon else {
+    let Some(language) = pack.language() else {
         return Ok(Vec::new());
     };
+    language
+        .check(task)
+        .map_err(|refusal| of_prompt(refusal, language, asked))?;
     let mut unknown: Vec<String> = Vec::new();
-    for word in texts(asked).flat_map(|text| lexicon.unknown_words(text)) {
+    for word in texts(asked).flat_map(|text| language.unknown_words(text)) {
         if !unknown.contains(&word) {
             unknown.push(word);
         }
@@ -60,15 +56,9 @@ pub fn check_words(pack: &Pack, text: &str) -> Result<Vec<String>, FieldError> {
 
 /// The first words of a text, as many as a prompt of the pack may have.
 pub fn fitting(pack: &Pack, text: &str) -> String {
-    let table = pack.manifest.vermo.as_ref();
+    let language = pack.language();
     let fits = |text: &str| {
-        let pieces = match (&pack.lexicon, table) {
-            (Some(lexicon), Some(table)) => {
-                lexicon.pieces(text).unwrap_or_default().len() <= table.max_prompt_pieces
-            }
-            _ => true,
-        };
-        pieces && text.chars().count() <= MAX_PROMPT_CHARS
+        language.is_none_or(|language| language.fits(text)) && text.chars().count() <= MAX_PROMPT_CHARS
     };
     let mut text = text.trim();
     while !fits(text) {
@@ -85,9 +75,9 @@ pub fn fitting(pack: &Pack, text: &str) -> String {
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub fn check_description(pack: &Pack, task: &Task) -> Result<(), FieldError> {
-    match Refusal::of(pack, task) {
+    match pack.language() {
         None => Ok(()),
-        Some(refusal) => Err(refusal.of_description()),
+        Some(language) => language.check(task).map_err(of_description),
     }
 }
 
@@ -116,89 +106,63 @@ fn unknown_note(unknown: &[String]) -> Option<String> {
     ))
 }
 
-/// Why a pack does not take a task.
-struct Refusal {
-    /// The task's field.
-    field: &'static str,
-    found: String,
-    allowed: String,
+/// The error of the prompt's field that the task's field comes from.
+fn of_prompt(refusal: TaskRefusal, language: Language<'_>, asked: &v1::Prompt) -> FieldError {
+    let root = Path::root();
+    let prompt = root.field("prompt");
+    let TaskRefusal {
+        field,
+        found,
+        allowed,
+    } = refusal;
+    match field {
+        "temperature" | "top_p" | "repetition" => sampling_error(&root, field, &found, allowed),
+        "context" => root.field("past").error(format!("is {found}"), allowed),
+        "frames" if asked.seconds.is_some() => {
+            let found = format!("is {found} frames");
+            prompt.field("seconds").error(found, allowed + " frames")
+        }
+        "frames" => prompt.field("frame_count").error(format!("is {found}"), allowed),
+        "audio" if found == "given" => prompt.field("audio").error("is given", allowed),
+        "audio" => {
+            let audio = prompt.field("audio");
+            audio.field("codes").error(format!("has {found}"), allowed)
+        }
+        "kind" => wanting(asked, &root, &prompt).error(
+            format!("needs one of the tasks {found}"),
+            format!("those of the pack: {allowed}"),
+        ),
+        "message" if asked.audio.is_some() => {
+            let audio = prompt.field("audio");
+            audio.field("codes").error(format!("is {found}"), allowed)
+        }
+        "message" => prompt.field("text").error(format!("is {found}"), allowed),
+        "text" => {
+            let other = unread(language, asked).and_then(|index| index.checked_sub(1));
+            let at = other.map(|index| prompt.element("others", index));
+            let at = at.as_ref().unwrap_or(&prompt);
+            at.field("text").error(format!("is {found}"), allowed)
+        }
+        field => prompt.field(field).error(format!("is {found}"), allowed),
+    }
 }
 
-impl Refusal {
-    fn of(pack: &Pack, task: &Task) -> Option<Self> {
-        pack.manifest.vermo.as_ref()?;
-        match vermo::check(pack, task) {
-            Err(EngineError::Task {
-                field,
-                found,
-                allowed,
-            }) => Some(Self {
-                field,
-                found,
-                allowed,
-            }),
-            _ => None,
-        }
-    }
-
-    /// The error of the prompt's field that the task's field comes from.
-    fn of_prompt(self, pack: &Pack, asked: &v1::Prompt) -> FieldError {
-        let root = Path::root();
-        let prompt = root.field("prompt");
-        let Self {
-            field,
-            found,
-            allowed,
-        } = self;
-        match field {
-            "temperature" | "top_p" | "repetition" => sampling_error(&root, field, &found, allowed),
-            "context" => root.field("past").error(format!("is {found}"), allowed),
-            "frames" if asked.seconds.is_some() => {
-                let found = format!("is {found} frames");
-                prompt.field("seconds").error(found, allowed + " frames")
-            }
-            "frames" => prompt.field("frame_count").error(format!("is {found}"), allowed),
-            "audio" if found == "given" => prompt.field("audio").error("is given", allowed),
-            "audio" => {
-                let audio = prompt.field("audio");
-                audio.field("codes").error(format!("has {found}"), allowed)
-            }
-            "kind" => wanting(asked, &root, &prompt).error(
-                format!("needs one of the tasks {found}"),
-                format!("those of the pack: {allowed}"),
-            ),
-            "message" if asked.audio.is_some() => {
-                let audio = prompt.field("audio");
-                audio.field("codes").error(format!("is {found}"), allowed)
-            }
-            "message" => prompt.field("text").error(format!("is {found}"), allowed),
-            "text" => {
-                let other = unread(pack, asked).and_then(|index| index.checked_sub(1));
-                let at = other.map(|index| prompt.element("others", index));
-                let at = at.as_ref().unwrap_or(&prompt);
-                at.field("text").error(format!("is {found}"), allowed)
-            }
-            field => prompt.field(field).error(format!("is {found}"), allowed),
-        }
-    }
-
-    /// The error of the description's field that the task's field comes from.
-    fn of_description(self) -> FieldError {
-        let root = Path::root();
-        let Self {
-            field,
-            found,
-            allowed,
-        } = self;
-        match field {
-            "temperature" | "top_p" | "repetition" => sampling_error(&root, field, &found, allowed),
-            "kind" => root.field("into").error(
-                format!("needs the task {found}"),
-                format!("those of the pack: {allowed}"),
-            ),
-            "message" => root.field("frames").error(format!("is {found}"), allowed),
-            field => root.field(field).error(format!("is {found}"), allowed),
-        }
+/// The error of the description's field that the task's field comes from.
+fn of_description(refusal: TaskRefusal) -> FieldError {
+    let root = Path::root();
+    let TaskRefusal {
+        field,
+        found,
+        allowed,
+    } = refusal;
+    match field {
+        "temperature" | "top_p" | "repetition" => sampling_error(&root, field, &found, allowed),
+        "kind" => root.field("into").error(
+            format!("needs the task {found}"),
+            format!("those of the pack: {allowed}"),
+        ),
+        "message" => root.field("frames").error(format!("is {found}"), allowed),
+        field => root.field(field).error(format!("is {found}"), allowed),
     }
 }
 
@@ -221,13 +185,8 @@ fn wanting<'a>(asked: &v1::Prompt, root: &'a Path<'a>, prompt: &'a Path<'a>) -> 
 }
 
 /// The first character whose text has letters of which the pack can read none.
-fn unread(pack: &Pack, asked: &v1::Prompt) -> Option<usize> {
-    let lexicon = pack.lexicon.as_ref()?;
-    let is_unread = |text: &str| {
-        let pieces = lexicon.pieces(text).unwrap_or_default();
-        !text.trim().is_empty() && pieces.is_empty()
-    };
-    texts(asked).position(is_unread)
+fn unread(language: Language<'_>, asked: &v1::Prompt) -> Option<usize> {
+    texts(asked).position(|text| !text.trim().is_empty() && !language.can_read(text))
 }
 
 #[cfg(test)]

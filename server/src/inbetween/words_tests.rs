@@ -1,5 +1,8 @@
 use std::path::Path as FilePath;
 
+use troupe_engine::families::vermo::VerMoDoc;
+use troupe_engine::pack::testing::language_table;
+use troupe_motion::model::Task;
 use v1::generate_request::Goal;
 
 use super::*;
@@ -13,16 +16,16 @@ fn pack() -> Pack {
 }
 
 /// The pack, with other tasks and sizes.
-fn pack_with(change: impl FnOnce(&mut troupe_engine::pack::VerMoDoc)) -> Pack {
+fn pack_with(change: impl FnOnce(&mut VerMoDoc)) -> Pack {
     let mut pack = pack();
-    change(pack.manifest.vermo.as_mut().unwrap());
+    change(language_table(&mut pack).as_mut().unwrap());
     pack
 }
 
 /// A pack without a language model.
 fn plain_pack() -> Pack {
     let mut pack = pack();
-    pack.manifest.vermo = None;
+    *language_table(&mut pack) = None;
     pack
 }
 

@@ -17,8 +17,8 @@ use super::schema::{
 use super::take::{Clock, Look, Note, Part, Prompt, Take};
 use super::{reference, skeleton};
 use crate::inbetween::check_words;
-use crate::wire::MAX_PROMPT_CHARS;
-use crate::wire::cut;
+use troupe_base::echo::cut;
+use troupe_live::wire::MAX_PROMPT_CHARS;
 
 /// The types of segments that the protocol knows.
 const SEGMENTS: [&str; 5] = [
@@ -457,8 +457,11 @@ fn temperature(value: &Value) -> Result<f32, Fault> {
 
 /// Steps of a sampler.
 fn steps(options: &Options, model: &Model, look: &mut Look, notes: &mut Vec<Note>) {
-    let table = model.loaded.pack.manifest.unimogen.as_ref();
-    let most = table.map_or(1, |table| table.diffusion_steps as i64);
+    let most = model
+        .loaded
+        .pack
+        .sampler()
+        .map_or(1, |steps| i64::from(steps.max));
     look.steps = options.diffusion_steps.map(|steps| {
         if steps > most {
             let message = format!("the model has {most} diffusion steps: {steps} were asked for");

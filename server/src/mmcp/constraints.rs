@@ -106,7 +106,7 @@ fn read_one(mut value: Value, place: &str) -> Result<Constraint, Fault> {
             Ok(Constraint::Ground(ground))
         }
         other => {
-            let found = format!("is {:?}", crate::wire::cut(other, 64));
+            let found = format!("is {:?}", troupe_base::echo::cut(other, 64));
             Err(Fault::schema(field("type"), found, TYPES.join(", ")))
         }
     }
@@ -335,7 +335,7 @@ impl Scope<'_> {
         joints.get(name).copied().ok_or_else(|| {
             let mut names: Vec<&str> = joints.keys().copied().collect();
             names.sort_unstable();
-            let found = format!("is {:?}", crate::wire::cut(name, 64));
+            let found = format!("is {:?}", troupe_base::echo::cut(name, 64));
             Fault::new(Code::UnknownJoint, place, found, "a joint of the skeleton")
                 .with("skeleton_joints", names)
         })
@@ -389,7 +389,7 @@ impl Scope<'_> {
             FillMode::Rest => rest.into_iter().map(Some).collect(),
         };
         for (name, &xyzw) in &given.joint_rotations {
-            let place = format!("{place}.joint_rotations.{}", crate::wire::cut(name, 64));
+            let place = format!("{place}.joint_rotations.{}", troupe_base::echo::cut(name, 64));
             let joint = self.joint(place.clone(), name, joints)?;
             rotations[joint] = Some(axes.to_model(joint, rotation(&place, xyzw)?));
         }

@@ -16,8 +16,8 @@ use super::limits::{
 use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
 use crate::inbetween::fitting;
-use crate::packs::{LoadedPack, PackTable};
-use crate::wire::MAX_PROMPT_CHARS;
+use troupe_live::packs::{LoadedPack, PackTable};
+use troupe_live::wire::MAX_PROMPT_CHARS;
 
 /// The version that is spoken.
 pub const VERSION: &str = "1.4";
@@ -103,10 +103,8 @@ impl Model {
 
     /// Most frames of a motion in the place of words.
     pub fn max_reference_frames(&self) -> usize {
-        match &self.loaded.pack.manifest.vermo {
-            Some(_) => self.rig().dims.max_frames(),
-            None => MAX_REFERENCE_FRAMES,
-        }
+        let language = self.loaded.pack.language();
+        language.map_or(MAX_REFERENCE_FRAMES, |language| language.max_frames())
     }
 
     /// Words that it found itself, as far as a prompt of it may go.

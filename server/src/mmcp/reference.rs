@@ -17,7 +17,7 @@ use super::model::Model;
 use super::schema::MotionReference;
 use super::skeleton;
 use crate::inbetween::check_description;
-use crate::wire::cut;
+use troupe_base::echo::cut;
 
 /// A motion to go by: its frames, of the model.
 pub type Frames = Arc<[KeyTensors]>;

@@ -21,11 +21,11 @@ use super::schema::check_version;
 use super::take::{Note, Prompt, Take};
 use super::track::Track;
 use super::walk::Walk;
-use crate::batch::trace_served;
-use crate::offload::{WorkerStopped, offload};
-use crate::packs::LoadedPack;
 use crate::service::{Service, ServiceError};
-use crate::telemetry::RequestContext;
+use troupe_base::offload::{WorkerStopped, offload};
+use troupe_base::telemetry::RequestContext;
+use troupe_batch::trace_served;
+use troupe_live::packs::LoadedPack;
 
 /// Samples whose planning is not worth another thread.
 const INLINE_SAMPLES: usize = 2;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::fault::{Code, Fault};
-use crate::wire::{MAX_MESSAGE, MAX_PATH, cut};
+use troupe_base::echo::{MAX_MESSAGE, MAX_PATH, cut};
 
 /// A joint of a skeleton.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

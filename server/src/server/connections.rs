@@ -19,7 +19,7 @@ use super::tls::Tls;
 use crate::api;
 use crate::clients::Clients;
 use crate::config::Config;
-use crate::telemetry::Seldom;
+use troupe_base::telemetry::Seldom;
 
 /// How long to pause where the system has no more file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);

@@ -18,11 +18,11 @@ use tokio::task::yield_now;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::*;
-use crate::records::disk::{Shared, on};
-use crate::session::{Keeper, Spaces, TenantOptions};
 use clients::{Caller, Known, Log, World, stream};
 use engine::{Gate, source};
 use net::{Answer, Dial, Http, port, request};
+use troupe_live::records::disk::{Shared, on};
+use troupe_live::session::{Keeper, Spaces, TenantOptions};
 
 const SEEDS: u64 = 1000;
 /// The code of a close frame that says that the server goes away (RFC 6455, section 7.4.1).

@@ -4,13 +4,13 @@ use std::net::SocketAddr;
 
 use super::TlsError;
 use crate::api::{KeysError, TokensError};
-use crate::records::RecordsError;
-use crate::telemetry::TracesError;
-use crate::world::LoadError;
+use crate::traces::TracesError;
 use troupe_character::document::DocumentError;
 use troupe_character::style::StyleError;
 use troupe_engine::EngineError;
 use troupe_engine::pack::PackError;
+use troupe_live::records::RecordsError;
+use troupe_live::world::LoadError;
 
 /// Why a server did not start.
 #[derive(Debug, thiserror::Error)]

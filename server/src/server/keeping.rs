@@ -7,8 +7,8 @@ use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
 
 use crate::config::Config;
-use crate::records::{Records, RecordsError};
-use crate::session::Keeper;
+use troupe_live::records::{Records, RecordsError};
+use troupe_live::session::Keeper;
 
 /// Opens the records, where some are to be kept. It blocks.
 pub(super) type OpenRecords = Box<dyn FnOnce() -> Result<Option<Records>, RecordsError> + Send>;

@@ -1,7 +1,7 @@
 //! The limits that are set, as metrics: alerts compare others with them.
 
 use crate::config::Config;
-use crate::telemetry::{Labels, Metric, Telemetry};
+use troupe_base::telemetry::{Labels, Metric, Telemetry};
 
 const LIMIT: Metric = Metric::new(
     "troupe_limit",

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
+use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
 
 /// Connections beyond the limit on which health checks and metrics are still answered.
 pub(super) const RESERVE: usize = 16;

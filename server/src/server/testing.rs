@@ -9,7 +9,7 @@ use super::{Around, PackSource, ServerHandle, StartError, keeping, serve_on};
 use crate::api;
 use crate::clients::Clients;
 use crate::config::Config;
-use crate::session::{Executor, TimeSource};
+use troupe_live::session::{Executor, TimeSource};
 
 /// [`super::serve_packs`], with characters on the thread of the caller.
 ///

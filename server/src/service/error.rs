@@ -1,13 +1,13 @@
 //! Every error of the calls below the edge.
 
-use crate::batch::SubmitError;
 use crate::inbetween::NotFeasible;
-use crate::offload::WorkerStopped;
-use crate::packs::{CannotDo, UnknownPack};
-use crate::session::{SessionError, SpaceError};
-use crate::world::WorldError;
+use troupe_base::offload::WorkerStopped;
+use troupe_batch::SubmitError;
 use troupe_character::FieldError;
 use troupe_character::post::NonFinite;
+use troupe_live::packs::{CannotDo, UnknownPack};
+use troupe_live::session::{SessionError, SpaceError};
+use troupe_live::world::WorldError;
 
 /// Why a call was not served.
 #[derive(Debug, Clone, thiserror::Error)]

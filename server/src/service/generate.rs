@@ -14,9 +14,9 @@ use troupe_proto::v1::generate_request::Goal;
 
 use super::streamed::{Pieces, Streamed};
 use super::{Service, ServiceError};
-use crate::batch::{Batcher, Piece};
 use crate::inbetween::{PartWriter, PathPlan, Prepared, no_sampling, prepare_prompt, refuse_frames};
-use crate::packs::LoadedPack;
+use troupe_batch::{Batcher, Piece};
+use troupe_live::packs::LoadedPack;
 
 /// A motion on its way.
 #[derive(Debug)]

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::session::Spaces;
-use crate::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
+use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
+use troupe_live::session::Spaces;
 
 const READY: Metric = Metric::new("troupe_ready", "1 where the server takes requests, else 0");
 const SCENES: Metric = Metric::new("troupe_scenes", "Scenes that there are");

@@ -2,7 +2,7 @@
 
 use troupe_character::object::Definition;
 use troupe_character::skill::Skills;
-use troupe_engine::pack::{Pack, VerMoDoc};
+use troupe_engine::pack::{Language, Pack};
 use troupe_motion::model::Body;
 use troupe_motion::robot::Hinge;
 use troupe_motion::{Joint, Robot, Skeleton};
@@ -49,9 +49,9 @@ pub(super) fn describe(pack: &Pack, skills: &Skills, is_default: bool, engine: &
         robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
         bodies: default_first(pack).map(describe_body).collect(),
         words: pack.words.clone(),
-        sampler_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.sampler_steps as u32),
-        diffusion_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.diffusion_steps as u32),
-        language: manifest.vermo.as_ref().map(describe_language),
+        sampler_steps: pack.sampler().map_or(0, |steps| steps.default),
+        diffusion_steps: pack.sampler().map_or(0, |steps| steps.max),
+        language: pack.language().map(describe_language),
         skills: skills.iter().map(|skill| describe_skill(skill)).collect(),
     }
 }
@@ -67,18 +67,19 @@ fn describe_skill(skill: &Definition) -> v1::PackSkill {
     }
 }
 
-fn describe_language(table: &VerMoDoc) -> v1::Language {
+fn describe_language(language: Language<'_>) -> v1::Language {
+    let usual = language.sampling();
     v1::Language {
-        tasks: table.tasks.iter().map(|task| task.name().to_owned()).collect(),
-        max_prompt_pieces: table.max_prompt_pieces as u32,
-        max_agents: table.max_agents as u32,
-        audio_codes: table.audio_codes as u32,
-        flow_steps: table.flow_steps as u32,
+        tasks: language.tasks().map(str::to_owned).collect(),
+        max_prompt_pieces: language.max_prompt_pieces() as u32,
+        max_agents: language.max_agents() as u32,
+        audio_codes: language.audio_codes() as u32,
+        flow_steps: language.flow_steps() as u32,
         sampling: Some(v1::Sampling {
-            temperature: Some(table.temperature),
-            top_k: Some(table.top_k as u32),
-            top_p: Some(table.top_p),
-            repetition: Some(table.repetition),
+            temperature: usual.temperature,
+            top_k: usual.top_k,
+            top_p: usual.top_p,
+            repetition: usual.repetition,
         }),
     }
 }

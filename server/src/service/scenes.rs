@@ -5,8 +5,8 @@ use std::sync::Arc;
 use troupe_proto::v1;
 
 use super::{Service, ServiceError};
-use crate::offload::offload;
-use crate::world::{ObjectsChanged, Store, WorldError};
+use troupe_base::offload::offload;
+use troupe_live::world::{ObjectsChanged, Store, WorldError};
 
 /// Objects of one call up to which it is served on the task that received it.
 const INLINE_OBJECTS: usize = 64;

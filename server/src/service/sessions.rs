@@ -5,9 +5,9 @@ use std::sync::Arc;
 use troupe_proto::v1;
 
 use super::{Service, ServiceError};
-use crate::clients::Turns;
-use crate::offload::WorkerStopped;
-use crate::session::{Resumed, Sessions, Space, styles};
+use troupe_base::offload::WorkerStopped;
+use troupe_base::turns::Turns;
+use troupe_live::session::{Resumed, Sessions, Space, styles};
 
 impl Service {
     /// The sessions and streams. They need packs only to be created.

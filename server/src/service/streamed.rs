@@ -6,8 +6,8 @@ use serde::Serialize;
 use troupe_motion::model::Task;
 
 use super::{REQUEST_TARGET, ServiceError};
-use crate::batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
-use crate::telemetry::{RequestContext, Trace};
+use troupe_base::telemetry::{RequestContext, Trace};
+use troupe_batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
 
 /// An answer on its way, whose parts are messages.
 pub trait Streamed: Send + 'static {

@@ -1,12 +1,12 @@
 //! The way of kept state from its bytes to its checks, for fuzz targets.
 
 use super::{Service, ServiceError};
-use crate::session::{Space, read_record};
-use crate::world::WorldError;
 use troupe_character::Path;
 use troupe_character::live::World;
 use troupe_character::saved::Surroundings;
 use troupe_character::scene::Holder;
+use troupe_live::session::{Space, read_record};
+use troupe_live::world::WorldError;
 
 impl Service {
     /// Reads the record of a session as the start of the server does.

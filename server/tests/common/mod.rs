@@ -17,13 +17,13 @@ use troupe_character::testing::toy_rig;
 use troupe_engine::pack::testing::pack_of;
 use troupe_engine::pack::{Pack, Stage};
 use troupe_engine::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
+use troupe_live::session::TimeSource;
 use troupe_motion::model::{Dims, Rig};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_client::MotionClient;
 use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_server::config::Config;
 use troupe_server::server::{PackSource, ServerHandle, serve_packs_at};
-use troupe_server::session::TimeSource;
 
 /// Folder of the test packs: their styles.
 pub const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/toy");
@@ -172,10 +172,9 @@ pub fn pack(name: &str) -> Pack {
         name: name.to_owned(),
         ..toy_rig()
     };
-    Pack {
-        folder: FOLDER.into(),
-        ..pack_of(rig)
-    }
+    let mut pack = pack_of(rig);
+    pack.folder = FOLDER.into();
+    pack
 }
 
 pub struct TestServer {

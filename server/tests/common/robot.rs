@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use serde::Deserialize;
-use troupe_engine::pack::{Manifest, Pack};
+use troupe_engine::pack::Pack;
 use troupe_engine::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use troupe_motion::fk::world_transforms;
 use troupe_motion::robot::{Robot, RobotDoc};
@@ -35,11 +35,9 @@ struct Tables {
 /// The G1's pack, whose styles are in `folder`.
 pub fn pack(folder: &Path) -> Pack {
     let tables: Tables = toml::from_str(include_str!("../../../motion/src/robot/g1.toml")).unwrap();
-    let manifest = Manifest {
-        skeleton: tables.skeleton,
-        robot: Some(tables.robot),
-        ..super::pack(G1).manifest
-    };
+    let mut manifest = super::pack(G1).manifest;
+    manifest.skeleton = tables.skeleton;
+    manifest.robot = Some(tables.robot);
     Pack::from_manifest(manifest, folder).unwrap()
 }
 

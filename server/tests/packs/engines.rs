@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use troupe_engine::accuracy::{Accuracy, Kind, Probe, compare, compare_paths, probe};
+use troupe_engine::families::unimogen::{Call, Denoiser, probe_task};
 use troupe_engine::generator::{JobId, Progress};
 use troupe_engine::pack::Pack;
-use troupe_engine::unimogen::{Call, Denoiser, probe_task};
 use troupe_engine::{
     DecoderOutput, EngineChoice, EngineError, EngineKind, PoseOutput, RootInput, RootOutput, Selector,
     Stages, TokenInput,

@@ -400,7 +400,7 @@ async fn sampling_is_the_packs_or_the_requests() {
 async fn who_leaves_gives_up_the_rest() {
     let (server, client) = start().await;
     let alone = parts(client.clone(), prompt("someone waves", Some(60))).await;
-    for _ in 0..3 * troupe_engine::vermo::SLOTS {
+    for _ in 0..3 * troupe_engine::families::vermo::SLOTS {
         let request = prompt("someone walks", Some(1024));
         let mut stream = client.clone().generate(request).await.unwrap().into_inner();
         stream.message().await.unwrap();

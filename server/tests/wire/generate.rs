@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::common::{self, TestServer};
 use troupe_engine::generator::Generator;
-use troupe_engine::pack::{Manifest, Pack};
+use troupe_engine::pack::Pack;
 use troupe_engine::toy::{PART_FRAMES, STEPS, Toy};
 use troupe_motion::model::Capabilities;
 use troupe_proto::v1;
@@ -19,16 +19,14 @@ const WORDS: &str = "words";
 /// A server with a pack of the toy family beside those of MotionBricks.
 pub async fn words_server() -> TestServer {
     let more = |workers| {
-        let manifest = Manifest {
-            family: troupe_engine::toy::FAMILY.to_owned(),
-            capabilities: Capabilities {
-                inbetween: true,
-                live: true,
-                text: true,
-                describe: true,
-                ..Capabilities::default()
-            },
-            ..common::pack(WORDS).manifest
+        let mut manifest = common::pack(WORDS).manifest;
+        manifest.family = troupe_engine::toy::FAMILY.to_owned();
+        manifest.capabilities = Capabilities {
+            inbetween: true,
+            live: true,
+            text: true,
+            describe: true,
+            ..Capabilities::default()
         };
         let folder = std::path::Path::new(common::FOLDER);
         vec![PackSource {

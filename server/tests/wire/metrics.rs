@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+use troupe_batch::PackMetrics;
 use troupe_engine::accuracy::Accuracy;
 use troupe_engine::onnx::Batching;
 use troupe_engine::{Check, Decision, EngineKind, Workers};
-use troupe_server::batch::PackMetrics;
 
 use crate::common::{TestServer, request};
 use crate::restart::Folder;

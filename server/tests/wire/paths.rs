@@ -8,7 +8,7 @@ use reqwest::Method;
 use tonic::Code;
 use tonic_types::StatusExt as _;
 use troupe_engine::generator::Generator;
-use troupe_engine::pack::{Manifest, Pack};
+use troupe_engine::pack::Pack;
 use troupe_engine::toy::Toy;
 use troupe_motion::model::{Body, BodyParts, Capabilities};
 use troupe_motion::{ContactParams, Joint, Quat, Skeleton, Vec3};
@@ -57,25 +57,20 @@ fn body(name: &str, joints: usize, height_m: f32, words: &[&str]) -> Arc<Body> {
 
 /// A pack of a person and a dog, whose family follows paths.
 fn zoo() -> PackSource {
-    let pack = common::pack(ZOO);
-    let manifest = Manifest {
-        family: troupe_engine::toy::FAMILY.to_owned(),
-        capabilities: Capabilities {
-            live: true,
-            path: true,
-            ..Capabilities::default()
-        },
-        ..pack.manifest
+    let mut manifest = common::pack(ZOO).manifest;
+    manifest.family = troupe_engine::toy::FAMILY.to_owned();
+    manifest.capabilities = Capabilities {
+        live: true,
+        path: true,
+        ..Capabilities::default()
     };
     let folder = std::path::Path::new(common::FOLDER);
-    let pack = Pack {
-        bodies: vec![
-            body("person", 4, 0.9, &["walk", "run", "sneak"]),
-            body("dog", 3, 0.4, &["bark"]),
-        ],
-        words: ["bark", "run", "sneak", "walk"].map(str::to_owned).to_vec(),
-        ..Pack::from_manifest(manifest, folder).unwrap()
-    };
+    let mut pack = Pack::from_manifest(manifest, folder).unwrap();
+    pack.bodies = vec![
+        body("person", 4, 0.9, &["walk", "run", "sneak"]),
+        body("dog", 3, 0.4, &["bark"]),
+    ];
+    pack.words = ["bark", "run", "sneak", "walk"].map(str::to_owned).to_vec();
     PackSource {
         pack,
         workers: 1,

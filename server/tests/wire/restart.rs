@@ -369,7 +369,7 @@ async fn one_server_at_a_time_has_a_store() {
 /// Records of another time, or that somebody has broken, cost their sessions and nothing else.
 #[tokio::test]
 async fn records_that_do_not_fit_are_left_out() {
-    use troupe_server::records::{Changes, Kind, Records};
+    use troupe_live::records::{Changes, Kind, Records};
     let folder = Folder::new("broken");
     let server = folder.server().await;
     let mut client = server.sessions().await;

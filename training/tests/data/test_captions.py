@@ -42,11 +42,11 @@ def test_every_caption_names_the_content_and_the_style():
 
 def test_what_was_measured_is_said_and_nothing_else():
     slow, fast = Facts("walk", None, 5.0, 0.3, 0.0), Facts("walk", None, 5.0, 2.0, 2.0)
-    told = [{caption(facts, seed) for seed in range(300)} for facts in (slow, fast)]
-    assert any("slow pace" in text for text in told[0]) and not any("fast pace" in text for text in told[0])
-    assert any("fast pace" in text for text in told[1]) and any("turning left" in text for text in told[1])
-    assert not any("turning" in text for text in told[0])
-    assert any("five seconds" in text for text in told[0])
+    texts = [{caption(facts, seed) for seed in range(300)} for facts in (slow, fast)]
+    assert any("slow pace" in text for text in texts[0]) and not any("fast pace" in text for text in texts[0])
+    assert any("fast pace" in text for text in texts[1]) and any("turning left" in text for text in texts[1])
+    assert not any("turning" in text for text in texts[0])
+    assert any("five seconds" in text for text in texts[0])
 
 
 def test_names_that_no_table_has_are_said_as_they_are():

@@ -1,4 +1,4 @@
-"""What is cut out of motion, and mirroring."""
+"""Cuts of motion, and mirroring."""
 
 import json
 from dataclasses import replace

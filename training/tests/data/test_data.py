@@ -57,7 +57,7 @@ def test_segments_start_in_the_segment_frame(cache: Path):
     anchor = segments.global_root[:, 3]
     assert torch.allclose(anchor[:, [0, 2]], torch.zeros(8, 2), atol=1e-5)
     assert torch.allclose(anchor[:, 3:], torch.tensor([[1.0, 0.0]]).expand(8, 2), atol=1e-4)
-    # the walk goes where it faces, whatever its heading in the file
+    # the walk goes where it faces, for every heading in the file
     assert (segments.global_root[:, -1, 2] > 0.2).all()
     assert (segments.global_root[:, -1, 0].abs() < 0.05).all()
     # pelvis position is relative to its own projection on the ground

@@ -1,4 +1,4 @@
-"""What a cache's motion does at most, and the table of it in a manifest."""
+"""The limits of a cache's motion, and their table in a manifest."""
 
 from pathlib import Path
 
@@ -74,7 +74,7 @@ def test_limits_hold_for_the_motion_that_they_are_of_and_not_for_wilder():
     limits = limits_of(SKELETON, calm)
     assert limits.root_speed_mps == pytest.approx(1.5, abs=0.01)
     assert limits.tilt_rad <= 0.01 and limits.upright == [0.0, 1.0, 0.0]
-    # It is no farther from where it was heading than rounding has it.
+    # It is no farther from its straight course than by rounding.
     assert max(limits.root_reach_m) <= 0.01
     [spine] = limits.bends
     assert spine.usual[1] == pytest.approx(np.sin(np.radians(35 / 2)), abs=0.01)

@@ -92,7 +92,7 @@ def test_latents_spread_by_one_and_do_not_depend_on_the_batch(evaluator: Path, s
 
 
 def test_a_motions_features_are_those_of_its_segment(store: ClipStore):
-    """What is measured of an answer and what the evaluator was trained on are the same numbers."""
+    """An answer's measured features are the evaluator's training features."""
     segments = walks(store, 30)
     motion = Motion.of(segments)
     positions, six_d = pose_features(motion, Kinematics(store.skeleton))
@@ -103,7 +103,7 @@ def test_a_motions_features_are_those_of_its_segment(store: ClipStore):
 
 
 def test_the_evaluator_sees_shaking(store: ClipStore):
-    """A shaken motion has other velocities, so that its features differ even where poses hardly do."""
+    """A shaken motion has other velocities, so that its features differ even if poses hardly do."""
     model = Evaluator(store.skeleton.joint_count)
     set_scales(model, store)
     inputs = inputs_of(walks(store, 30))

@@ -174,11 +174,11 @@ def test_fid_of_scaled_gaussians():
     assert frechet(b, a) == pytest.approx(1 + 0 + 4 + 1 + 1, rel=1e-6)
 
 
-def test_a_gaussian_counts_windows_as_often_as_it_is_told():
+def test_a_gaussian_counts_windows_by_their_weights():
     latents = np.random.default_rng(4).standard_normal((6, 3))
     times = np.array([2.0, 0.0, 1.0, 3.0, 1.0, 0.0])
-    told, written = Gaussian(latents, times), Gaussian(np.repeat(latents, times.astype(int), axis=0))
-    assert torch.allclose(told.mean, written.mean) and torch.allclose(told.covariance, written.covariance)
+    weighted, written = Gaussian(latents, times), Gaussian(np.repeat(latents, times.astype(int), axis=0))
+    assert torch.allclose(weighted.mean, written.mean) and torch.allclose(weighted.covariance, written.covariance)
     repeated = np.cov(np.repeat(latents, times.astype(int), axis=0), rowvar=False)
     assert np.allclose(written.covariance, repeated)
 
@@ -200,7 +200,7 @@ def test_diversity_is_the_mean_over_pairs():
 
 
 def test_intervals_come_from_clips_not_from_windows():
-    """Windows that say all the same of their clip tell no more than one of them."""
+    """Windows of a clip with equal figures count as one of them."""
     rng = np.random.default_rng(3)
     per_clip = rng.standard_normal(40)
     clips = np.repeat(np.arange(40), 25)
@@ -239,10 +239,10 @@ def test_npss_is_of_the_clips_world():
     heading = torch.tensor([2.1])
     yaw = torch.from_numpy(axis_rotation("Y", np.degrees(2.1))).float()
     turned = [Motion(m.root, yaw @ m.rotations) for m in (fast, slow)]
-    told = window_figures(fast, slow, SKELETON, Kinematics(SKELETON), heading)
+    weighted = window_figures(fast, slow, SKELETON, Kinematics(SKELETON), heading)
     made = window_figures(*turned, SKELETON, Kinematics(SKELETON))
     plain = window_figures(fast, slow, SKELETON, Kinematics(SKELETON))
-    npss = [float(found["npss_sum"] / found["npss_weight"]) for found in (told, made, plain)]
+    npss = [float(found["npss_sum"] / found["npss_weight"]) for found in (weighted, made, plain)]
     assert npss[0] == pytest.approx(npss[1], rel=1e-4)
     assert npss[0] != pytest.approx(npss[2], rel=1e-2)
-    assert float(told["l2q"]) == pytest.approx(float(plain["l2q"]))
+    assert float(weighted["l2q"]) == pytest.approx(float(plain["l2q"]))

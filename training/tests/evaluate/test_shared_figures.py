@@ -1,6 +1,6 @@
 """Python's measures and pinning against Rust's: one small motion with its figures, which both test suites compute.
 
-`motion/tests/shared_figures.rs` reads the same file. `TROUPE_WRITE_FIGURES=1` writes it anew from Python.
+`motion/tests/shared_figures.rs` reads the same file. `TROUPE_WRITE_FIGURES=1` writes it again from Python.
 """
 
 import json

@@ -148,11 +148,11 @@ def exported(run: Path, cache: Path, out: Path) -> Path:
 
 
 def test_a_pack_answers_as_its_run_does(run: Path, corpus_cache: Path, tmp_path: Path):
-    pack, told = exported(run, corpus_cache, tmp_path / "pack"), tmp_path / "f.json"
+    pack, written = exported(run, corpus_cache, tmp_path / "pack"), tmp_path / "f.json"
     shared = ["--cache", str(corpus_cache), "--frames", "20", "--max-windows", "3", "--threads", "1", "--parts", "test"]
     measured = ["unimogen", "evaluate", "--pack", str(pack), *shared, "--other-steps", "1", "--other-guidance", "2.5"]
-    assert main([*measured, "--beside", f"run={run}", "--json", str(told)]) == 0
-    report = json.loads(told.read_text())
+    assert main([*measured, "--beside", f"run={run}", "--json", str(written)]) == 0
+    report = json.loads(written.read_text())
     assert report["content_hash"] == of_pack(pack, 1).source["content_hash"] and report["step"] == 26
     assert f"--pack {pack}" in report["command"]
     for methods in report["figures"].values():
@@ -228,7 +228,11 @@ def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Pat
     blend = tmp_path / "b.json"
     blend.write_text(json.dumps({"step": 26, "styles": ["calm", "brisk"], "shares": {"test": {"0": 0.25, "1": 1.0}}}))
     card = ["unimogen", "card", "--pack", str(pack), "--evaluations", str(measured_at), "--notes", str(notes)]
-    card += ["--sweeps", str(measured_at), "--blend", str(blend)]
+    walked = tmp_path / "w.json"
+    row = {"windows": 3.0, "standing_foot_m_per_frame": 0.004}
+    found = {"toy, line 1.2 m/s": {"captured": row, "unimogen": row}}
+    walked.write_text(json.dumps({"step": 26, "command": "c", "setting": {"frames": 68}, "figures": found}))
+    card += ["--sweeps", str(measured_at), "--blend", str(blend), "--user-paths", str(walked)]
     assert main(card) == 0 and main(card) == 0
     text = (pack / "README.md").read_text()
     for part in (
@@ -240,6 +244,8 @@ def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Pat
         "(curves.png)",
         "no evaluator knows the skeleton of toy",
         f"    troupe-train unimogen evaluate --run {run}",
+        "goes on for 2.1 seconds",
+        "| toy, line 1.2 m/s | this pack | 3 | 4.0 |",
         "## Steps and guidance",
         "| 0 | 25.0 |",
     ):
@@ -247,10 +253,10 @@ def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Pat
     assert "| | ground truth | frozen pose | interpolated | this pack | again |" in text
     manifest = (pack / "pack.toml").read_text()
     assert manifest.count("[evaluation]") == 1 and '"toy_test_unimogen" = {' in manifest and "[unimogen]" in manifest
-    told = json.loads(measured_at.read_text())
-    measured_at.write_text(json.dumps(told | {"step": 7}))
+    written = json.loads(measured_at.read_text())
+    measured_at.write_text(json.dumps(written | {"step": 7}))
     with pytest.raises(SystemExit, match="of update 7, the pack is of update 26"):
         main(card)
-    measured_at.write_text(json.dumps(told | {"content_hash": "sha256:0"}))
+    measured_at.write_text(json.dumps(written | {"content_hash": "sha256:0"}))
     with pytest.raises(SystemExit, match="its content hash differs"):
         main(card)

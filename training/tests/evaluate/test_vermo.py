@@ -150,8 +150,8 @@ def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     assert main(["vermo", "card", "--pack", str(pack), "--evaluations", str(out)]) == 0
     card = (pack / "README.md").read_text()
     assert "| train, flow of 4 steps |" in card and "### Distance to training clips" in card
-    told = tomllib.loads((pack / "pack.toml").read_text())["evaluation"]
-    assert told["nearest_train_captured"] == pytest.approx(figures["nearest"]["train: captured"], rel=1e-4)
+    noted = tomllib.loads((pack / "pack.toml").read_text())["evaluation"]
+    assert noted["nearest_train_captured"] == pytest.approx(figures["nearest"]["train: captured"], rel=1e-4)
     report = json.loads(out.read_text())
     assert "inbetween, train: motionbricks, drawn | 3 |" in card
     report["steps"]["tokenizer_steps"] += 1

@@ -49,7 +49,7 @@ def test_pack_is_complete(pack: Path):
 
 
 def test_openvino_takes_graphs_whole(pack: Path):
-    """What it does not take cuts a network into parts, each with calls and copies of its own."""
+    """Each operator that it does not take cuts a network into parts, with calls and copies for each."""
     for folder in (pack / "human", SHIPPED / "human", SHIPPED / "g1"):
         for stage in ("root", "pose", "decoder"):
             graph = onnx.load(folder / f"{stage}.onnx").graph
@@ -136,7 +136,7 @@ def test_a_pack_can_be_adopted_and_refined(pack: Path):
         counts = module(**inputs["root"])[0] if stage == "root" else lengths
         path = pack / "human" / f"{stage}.onnx"
         assert largest_difference(path, module, inputs[stage], counts) < 1e-3
-    # Poses are standardised as the pack does it, whatever the cache at hand says.
+    # Poses are standardised as in the pack, not as in the cache.
     tokenizer = TOKENIZER.build(PRESETS["test"], store)
     mean = tokenizer.decoder.pose_scale.mean.clone()
     tokenizer.decoder.pose_scale.mean.zero_()
@@ -149,5 +149,5 @@ def test_a_pack_can_be_adopted_and_refined(pack: Path):
     assert not torch.equal(before[name], after[name])
     assert torch.equal(before["quantizer.book"], after["quantizer.book"])
     assert main(["export", "--out", str(again), "--name", "again", *common]) == 0
-    told = [read_manifest(f)["training"] for f in (pack / "human", again)]
-    assert told[0]["root_steps"] == told[1]["root_steps"] and told[1]["refine_steps"] == 3
+    trained = [read_manifest(f)["training"] for f in (pack / "human", again)]
+    assert trained[0]["root_steps"] == trained[1]["root_steps"] and trained[1]["refine_steps"] == 3

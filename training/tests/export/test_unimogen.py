@@ -1,14 +1,14 @@
 """The pack, and the reference that the server's sampler is tested against.
 
 ``engine/tests/unimogen`` holds a tiny pack with random weights and ``reference.json``: requests in metres and world rotations,
-noise, schedule, and the motion that they give. `TROUPE_WRITE_FIGURES=1` writes both anew.
+noise, schedule, and the motion that they give. `TROUPE_WRITE_FIGURES=1` writes both again.
 """
 
 import json
 import os
 import shutil
 import tomllib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,8 @@ from troupe_training.data.neutral import robot_neutral
 from troupe_training.data.rotations import matrix_to_quat, matrix_to_six_d, quat_to_matrix
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.export.manifest import About
-from troupe_training.export.unimogen.pack import denoiser_of, export_pack
+from troupe_training.export.unimogen.adopt import adopt
+from troupe_training.export.unimogen.pack import denoiser_of, example, export_pack
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.diffusion import cosine_signal, row_noise, sampler_steps
 from troupe_training.models.unimogen.network import UniMoGen
@@ -30,7 +31,7 @@ from troupe_training.models.unimogen.sampler import Character, Denoiser, sample
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D, Range, decode, encode
 from troupe_training.robots.build import build_robot
 from troupe_training.robots.urdf import read_urdf
-from troupe_training.train.unimogen.stage import Trained
+from troupe_training.train.unimogen.stage import Trained, load
 from unimogen_support import biped, small_rotations
 
 FOLDER = Path(__file__).parents[3] / "engine" / "tests" / "unimogen"
@@ -70,8 +71,8 @@ def pack(bodies: dict[str, Body], tmp_path_factory: pytest.TempPathFactory) -> P
     if os.environ.get("TROUPE_WRITE_FIGURES"):
         shutil.rmtree(FOLDER, ignore_errors=True)
         shutil.copytree(out, FOLDER)
-        told = reference(FOLDER, bodies)
-        (FOLDER / "reference.json").write_text(json.dumps(told) + "\n")
+        stored = reference(FOLDER, bodies)
+        (FOLDER / "reference.json").write_text(json.dumps(stored) + "\n")
     return out
 
 
@@ -84,7 +85,7 @@ def request(body: Body, seed: int, guidance: float, past: bool) -> dict:
     rng = np.random.default_rng(seed)
     time = np.arange(FRAMES) / 30.0
     points = np.stack([0.3 * np.sin(time) + 0.2 * seed, 1.2 * time - 0.4], -1)
-    told = {
+    stored = {
         "body": body.name,
         "seed": seed * 1_000_000_007,
         "guidance": guidance,
@@ -95,14 +96,14 @@ def request(body: Body, seed: int, guidance: float, past: bool) -> dict:
     if past:
         rotations = torch.from_numpy(small_rotations(rng, 0.2, 4, body.joint_count) @ body.rotations)
         root = np.concatenate([points[:4, :1], np.full((4, 1), body.height_m - 0.02), points[:4, 1:]], -1)
-        told |= {"past_root_m": numbers(root), "past_rotations_wxyz": numbers(matrix_to_quat(rotations).numpy())}
-    return told
+        stored |= {"past_root_m": numbers(root), "past_rotations_wxyz": numbers(matrix_to_quat(rotations).numpy())}
+    return stored
 
 
-def answer(told: list[dict], denoiser: Denoiser, bodies: dict[str, Body], steps: int) -> list[dict]:
-    """What the reference sampler makes of requests in one batch: first rows that go in, and the motion that comes out."""
+def answer(stored: list[dict], denoiser: Denoiser, bodies: dict[str, Body], steps: int) -> list[dict]:
+    """The reference sampler's answers to requests in one batch: rows that go in, and the motion that comes out."""
     characters, paths = [], []
-    for one in told:
+    for one in stored:
         body = bodies[one["body"]]
         path = Path2D(torch.tensor([one["path_m"]]), torch.tensor([one["heading_rad"]]))
         given = known = None
@@ -138,7 +139,7 @@ def answer(told: list[dict], denoiser: Denoiser, bodies: dict[str, Body], steps:
 
 def reference(folder: Path, bodies: dict[str, Body]) -> dict:
     """All of ``reference.json``."""
-    told = [
+    stored = [
         request(bodies["turned"], 1, 1.0, True),
         request(bodies["toy"], 2, 2.5, False),
         request(bodies["toy"], 3, 1.0, True),
@@ -158,8 +159,8 @@ def reference(folder: Path, bodies: dict[str, Body]) -> dict:
             for seed, row in ((0, 0), (1, 5), (3_000_000_021, 2), (2**64 - 1, 7))
         ],
         "bodies": {name: one | {"reads": reads[name]} for name, one in descriptions.items()},
-        "requests": told,
-        "answers": answer(told, denoiser_of(folder / "denoiser.onnx"), bodies, 4),
+        "requests": stored,
+        "answers": answer(stored, denoiser_of(folder / "denoiser.onnx"), bodies, 4),
     }
 
 
@@ -178,16 +179,16 @@ def assert_near(found, expected, where: str = "") -> None:
 
 
 def test_the_reference_is_what_the_sampler_computes(bodies: dict[str, Body], pack: Path):
-    told = json.loads((FOLDER / "reference.json").read_text())
-    assert_near(json.loads(json.dumps(reference(FOLDER, bodies))), told)
+    stored = json.loads((FOLDER / "reference.json").read_text())
+    assert_near(json.loads(json.dumps(reference(FOLDER, bodies))), stored)
 
 
 def test_the_manifest_tells_bodies_words_and_capabilities(pack: Path):
     manifest = tomllib.loads((pack / "pack.toml").read_text())
     assert (manifest["format"], manifest["family"]) == (2, "unimogen")
     assert manifest["capabilities"] == {"live": True, "path": True}
-    told = manifest["unimogen"]
-    assert told["bodies"] == ["turned", "toy"] and told["words"] == WORDS and len(told["signal"]) == 50
+    stored = manifest["unimogen"]
+    assert stored["bodies"] == ["turned", "toy"] and stored["words"] == WORDS and len(stored["signal"]) == 50
     toy = tomllib.loads((pack / "bodies" / "toy.toml").read_text())
     assert toy["words"] == ["run"] and len(toy["neutral"]["rotations"]) == len(toy["skeleton"]["joints"])
     assert toy["robot"]["hinges"][0]["joint"] == "left_hip"
@@ -247,3 +248,20 @@ def test_a_run_is_exported_with_what_it_notes(corpus_cache: Path, tmp_path: Path
     assert manifest["training"]["unimogen_steps"] == 3 and manifest["licence"] == "CC BY 4.0"
     assert asdict(PRESETS["tiny"])["channels"] == 8
     assert manifest["training"]["onnx_check"]["denoiser"] < 1e-3
+
+
+def test_a_pack_is_adopted_and_grown(bodies: dict[str, Body], pack: Path, corpus_cache: Path, tmp_path: Path):
+    argv = ["unimogen", "adopt", "--pack", str(pack), "--run", str(tmp_path / "run")]
+    assert main(argv) == 0
+    adopted = load(tmp_path / "run")
+    inputs = example(adopted.model, list(bodies.values()), (1, 0), 36, seed=3)
+    arrays = {name: value.numpy() for name, value in inputs.items()}
+    expected = denoiser_of(pack / "denoiser.onnx")(arrays)
+    np.testing.assert_allclose(adopted.model(*inputs.values()).numpy(), expected, atol=1e-5)
+    assert adopted.words == WORDS and adopted.bodies == ["turned", "toy"]
+    torch.testing.assert_close(adopted.limits.low, LIMITS.low)
+    with pytest.raises(SystemExit, match="exists"):
+        main(argv)
+    wider = replace(PRESETS["tiny"], channels=12)
+    adopt(pack, tmp_path / "wide", wider)
+    assert load(tmp_path / "wide").model.config == wider

@@ -38,18 +38,18 @@ def test_the_manifest_says_what_a_server_goes_by(pack: Path):
         digest.update((pack / name).read_bytes())
     assert manifest["content_hash"] == f"sha256:{digest.hexdigest()}"
     assert sum(file.stat().st_size for file in pack.iterdir()) < 1_000_000
-    told = manifest["vermo"]
-    assert told["text_pieces"] == Pieces.read(pack / "tokenizer.json").count
+    expected = manifest["vermo"]
+    assert expected["text_pieces"] == Pieces.read(pack / "tokenizer.json").count
     width = session(pack, "language").get_outputs()[0].shape[1]
-    assert width == 18 + 64 + told["text_pieces"] + told["motion_codes"] + told["audio_codes"]
+    assert width == 18 + 64 + expected["text_pieces"] + expected["motion_codes"] + expected["audio_codes"]
     assert "walks" in (pack / "words.txt").read_text().split()
 
 
 def test_a_cache_of_any_size_answers_as_pytorch_without_one(pack: Path):
     manifest = tomllib.loads((pack / "pack.toml").read_text())["vermo"]
     model, compared = session(pack, "language"), 0
-    for told in json.loads(pack.with_suffix(".json").read_text())["messages"]:
-        prompt, reply = told["prompt"], told["reply"]
+    for expected in json.loads(pack.with_suffix(".json").read_text())["messages"]:
+        prompt, reply = expected["prompt"], expected["reply"]
         shape = (1, manifest["layers"], 2, manifest["key_heads"], manifest["positions"], manifest["head_width"])
         cache = np.zeros(shape, np.float32)
         inputs = {
@@ -59,9 +59,9 @@ def test_a_cache_of_any_size_answers_as_pytorch_without_one(pack: Path):
             "cache": cache[..., :1, :],
         }
         logits, columns = model.run(None, inputs)
-        if "logits" in told:
+        if "logits" in expected:
             compared += 1
-            assert np.abs(logits[0] - told["logits"]).max() < 1e-3
+            assert np.abs(logits[0] - expected["logits"]).max() < 1e-3
         cache[..., : len(prompt), :] = columns[..., : len(prompt), :]
         place = len(prompt)
         for token, following in pairwise(reply):
@@ -74,9 +74,9 @@ def test_a_cache_of_any_size_answers_as_pytorch_without_one(pack: Path):
     assert compared == 2
 
 
-def _span_of(token: int, told: dict[str, int]) -> slice:
+def _span_of(token: int, expected: dict[str, int]) -> slice:
     first = 18 + 64
-    for count in (told["text_pieces"], told["motion_codes"], told["audio_codes"]):
+    for count in (expected["text_pieces"], expected["motion_codes"], expected["audio_codes"]):
         if token < first + count:
             return slice(first, first + count)
         first += count
@@ -84,13 +84,13 @@ def _span_of(token: int, told: dict[str, int]) -> slice:
 
 
 def test_frames_and_tokens_are_those_of_the_reference(pack: Path):
-    told = json.loads(pack.with_suffix(".json").read_text())
-    motion = {name: np.array(told["encoder"][name], np.float32) for name in ("pose", "root")}
+    expected = json.loads(pack.with_suffix(".json").read_text())
+    motion = {name: np.array(expected["encoder"][name], np.float32) for name in ("pose", "root")}
     tokens = session(pack, "encoder").run(None, motion)[0]
-    assert tokens.tolist() == told["encoder"]["tokens"] and len(set(tokens[0].tolist())) > 1
+    assert tokens.tolist() == expected["encoder"]["tokens"] and len(set(tokens[0].tolist())) > 1
     pose, root = session(pack, "decoder").run(None, {"tokens": tokens})
-    assert np.abs(pose - told["decoder"]["pose"]).max() < 1e-3
-    assert np.abs(root - told["decoder"]["root"]).max() < 1e-3
+    assert np.abs(pose - expected["decoder"]["pose"]).max() < 1e-3
+    assert np.abs(root - expected["decoder"]["root"]).max() < 1e-3
     assert root[0, 0, [0, 2, 4]].tolist() == [0.0, 0.0, 0.0]
 
 

@@ -1,4 +1,4 @@
-"""What packs are measured against: FSQ tokens, the deterministic transformer, and the single-head tokenizer."""
+"""Baselines of packs: FSQ tokens, the deterministic transformer, and the single-head tokenizer."""
 
 import json
 from dataclasses import asdict, replace

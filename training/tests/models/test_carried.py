@@ -1,4 +1,4 @@
-"""What the decoder carries over from keyframes."""
+"""The decoder's carried keyframes."""
 
 import math
 
@@ -86,7 +86,7 @@ def test_trust_begins_high_near_keyframes():
 
 @pytest.mark.parametrize("given", [(), (0, 1, 2, 3, 11), (5,)])
 def test_heights_are_taken_away_from_what_is_carried(given: tuple[int, ...]):
-    """Standing for the same poses whatever they are taken from, and for zeros where nothing is given."""
+    """Distances stand for the same poses from any source, and for zeros without a given frame."""
     mask = mask_of(12, *given)
     noise = torch.Generator().manual_seed(5)
     pose, heading = torch.randn(1, 12, 18, generator=noise) * mask[..., None], torch.linspace(-2.0, 2.5, 12)

@@ -87,7 +87,9 @@ def test_a_hinge_makes_up_for_what_those_above_it_lack():
     world = turned(hinges, torch.eye(3), torch.tensor([0.3, -0.4]))  # the hip goes no farther than -1
     made = hinges.project(world)
     assert made.angles.tolist() == pytest.approx([0.9, -1.0], abs=1e-5)
-    assert torch.allclose(made.rotations[2:], world[2:], atol=1e-5), "knee and foot are where they were asked to be"
+    assert torch.allclose(made.rotations[2:], world[2:], atol=1e-5), (
+        "knee and foot have the rotations that were asked for"
+    )
     assert made.residual_rad.tolist() == pytest.approx([0.0, 0.6], abs=1e-3)
 
 

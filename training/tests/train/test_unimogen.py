@@ -9,8 +9,9 @@ from troupe_training.data.bodies_store import Corpus
 from troupe_training.data.rotations import six_d_to_matrix
 from troupe_training.models.unimogen.state import BodyKinematics
 from troupe_training.train.unimogen.diffusion import dropped_words, given_frames, offset_range
-from troupe_training.train.unimogen.losses import Weights, five_losses
-from troupe_training.train.unimogen.paths import knots, smoothing, wanted_paths
+from troupe_training.train.unimogen.filters import knots, smoothing
+from troupe_training.train.unimogen.losses import Weights, all_losses
+from troupe_training.train.unimogen.paths import wanted_paths
 
 
 def command(cache: Path, run: Path, steps: int) -> list[str]:
@@ -28,9 +29,9 @@ def run(corpus_cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_loss_falls_and_a_run_goes_on(run: Path, corpus_cache: Path, capsys: pytest.CaptureFixture[str]):
     assert main(command(corpus_cache, run, 150)) == 0
     assert "going on from step 30" in capsys.readouterr().out
-    told = json.loads((run / "unimogen.json").read_text())
-    first, last = told["history"][0], told["history"][-1]
-    assert told["step"] == 150 and last["total"] < 0.5 * first["total"]
+    curve = json.loads((run / "unimogen.json").read_text())
+    first, last = curve["history"][0], curve["history"][-1]
+    assert curve["step"] == 150 and last["total"] < 0.5 * first["total"]
 
 
 def test_one_motion_is_sampled_and_measured(run: Path, corpus_cache: Path, tmp_path: Path):
@@ -63,7 +64,7 @@ def test_paths_pass_given_frames():
     root = torch.randn(40, 36, 3, generator=generator).cumsum(1) * 0.05
     heading = torch.randn(40, 36, generator=generator).cumsum(1) * 0.1
     given = given_frames(40, 36, generator)
-    path = wanted_paths(root, heading, given, generator)
+    path = wanted_paths(root, heading, given, 0.1, generator)  # a body so small that no drawn path fits
     on = given > 0
     torch.testing.assert_close(path.points[on], root[..., [0, 2]][on], atol=1e-4, rtol=0)
     away = (path.points - root[..., [0, 2]]).norm(dim=-1).amax(1)
@@ -93,11 +94,11 @@ def test_losses_are_zero_for_the_truth_and_stance_feet_that_slide_cost(corpus_ca
     rows, feet = torch.zeros(2, 14, 20, 6), store.body.skeleton.contact_joints
     truth = windows.root, bends
     still = torch.zeros_like(windows.contacts)
-    same = five_losses(kinematics, 1.0, (rows, rows), (truth, truth), still, feet, free, Weights())
-    assert sum(same.values()) == pytest.approx(0.0, abs=1e-6) and len(same) == 6
+    same = all_losses(kinematics, 1.0, (rows, rows), (truth, truth), still, feet, free, Weights())
+    assert sum(same.values()) == pytest.approx(0.0, abs=1e-6) and len(same) == 7
     stands = torch.ones_like(windows.contacts)
-    slides = five_losses(kinematics, 1.0, (rows, rows), (truth, truth), stands, feet, free, Weights())
-    assert slides["foot"] > 0.001
+    slides = all_losses(kinematics, 1.0, (rows, rows), (truth, truth), stands, feet, free, Weights())
+    assert slides["foot"] > 0.001 and slides["way"] > 0.001
 
 
 def test_the_range_holds_nearly_all_offsets(corpus_cache: Path):

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from troupe_training.cli.main import main
-from troupe_training.data.bodies_store import BALANCE, BODY_BALANCE, Corpus
+from troupe_training.data.bodies_store import BALANCE, BODY_BALANCE, SPEED_BALANCE, Corpus
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.network import UniMoGen, slot_matrix
 from troupe_training.models.unimogen.sampler import INPUTS, Batch, Character
@@ -53,7 +53,7 @@ def deep_rows(model: UniMoGen, x: torch.Tensor) -> torch.Tensor:
 
 def test_nothing_left_out_is_the_method_itself():
     assert ablated_config(PRESETS["tiny"], []) == PRESETS["tiny"]
-    assert ablated_balance(BALANCE, []) == (BALANCE, BODY_BALANCE)
+    assert ablated_balance(BALANCE, []) == (BALANCE, BODY_BALANCE, SPEED_BALANCE)
     limits = Range(torch.zeros(3), torch.ones(3))
     assert ablated_range(limits, []) is limits
     assert ablated_weights([]).position > 0
@@ -105,8 +105,9 @@ def test_without_positions_attention_knows_no_order():
 
 
 def test_without_balance_kinds_and_bodies_come_by_their_length(corpus_cache: Path):
-    balance, body_balance = ablated_balance(0.5, ["balance"])
-    corpus, generator = Corpus(corpus_cache, "train", balance=balance), torch.Generator().manual_seed(0)
+    balance, body_balance, speed_balance = ablated_balance(0.5, ["balance"])
+    corpus = Corpus(corpus_cache, "train", balance=balance, speed_balance=speed_balance)
+    generator = torch.Generator().manual_seed(0)
     frames = {name: store.frames for name, store in corpus.stores.items()}
     drawn = [corpus.draw_body(20, generator, body_balance) for _ in range(4000)]
     share = frames["walker"] / sum(frames.values())
@@ -117,7 +118,8 @@ def test_without_balance_kinds_and_bodies_come_by_their_length(corpus_cache: Pat
 
 def test_without_auxiliary_losses_clean_rows_remain():
     weights = ablated_weights(["auxiliary-losses"])
-    assert (weights.angular_velocity, weights.position, weights.velocity, weights.foot) == (0, 0, 0, 0)
+    assert (weights.angular_velocity, weights.position, weights.velocity) == (0, 0, 0)
+    assert (weights.foot, weights.way) == (0, 0)
     assert weights.clean == 1.0 and weights.place > 0
 
 

@@ -1,4 +1,4 @@
-"""`unimogen ablate`: what it trains, that it goes on where it was stopped, and its table."""
+"""`unimogen ablate`: what it trains, that it goes on after a stop, and its table."""
 
 import json
 import os
@@ -57,8 +57,8 @@ def test_a_stopped_study_goes_on_and_ends_in_a_table(
     assert list(json.loads((tmp_path / "figures.json").read_text())["runs"]) == ["whole-1"]
     capsys.readouterr()
     assert ablate(corpus_cache, tmp_path) == 0
-    told = capsys.readouterr().out
-    assert "whole-1 (1 of 9): done before" in told and "going on from step 2" in told
+    printed = capsys.readouterr().out
+    assert "whole-1 (1 of 9): done before" in printed and "going on from step 2" in printed
     assert (tmp_path / "whole-1" / "unimogen.pt").stat().st_mtime_ns == first
     assert read_checkpoint(tmp_path / "unseen-toy" / "unimogen.pt")["meta"]["bodies"] == ["walker"]
 

@@ -1,4 +1,4 @@
-"""`vermo ablate`: what it trains, that it goes on where it was stopped, its tables, and the tokenizer with a codebook."""
+"""`vermo ablate`: what it trains, that it goes on after a stop, its tables, and the tokenizer with a codebook."""
 
 import json
 import os
@@ -72,8 +72,8 @@ def test_a_stopped_study_goes_on_and_ends_in_tables(
     assert list(models) == ["stages-2/language-pretrain", "stages-2/language-instruct"]
     capsys.readouterr()
     assert ablate(vermo_run, cache, tmp_path) == 0
-    told = capsys.readouterr().out
-    assert "stages-1 (1 of 7): language-instruct: done before" in told and "going on from step 4" in told
+    printed = capsys.readouterr().out
+    assert "stages-1 (1 of 7): language-instruct: done before" in printed and "going on from step 4" in printed
     assert (tmp_path / "stages-1" / "language-instruct.pt").stat().st_mtime_ns == first
 
     report = json.loads((tmp_path / "figures.json").read_text())

@@ -1,4 +1,4 @@
-"""What the analyses share: their setting, training of variants, measuring, and writing of figures and plots."""
+"""Shared by the analyses: their setting, training of variants, measuring, and writing of figures and plots."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -61,12 +61,12 @@ class Setting:
         return open_networks(self.source, bench.store, self.threads)
 
     def budget(self) -> dict[str, Any]:
-        """What figures and plots say of it."""
+        """Its label in figures and plots."""
         spent: dict[str, Any] = {"updates": self.steps} if self.steps else {"minutes": self.minutes}
         return spent | {"frames_per_update": self.frames_per_step, "seeds": self.seeds}
 
     def conditions(self, bench: Bench) -> dict[str, Any]:
-        """What figures and plots say of the windows."""
+        """The windows' label in figures and plots."""
         frames = check_gap(self.gap)
         return {
             "split": self.split,
@@ -77,7 +77,7 @@ class Setting:
 
 
 def train_variant(setting: Setting, stage: str, run: Path, config: ModelConfig, seed: int) -> bool:
-    """Trains one stage of one variant, or goes on with it; false where it was stopped."""
+    """Trains one stage of one variant, or goes on with it; false if it was stopped."""
     torch.set_num_threads(setting.threads)
     minutes = None if setting.steps else setting.minutes
     budget = Budget(minutes=minutes, steps=setting.steps, learning_rate=LEARNING_RATE)

@@ -89,7 +89,7 @@ def stages() -> dict[str, Sampler]:
 
 
 def bounds() -> dict[str, Sampler]:
-    """What one answer loses by its root and its tokens."""
+    """The losses of one answer by its root and by its tokens."""
     return {
         MODE: likeliest,
         "captured root": captured_root,
@@ -99,7 +99,7 @@ def bounds() -> dict[str, Sampler]:
 
 
 def remedies() -> dict[str, Sampler]:
-    """What could be changed without training; single samples of them are also measured by FID."""
+    """Samplers that need no training. Their single samples are also measured by FID."""
     many = max(STEPS)
     free = Sampling(many, 1.5, any_order=True)
     return {
@@ -138,7 +138,7 @@ class Study:
         return Bootstrap(self.bench.windows(check_gap(self.gap))[1].numpy())
 
     def positions(self, requests: Requests, sampler: Sampler, seed: int) -> Tensor:
-        """Joint positions ``[B, N, J, 3]`` of one answer each, pinned, and put onto hinges where there are any."""
+        """Joint positions ``[B, N, J, 3]`` of one answer each, pinned, and put onto hinges if there are any."""
         bench = self.bench
         answer = bench.answer(lambda *_: sampler(requests, seed), requests.segments, requests.frames, Sampling())
         return bench.shown(answer)[0].world(bench.kinematics)

@@ -43,7 +43,7 @@ def _with_root(folder: Path, source: Path) -> None:
 
 
 def run(setting: Setting) -> bool:
-    """Trains and measures both; false where it was stopped."""
+    """Trains and measures both; false if it was stopped."""
     bench = setting.bench()
     store = bench.store
     found: dict[str, list[dict[str, Any]]] = {}
@@ -58,14 +58,14 @@ def run(setting: Setting) -> bool:
             tokenizer, root = TOKENIZER.load(folder, store), ROOT.load(folder, store)
             pose = POSE.load(folder, store)
             kept = mean_loss(tokenizer_loss(store, setting.frames_per_step), tokenizer, TEST_BATCHES)
-            told = pose_loss(store, setting.frames_per_step, tokenizer, root)
+            test_loss = pose_loss(store, setting.frames_per_step, tokenizer, root)
             found.setdefault(name, []).append(
                 {
                     "seed": seed,
                     "test_reconstruction": kept["total"] - kept["commitment"],
                     "test_joint_loss": kept["fk"],
                     "codes_used": kept["_perplexity"],
-                    "test_entropy": mean_loss(told, pose, TEST_BATCHES)["entropy"],
+                    "test_entropy": mean_loss(test_loss, pose, TEST_BATCHES)["entropy"],
                     "curves": {
                         "reconstruction": curve(folder, "tokenizer", "fk"),
                         "entropy": curve(folder, "pose", "entropy"),

@@ -63,7 +63,7 @@ def spoilt(model: Tokenizer, share: float) -> Method:
 
 
 def run(setting: Setting) -> bool:
-    """Trains and measures all variants; false where it was stopped."""
+    """Trains and measures all variants; false if it was stopped."""
     bench = setting.bench()
     store = bench.store
     found: dict[str, list[dict[str, Any]]] = {}

@@ -40,7 +40,7 @@ class Requests:
         return self.near.find(self.segments, self.frames, SIMILAR)[0]
 
     def missed_roots(self, nth: int) -> tuple[Tensor, Tensor]:
-        """What the root stage misses of the nth similar training window: places ``[B, T, 3]`` and headings ``[B, T]``."""
+        """The root stage's error on the nth similar training window: places ``[B, T, 3]`` and headings ``[B, T]``."""
         other = self.near.store.segments(self.similar[:, nth], self.frames)
         made = make_plan(self.networks, Keys.of(other, self.frames), self.frames, Sampling())
         root, true = made.global_root[:, : self.frames], other.global_root
@@ -69,7 +69,7 @@ def tokens_at(sampling: Sampling) -> Sampler:
 
 
 def served(sampling: Sampling) -> Sampler:
-    """Everything drawn that the pack lets be drawn: tokens, and roots where it has a choice of them."""
+    """Everything drawn that the pack lets be drawn: tokens, and roots if it has a choice of them."""
 
     def draw(requests: Requests, seed: int) -> Motion:
         keys = Keys.of(requests.segments, requests.frames)

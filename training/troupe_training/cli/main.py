@@ -10,7 +10,7 @@ from troupe_training.cli.options import COMMANDS
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs one command; 0 on success, 130 where training was stopped before its budget was spent."""
+    """Runs one command; 0 on success, 130 if training was stopped before its budget was spent."""
     defaults = argparse.ArgumentDefaultsHelpFormatter
     parser = argparse.ArgumentParser(prog="troupe-train", description=__doc__, formatter_class=defaults)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

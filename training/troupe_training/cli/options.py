@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound="DataclassInstance")
 Run = Callable[[argparse.Namespace], int]
-STOPPED = 130  # exit status where training was stopped before its budget was spent
+STOPPED = 130  # exit status if training was stopped before its budget was spent
 
 
 def filled(kind: type[T], args: argparse.Namespace, **more: Any) -> T:
@@ -41,7 +41,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # motion
     "source": {"type": Path, "help": "folder of BVH or CSV files, searched recursively"},
     "--contact-joints": {"nargs": "+", "help": "joints that touch the ground; found by name if left out"},
-    "--scale": {"type": float, "help": "metres per unit of the files; told from the pelvis height if left out"},
+    "--scale": {"type": float, "help": "metres per unit of the files; from the pelvis height if left out"},
     "--urdf": {"type": Path, "help": "the robot whose motion the CSV files hold; without it BVH files are read"},
     "--end-effector": {
         "action": "append",

@@ -29,7 +29,7 @@ from troupe_training.train.motionbricks.stages import PACK_STAGES, train_stage
 from troupe_training.train.trainer import Budget, Job
 
 CURVE_FRAMES = ModelConfig.root_curve_frames
-# Minutes, seed and learning rate of a stage where the command line does not say them.
+# Minutes, seed and learning rate of a stage if the command line does not say them.
 DEFAULTS = {
     "tokenizer": (45.0, 10, 5e-4),
     "root": (97.0, 11, 5e-4),

@@ -18,16 +18,18 @@ from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.conventions import FPS
 from troupe_training.data.corpus import Wanted, make_corpus
-from troupe_training.evaluate.unimogen.card import write_card
+from troupe_training.evaluate.unimogen.card import paths_table, write_card
 from troupe_training.evaluate.unimogen.encoders import encoder_of
 from troupe_training.evaluate.unimogen.measure import Figures, measure, table, why_no_fid
 from troupe_training.evaluate.unimogen.methods import Method, Setting, copied, frozen, interpolated, of_network
 from troupe_training.evaluate.unimogen.networks import Network, load_network
 from troupe_training.evaluate.unimogen.style import blend as blend_styles
 from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_classifier
+from troupe_training.evaluate.unimogen.user_paths import measure_paths
 from troupe_training.evaluate.unimogen.walk import film as draw_film
 from troupe_training.evaluate.unimogen.walk import swinging
 from troupe_training.export.manifest import About
+from troupe_training.export.unimogen.adopt import adopt as adopt_pack
 from troupe_training.export.unimogen.pack import export_run, network_of
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.sampler import Character
@@ -42,12 +44,15 @@ from troupe_training.train.unimogen.stage import train as train_network
 GROUP = "unimogen"
 ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
 CACHE, RUN = Path("runs/unimogen-cache"), Path("runs/unimogen")
-MINUTES = 480.0  # of training, where neither minutes nor steps are given
+MINUTES = 480.0  # of training, if neither minutes nor steps are given
 OPTIONS["--bodies"] = {"type": Path, "help": "TOML list of bodies and their motion, as training/bodies.toml is one"}
 OPTIONS["--data"] = {"type": Path, "default": Path(), "help": "folder that the list's paths of motion are relative to"}
 OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urdf) or glb files instead of a list"}
 OPTIONS["--trained-bodies"] = {"nargs": "+", "help": "train on these bodies of the cache alone"}
-OPTIONS["--unimogen-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
+OPTIONS["--unimogen-preset"] = {
+    "choices": PRESETS,
+    "help": "network sizes; those of the checkpoint if left out, of a new run `default`",
+}
 OPTIONS["--without"] = {
     "nargs": "+",
     "choices": ABLATIONS,
@@ -91,10 +96,11 @@ OPTIONS["--copied-from"] = {
 }
 OPTIONS["--styles"] = {"nargs": 2, "metavar": "STYLE", "help": "two styles to blend"}
 OPTIONS["--blend"] = {"type": Path, "nargs": "+", "default": [], "help": "what `unimogen blend --json FILE` wrote"}
+OPTIONS["--user-paths"] = {"type": Path, "nargs": "+", "default": [], "help": "what `unimogen paths --json FILE` wrote"}
 OPTIONS["--shown"] = {
     "nargs": "+",
     "default": ["human", "g1", "h1_2", "horse"],
-    "help": "bodies of the cache, trained on or not",
+    "help": "bodies of the cache, whether trained on or not",
 }
 OPTIONS["--windows"] = {"type": int, "default": 3, "help": "windows that follow one another"}
 OPTIONS["--packs"] = {
@@ -127,31 +133,31 @@ def prepare(args: argparse.Namespace) -> int:
 def _listed(path: Path, data: Path) -> list[Wanted]:
     """The bodies of a list."""
     bodies: list[dict[str, Any]] = tomllib.loads(path.read_text(encoding="utf-8"))["bodies"]
-    return [_wanted(told, data, path.parent) for told in bodies]
+    return [_wanted(report_head, data, path.parent) for report_head in bodies]
 
 
-def _wanted(told: dict[str, Any], data: Path, beside: Path) -> Wanted:
+def _wanted(report_head: dict[str, Any], data: Path, beside: Path) -> Wanted:
     reader: MotionSource | None
-    if told.get("glb"):
+    if report_head.get("glb"):
         reader = None
-    elif "urdf" in told:
-        reader = RobotSource(data / told["urdf"])
+    elif "urdf" in report_head:
+        reader = RobotSource(data / report_head["urdf"])
     else:
-        reader = BvhSource(told.get("contact_joints"), told.get("scale"))
+        reader = BvhSource(report_head.get("contact_joints"), report_head.get("scale"))
     return Wanted(
-        told["name"],
-        data / told["source"],
+        report_head["name"],
+        data / report_head["source"],
         reader,
-        told.get("test_name"),
-        told.get("tested", True),
-        read_cells(beside / told["cells"]) if "cells" in told else frozenset(),
-        told.get("licence", "unknown"),
-        told.get("credits", []),
+        report_head.get("test_name"),
+        report_head.get("tested", True),
+        read_cells(beside / report_head["cells"]) if "cells" in report_head else frozenset(),
+        report_head.get("licence", "unknown"),
+        report_head.get("credits", []),
     )
 
 
 def _own(args: argparse.Namespace) -> Wanted:
-    """A folder of the user's own motion, by what files it holds."""
+    """A folder of the user's own motion, by the kind of its files."""
     suffixes = {p.suffix.lower() for p in args.source.rglob("*")}
     reader: MotionSource | None = None
     if args.urdf is not None:
@@ -193,7 +199,7 @@ def train(args: argparse.Namespace) -> int:
         args.cache,
         args.run,
         Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate),
-        PRESETS[args.unimogen_preset],
+        PRESETS[args.unimogen_preset] if args.unimogen_preset else None,
         args.rows_per_step,
         args.seed,
         args.device,
@@ -206,6 +212,16 @@ def train(args: argparse.Namespace) -> int:
         return 0
     print(f"{STAGE}: stopped; the same command goes on from the checkpoint")
     return STOPPED
+
+
+@command("--pack", "--run", "--unimogen-preset", group=GROUP, pack=Path("models/unimogen"), run=RUN)
+def adopt(args: argparse.Namespace) -> int:
+    """A pack's network -> a checkpoint to train on from, with the sizes of a larger preset if one is given."""
+    config = PRESETS[args.unimogen_preset] if args.unimogen_preset else None
+    model = adopt_pack(args.pack, args.run, config)
+    parameters = sum(p.numel() for p in model.parameters())
+    print(f"{args.run / STAGE}.pt from {args.pack}, {parameters / 1e6:.2f} million parameters")
+    return 0
 
 
 @command("--run", "--cache", *ABOUT, group=GROUP, cache=CACHE, run=RUN, out=Path("models/unimogen"), name="unimogen")
@@ -310,8 +326,46 @@ def evaluate(args: argparse.Namespace) -> int:
     if args.markdown:
         args.markdown.write_text(f"    {args.command_line}\n\n{text}")
     if args.json:
-        told = network.source | {"command": args.command_line, "setting": asdict(setting)}
-        args.json.write_text(json.dumps(told | {"figures": report, "notes": notes}, indent=1) + "\n")
+        report_head = network.source | {"command": args.command_line, "setting": asdict(setting)}
+        args.json.write_text(json.dumps(report_head | {"figures": report, "notes": notes}, indent=1) + "\n")
+    return 0
+
+
+@command(
+    NETWORK,
+    *("--cache", "--shown", "--frames", "--max-windows", *SAMPLING, "--beside", "--packs", "--json"),
+    group=GROUP,
+    cache=CACHE,
+    run=RUN,
+    pack=None,
+    shown=["human", "g1", "h1", "h1_2", "horse", "fox"],
+    seed=1,
+    max_windows=64,
+)
+def paths(args: argparse.Namespace) -> int:
+    """Feet on paths as users give them (lines, arcs, S curves at even speed), beside captures of the same speed and turn."""
+    torch.set_num_threads(args.threads)
+    network, setting = _network(args), setting_of(args)
+    networks = {"unimogen": network}
+    networks |= {name: load_network(Path(folder), args.threads) for name, folder in map(_named, args.beside)}
+    splits = {split: Corpus(args.cache, split, words=network.words) for split in ("test", "train", "cell")}
+    report = dict[str, dict[str, Figures]]()
+    for name in args.shown:
+        stores = [corpus.stores[name] for corpus in splits.values() if name in corpus.stores]
+        if not stores:
+            raise SystemExit(f"{args.cache} has no clips of {name}")
+        store = stores[0]  # the test clips, or of a body without test clips what it was trained on
+        methods = dict[str, Method]()
+        for n, one in networks.items():
+            one.check_body(store.body)
+            methods[n] = of_network(store.body, one, store.words, setting)
+        encoder, _ = encoder_of(args.packs, store.body, args.threads)
+        found = measure_paths(store, stores, methods, setting, encoder)
+        report |= {f"{name}, {case}": figures for case, figures in found.items()}
+        print(paths_table({what: report[what] for what in report if what.startswith(f"{name}, ")}), flush=True)
+    if args.json:
+        report_head = network.source | {"command": args.command_line, "setting": asdict(setting)}
+        args.json.write_text(json.dumps(report_head | {"figures": report}, indent=1) + "\n")
     return 0
 
 
@@ -350,8 +404,8 @@ def blend(args: argparse.Namespace) -> int:
         report[part] = blend_styles(judge, store, styles, network, setting_of(args), encoder)
         print(f"{part}\n\n{blend_table(styles, report[part])}")
     if args.json:
-        told = network.source | {"command": args.command_line, "styles": styles, "shares": report}
-        args.json.write_text(json.dumps(told) + "\n")
+        report_head = network.source | {"command": args.command_line, "styles": styles, "shares": report}
+        args.json.write_text(json.dumps(report_head) + "\n")
     return 0
 
 
@@ -384,19 +438,19 @@ def film(args: argparse.Namespace) -> int:
 
 
 @command(
-    *("--pack", "--evaluations", "--sweeps", "--notes", "--blend"),
+    *("--pack", "--evaluations", "--sweeps", "--user-paths", "--notes", "--blend"),
     required=("--evaluations",),
     group=GROUP,
     pack=Path("models/unimogen"),
 )
 def card(args: argparse.Namespace) -> int:
     """Writes a pack's README from its manifest, its bodies, and the JSON of `unimogen evaluate`."""
-    write_card(args.pack, args.evaluations, args.notes, args.blend, args.sweeps)
+    write_card(args.pack, args.evaluations, args.notes, args.blend, args.sweeps, args.user_paths)
     return 0
 
 
 def _network(args: argparse.Namespace) -> Network:
-    """What is measured: a pack where one is named, else a run."""
+    """The network to measure: of a pack if one is named, else of a run."""
     if args.pack and not (args.pack / "pack.toml").exists():
         raise SystemExit(f"{args.pack} is no pack: it has no pack.toml")
     return load_network(args.pack or args.run, args.threads)

@@ -12,7 +12,7 @@ from troupe_training.cli.options import OPTIONS, STOPPED, command
 from troupe_training.cli.unimogen import CACHE, GROUP, SAMPLING, setting_of
 from troupe_training.data.bodies_store import Corpus
 from troupe_training.evaluate.unimogen.networks import load_network
-from troupe_training.evaluate.unimogen.study import measure_study, study_table, told_of
+from troupe_training.evaluate.unimogen.study import about_runs, measure_study, study_table
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.train.study import keep_terms, picked
 from troupe_training.train.trainer import Budget
@@ -47,7 +47,7 @@ def ablate(args: argparse.Namespace) -> int:
     minutes = args.minutes if args.minutes or args.steps else 60.0
     budget = Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate)
     terms: dict[str, Any] = {
-        "preset": args.unimogen_preset,
+        "preset": args.unimogen_preset or "default",
         "rows_per_step": args.rows_per_step,
         "bodies": corpus.names,
         **asdict(budget),
@@ -58,21 +58,25 @@ def ablate(args: argparse.Namespace) -> int:
         if not runs:
             raise SystemExit(f"{args.run}: no run is done")
     else:
-        preset = PRESETS[args.unimogen_preset]
+        preset = PRESETS[args.unimogen_preset or "default"]
         training = Training(args.cache, args.run, budget, preset, args.rows_per_step, args.seeds[0], args.device)
         if not train_all(args.run, runs, training):
             print("stopped; the same command goes on from the checkpoint")
             return STOPPED
     networks = {run.name: load_network(args.run / run.name, args.threads) for run in runs}
-    told: dict[str, Any] = {"command": args.command_line, "budget": asdict(budget), "setting": asdict(setting_of(args))}
-    told |= {"runs": told_of(runs, networks), "figures": {}, "notes": {}}
+    written: dict[str, Any] = {
+        "command": args.command_line,
+        "budget": asdict(budget),
+        "setting": asdict(setting_of(args)),
+    }
+    written |= {"runs": about_runs(runs, networks), "figures": {}, "notes": {}}
     text = f"    {args.command_line}\n"
     for part in args.parts:
         tested = Corpus(args.cache, part, words=corpus.words)
         report, notes = measure_study(tested, runs, networks, setting_of(args), args.packs, args.threads)
-        told["figures"][part], told["notes"][part] = report, notes
+        written["figures"][part], written["notes"][part] = report, notes
         text += f"\n## {part}\n\n" + study_table(report, notes, {n: one.source["step"] for n, one in networks.items()})
     print(text)
     (args.run / "figures.md").write_text(text)
-    (args.run / "figures.json").write_text(json.dumps(told, indent=1) + "\n")
+    (args.run / "figures.json").write_text(json.dumps(written, indent=1) + "\n")
     return 0

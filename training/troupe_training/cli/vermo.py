@@ -38,7 +38,7 @@ from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
 
 GROUP = "vermo"
 RUN, CACHE = Path("runs/vermo"), Path("runs/cache")
-# Minutes, seed, learning rate, and frames or tokens in one update, where the command line does not
+# Minutes, seed, learning rate, and frames or tokens in one update, if the command line does not
 # say them.
 DEFAULTS = {
     TOKENIZER.name: (180.0, 41, 5e-4, 3072),

@@ -68,6 +68,6 @@ def ablate(args: argparse.Namespace) -> int:
     text = f"    {args.command_line}\n{tables}"
     print(tables)
     (args.run / "figures.md").write_text(text)
-    told = {"command": args.command_line, "terms": asdict(terms), "setting": asdict(setting)} | figures
-    (args.run / "figures.json").write_text(json.dumps(told, indent=1, default=str) + "\n")
+    written = {"command": args.command_line, "terms": asdict(terms), "setting": asdict(setting)} | figures
+    (args.run / "figures.json").write_text(json.dumps(written, indent=1, default=str) + "\n")
     return 0

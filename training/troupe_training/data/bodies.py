@@ -38,7 +38,7 @@ class Body:
     skeleton: Skeleton
     neutral: list[list[list[float]]]  # [J, 3, 3], world rotations of the neutral pose
     height_m: float  # of the root joint in the neutral pose, above the ground
-    size_m: float  # by which lengths are divided: the root's height, or half the extent of what has no legs
+    size_m: float  # divides lengths: the root's height, or half the extent of a body without legs
     sides: list[int] = field(default_factory=list)  # [J]: 1 left, -1 right, 0 middle
 
     @property
@@ -61,7 +61,7 @@ class Body:
 
     @property
     def axes(self) -> np.ndarray:
-        """Hinge axes in the neutral pose ``[J, 3]``, world axes; zero where a joint turns freely or not at all."""
+        """Hinge axes in the neutral pose ``[J, 3]``, world axes; zero if a joint turns freely or not at all."""
         axes = np.zeros((self.joint_count, 3))
         if self.skeleton.robot is not None:
             for hinge in self.skeleton.robot["hinges"]:
@@ -111,7 +111,7 @@ class Body:
         return rows, count
 
     def description(self) -> np.ndarray:
-        """What the networks are told of each row, ``[J + 1, len(DESCRIPTION)]``; lengths are shares of the size."""
+        """The networks' description of each row, ``[J + 1, len(DESCRIPTION)]``; lengths are shares of the size."""
         skeleton, bones, places, axes = self.skeleton, self.bones / self.size_m, self.places() / self.size_m, self.axes
         hinged = np.linalg.norm(axes, axis=-1) > 0.5
         rows = np.zeros((self.joint_count + 1, len(DESCRIPTION)), dtype=np.float32)
@@ -135,8 +135,8 @@ class Body:
     @staticmethod
     def load(path: Path) -> "Body":
         """Reads what `save` wrote."""
-        told = json.loads(path.read_text())
-        return Body(**told | {"skeleton": Skeleton(**told["skeleton"])})
+        saved = json.loads(path.read_text())
+        return Body(**saved | {"skeleton": Skeleton(**saved["skeleton"])})
 
 
 def body_of(name: str, skeleton: Skeleton, neutral: np.ndarray) -> Body:
@@ -199,7 +199,7 @@ def pack_bends(local: np.ndarray) -> np.ndarray:
 
 
 def unpack_bends(packed: np.ndarray) -> np.ndarray:
-    """What `pack_bends` wrote, made orthonormal again: ``[F, J, 3, 3]``."""
+    """The bends that `pack_bends` wrote, made orthonormal again: ``[F, J, 3, 3]``."""
     six = packed.astype(np.float64) * STEP
     x = six[..., :3] / np.linalg.norm(six[..., :3], axis=-1, keepdims=True)
     y = six[..., 3:] - (x * six[..., 3:]).sum(-1, keepdims=True) * x
@@ -207,7 +207,7 @@ def unpack_bends(packed: np.ndarray) -> np.ndarray:
 
 
 def is_symmetric(body: Body) -> bool:
-    """True where every left joint mirrors a right one, and middle ones lie in the middle."""
+    """True if every left joint mirrors a right one, and middle ones lie in the middle."""
     places, pairs = body.places(), mirror_pairs(body)
     mirrored = places[pairs] * np.array([-1.0, 1.0, 1.0])
     return bool(np.abs(mirrored - places).max() < SYMMETRY_TOLERANCE_M)

@@ -62,7 +62,7 @@ MAX_VALUES = 50_000_000
 
 
 def read_bvh(path: Path) -> Bvh:
-    """Parses a file. Raises `BvhError` with the line number where the text is not BVH."""
+    """Parses a file. Raises `BvhError` with the line number if the text is not BVH."""
     lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
     motion = next((row for row, line in enumerate(lines) if line.strip().upper() == "MOTION"), None)
     if motion is None:

@@ -14,7 +14,7 @@ CONTACT_WORDS = ("foot", "toe", "ankle")
 
 
 class BvhSource:
-    """Reads BVH files; ``scale`` is metres per unit, told from the pelvis height where left out."""
+    """Reads BVH files; ``scale`` is metres per unit, from the pelvis height if left out."""
 
     suffix = ".bvh"
 
@@ -23,11 +23,11 @@ class BvhSource:
         self.scale = scale
 
     def options(self) -> dict[str, Any]:
-        """What the result depends on besides the files, to tell caches apart."""
+        """Options that the result depends on besides the files. Caches with others are made again."""
         return {"contact_joints": self.contact_names, "scale": self.scale}
 
     def load(self, path: Path) -> FileMotion:
-        """Parses one file. Raises `BvhError` with the reason where it cannot be used."""
+        """Parses one file. Raises `BvhError` with the reason if it cannot be used."""
         bvh = read_bvh(path)
         positions, rotations, local = bvh.world()
         first = _pelvis(bvh, local, rotations)

@@ -18,7 +18,7 @@ class Wording:
 
     verbs: tuple[str, ...]
     nouns: tuple[str, ...]
-    travels: bool = False  # so a pace can be told
+    travels: bool = False  # so a caption can name its pace
 
 
 CONTENTS = {
@@ -168,7 +168,7 @@ def _tail(facts: Facts, rng: random.Random) -> str:
 
 
 def caption(facts: Facts, seed: int, stated: float = 1.0) -> str:
-    """One wording of what was seen; ``stated`` is the chance that the style is said."""
+    """One wording of the facts; ``stated`` is the chance that it names the style."""
     rng = random.Random(seed)
     said = wording(facts.content)
     verb = rng.choice(said.verbs)

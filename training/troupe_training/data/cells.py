@@ -12,7 +12,7 @@ from pathlib import Path
 CLIP_NAME = re.compile(r"dataset-(?P<set>\d+)_(?P<content>[^_]+)_(?P<style>[^_.]+)(_\d+)?(_M)?(\.bvh)?$")
 # The two data sets name one style by two words.
 SAME_STYLE = {"masculinity": "masculine"}
-# What else a content is called: a mirrored clip of the first shows the second.
+# Other names of a content: a mirrored clip of the first shows the second.
 MIRRORED = (("left", "right"), ("right", "left"))
 
 

@@ -1,4 +1,4 @@
-"""What becomes of a file's motion, whatever its format: cuts where it cannot be believed, headings, contacts, splits."""
+"""Clips out of a file's motion, in any format: cuts at implausible jumps, headings, contacts, splits."""
 
 import hashlib
 import re
@@ -59,10 +59,10 @@ class MotionSource(Protocol):
     suffix: str  # of its files, in small letters
 
     def options(self) -> dict[str, Any]:
-        """What the result depends on besides the files, to tell caches apart."""
+        """Options that the result depends on besides the files. Caches with others are made again."""
 
     def load(self, path: Path) -> FileMotion:
-        """Reads one file. Raises `ValueError` with the reason where it cannot be used."""
+        """Reads one file. Raises `ValueError` with the reason if it cannot be used."""
 
     def skeleton(self, names: list[str], parents: list[int], offsets: np.ndarray, clips: list[Clip]) -> Skeleton:
         """The skeleton of all files from their joints, usual offsets ``[J, 3]`` (m) and clips."""
@@ -107,7 +107,7 @@ def resample(positions: np.ndarray, rotations: np.ndarray, rate: float) -> tuple
 
 
 def cut(file: str, motion: FileMotion) -> tuple[list[Clip], list[str]]:
-    """The clips of a file, and what was cut out of it and why. Raises `ClipError` where nothing is left.
+    """The clips of a file, and what was cut out of it and why. Raises `ClipError` if nothing is left.
 
     A file is split where a joint moves faster than is believed or the root shifts, and frames where a joint is deep
     below the ground are left out. Pieces too short to train on are dropped, and said.
@@ -221,11 +221,18 @@ def headings(six_d: np.ndarray, left_axis: np.ndarray) -> np.ndarray:
     return np.arctan2(-left[:, 2], left[:, 0])
 
 
-def detect_contacts(positions: np.ndarray, skeleton: Skeleton) -> np.ndarray:
-    """``[F, C]`` of 0/1: a contact joint that is low and slow stands on the ground."""
+def detect_contacts(positions: np.ndarray, skeleton: Skeleton, share_of_root: float = 0.0) -> np.ndarray:
+    """``[F, C]`` of 0/1: a contact joint that is low and slow stands on the ground.
+
+    A joint is slow below the skeleton's limit, or below ``share_of_root`` times the speed of the root if that is more.
+    """
     feet = positions[:, skeleton.contact_joints]
     speed = np.linalg.norm(np.diff(feet, axis=0, prepend=feet[:1]), axis=-1) * FPS
     if len(speed) > 1:
         speed[0] = speed[1]
     low = feet[..., 1] < np.array(skeleton.contact_max_height_m)
-    return (low & (speed < skeleton.contact_max_speed_mps)).astype(np.float32)
+    root = (
+        np.linalg.norm(np.gradient(positions[:, 0, [0, 2]], axis=0), axis=-1) * FPS if len(speed) > 1 else np.zeros(1)
+    )
+    limit = np.maximum(skeleton.contact_max_speed_mps, share_of_root * root)[:, None]
+    return (low & (speed < limit)).astype(np.float32)

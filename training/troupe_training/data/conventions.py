@@ -1,4 +1,4 @@
-"""What data, networks and packs agree on. Axes are right-handed, Y up, +Z forward; metres and radians."""
+"""Conventions of data, networks and packs. Axes are right-handed, Y up, +Z forward; metres and radians."""
 
 FPS = 30.0
 CONTEXT_FRAMES = 4  # a segment's first frames, which are given

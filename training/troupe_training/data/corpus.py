@@ -36,7 +36,10 @@ from troupe_training.data.prepare import drop_odd_skeletons, files_of, load_file
 from troupe_training.data.rotations import columns_to_matrix
 from troupe_training.data.skeleton import Skeleton
 
-VERSION = 1  # of what is cached
+VERSION = 2  # of the cache
+# Stance feet of gaits that are keyed by hand slide: they count as standing below this share of the
+# root's speed.
+KEYED_STANCE = 0.4
 MAX_ROUND_TRIP_M = 1e-3
 LEFT_AXIS = [1.0, 0.0, 0.0]  # of rigs that head along +Z at rest
 LAFAN_NAME = re.compile(r"(?P<content>[A-Za-z]+)\d*_subject\d+")
@@ -65,14 +68,14 @@ class Wanted:
     name: str
     source: Path
     reader: MotionSource | None = None  # None: glTF binaries
-    test_name: str | None = None  # finds the names of the test split; 5 % by a hash where left out
+    test_name: str | None = None  # finds the names of the test split; 5 % by a hash if left out
     tested: bool = True  # false: everything is trained on
     cells: frozenset[str] = frozenset()  # held out, see `data/cells.py`
     licence: str = "unknown"
     credits: list[str] = field(default_factory=list)
 
     def options(self) -> dict[str, Any]:
-        """What a cached body depends on."""
+        """Options that a cached body depends on."""
         reader = self.reader.options() if self.reader else {}
         about = {"licence": self.licence, "credits": self.credits, "version": VERSION}
         chosen = {"test_name": self.test_name, "tested": self.tested, "cells": sorted(self.cells)}
@@ -81,7 +84,7 @@ class Wanted:
 
 @dataclass
 class Made:
-    """A body's motion before it is written: clips and whatever there is to say."""
+    """A body's motion before it is written: clips, dropped files and notes."""
 
     body: Body
     clips: list[Clip]
@@ -96,7 +99,7 @@ def kebab(name: str) -> str:
 
 
 def words_of(clip: str) -> list[str]:
-    """What a clip shows, by its file's name: content and style, or the name without the take's number."""
+    """The words of a clip, by its file's name: content and style, or the name without the take's number."""
     if found := CLIP_NAME.match(clip):
         cell = cell_of(clip)
         assert cell is not None
@@ -217,7 +220,8 @@ def _write(folder: Path, one: Wanted, made: Made, options: dict[str, Any]) -> No
         arrays["bends"].append(packed)
         arrays["roots"].append(clip.positions[:, 0].astype(np.float32))
         arrays["headings"].append(headings(_neutral_six_d(body, clip), np.array(LEFT_AXIS)).astype(np.float32))
-        arrays["contacts"].append(detect_contacts(clip.positions, body.skeleton))
+        share = KEYED_STANCE if one.reader is None else 0.0
+        arrays["contacts"].append(detect_contacts(clip.positions, body.skeleton, share))
         index.append(_entry(one, clip, start))
         start += len(clip.positions)
     if not index:
@@ -252,22 +256,24 @@ def _entry(one: Wanted, clip: Clip, start: int) -> CorpusClip:
 
 
 def report(cache: Path, names: list[str]) -> str:
-    """What is in the cache as Markdown: a row a body, then all that was left out, and why."""
+    """The content of the cache as Markdown: a row a body, then all that was left out, and why."""
     rows = [
         "| body | joints | rows with hinge | clips | train | test | cells | minutes | round trip, mm | left out |",
         "|---" * 10 + "|",
     ]
     left_out = []
     for name in names:
-        told, body = json.loads((cache / name / "clips.json").read_text()), Body.load(cache / name / "body.json")
-        clips: list[CorpusClip] = told["clips"]
+        listing, body = json.loads((cache / name / "clips.json").read_text()), Body.load(cache / name / "body.json")
+        clips: list[CorpusClip] = listing["clips"]
         split = [sum(c["split"] == which for c in clips) for which in ("train", "test", "cell")]
         minutes = sum(c["frames"] for c in clips) / FPS / 60
         hinges = int((np.linalg.norm(body.axes, axis=-1) > 0.5).sum())
         rows.append(
             f"| {name} | {body.joint_count} | {hinges} | {len(clips)} | {split[0]} | {split[1]} | {split[2]} | {minutes:.1f} | "
-            f"{1e3 * told['round_trip_m']:.2f} | {len(told['dropped'])} |"
+            f"{1e3 * listing['round_trip_m']:.2f} | {len(listing['dropped'])} |"
         )
-        left_out += [f"- {name}, left out: {file}: {reason}" for file, reason in told["dropped"].items()]
-        left_out += [f"- {name}, note: {file}: {text}" for file, texts in told["notes"].items() for text in texts[:4]]
+        left_out += [f"- {name}, left out: {file}: {reason}" for file, reason in listing["dropped"].items()]
+        left_out += [
+            f"- {name}, note: {file}: {text}" for file, texts in listing["notes"].items() for text in texts[:4]
+        ]
     return "\n".join([*rows, "", *left_out]) + "\n"

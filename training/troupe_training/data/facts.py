@@ -1,4 +1,4 @@
-"""What a clip shows, as words can say it: content and style from its name, speed, duration, turn and hand as measured."""
+"""Facts of a clip for captions: content and style from its name, speed, duration, turn and hand as measured."""
 
 import re
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ HAND_RATIO = 1.8
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known of a clip or a crop of it."""
+    """Facts of a clip, or of a crop of it."""
 
     content: str  # as clips are named: "walk-turn-left"
     style: str | None
@@ -42,7 +42,7 @@ def named(name: str, mirrored: bool = False) -> tuple[str, str | None]:
 
 
 def hands(skeleton: Skeleton) -> tuple[int, int] | None:
-    """The joints of the left and right hand by their names; None where there are none of these names."""
+    """The joints of the left and right hand by their names; None if there are none of these names."""
     names = [name.lower() for name in skeleton.names]
     left = [names.index(name) for name in LEFT_HAND if name in names]
     right = [names.index(name) for name in RIGHT_HAND if name in names]

@@ -26,7 +26,7 @@ SMOOTH_FRAMES = 1.5
 
 @dataclass
 class Moved:
-    """A clip with root motion; ``reason`` where it is left out instead."""
+    """A clip with root motion; ``reason`` if it is left out instead."""
 
     motion: FileMotion | None
     note: str | None = None
@@ -44,7 +44,7 @@ def feet_of(rest: FileMotion, sides: list[int]) -> list[int]:
 
 
 def is_cycle(motion: FileMotion) -> bool:
-    """True where the last pose leads back to the first."""
+    """True if the last pose leads back to the first."""
     if len(motion.positions) <= 8:
         return False
     back = _turned(motion.rotations[-1:], motion.rotations[:1]).max()
@@ -94,7 +94,7 @@ def with_root_motion(name: str, motion: FileMotion, feet: list[int], size: float
 
 
 def _body_motion(velocity: np.ndarray, stands: np.ndarray) -> tuple[np.ndarray, float]:
-    """Velocity x, z ``[F, 2]`` of the body that holds its stance feet, and what slides all the same (m/s).
+    """Velocity x, z ``[F, 2]`` of the body that holds its stance feet, and the speed that remains (m/s).
 
     ``velocity`` ``[F, C, 2]`` is that of the feet on the spot, m/s.
     """
@@ -133,7 +133,7 @@ def repeated(motion: FileMotion, step: np.ndarray) -> FileMotion:
     index = np.concatenate([np.arange(first), np.tile(cycle, times)])
     step = step.copy()
     step[0] = 0.0 if first else step[1:].mean(0)
-    # What the root lacks to be where it began is spread over the cycle.
+    # The root's drift over a cycle is spread over all of its frames.
     drift = np.linspace(0, 1, len(motion.positions))[:, None, None] * (motion.positions[-1, 0] - motion.positions[0, 0])
     closed = (motion.positions - drift)[index]
     whole = FileMotion(motion.names, motion.parents, motion.offsets, closed, motion.rotations[index], motion.notes)

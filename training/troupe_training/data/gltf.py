@@ -35,10 +35,10 @@ class Rig:
 
 
 def read_glb(path: Path) -> Rig:
-    """Reads all animations of a file. Raises `GltfError` with the reason where there are none."""
+    """Reads all animations of a file. Raises `GltfError` with the reason if there are none."""
     try:
         gltf = GLTF2().load(str(path))
-    except Exception as error:  # the library raises whatever its parser meets
+    except Exception as error:  # the library raises errors of any kind
         raise GltfError(f"not a glTF file: {error}") from error
     if gltf is None or not gltf.skins or not gltf.animations:
         raise GltfError("no skin or no animation in it")
@@ -127,15 +127,15 @@ class _Reader:
         world: dict[int, np.ndarray] = {}
         for node in self.order:
             pose = poses.get(node, {})
-            told = self.gltf.nodes[node]
-            if told.matrix:
-                local = np.tile(np.array(told.matrix, dtype=float).reshape(4, 4).T, (frames, 1, 1))
+            entry = self.gltf.nodes[node]
+            if entry.matrix:
+                local = np.tile(np.array(entry.matrix, dtype=float).reshape(4, 4).T, (frames, 1, 1))
             else:
-                rotation = pose.get("rotation", np.array([told.rotation or [0, 0, 0, 1]], dtype=float))
-                scale = pose.get("scale", np.array([told.scale or [1, 1, 1]], dtype=float))
+                rotation = pose.get("rotation", np.array([entry.rotation or [0, 0, 0, 1]], dtype=float))
+                scale = pose.get("scale", np.array([entry.scale or [1, 1, 1]], dtype=float))
                 local = np.tile(np.eye(4), (frames, 1, 1))
                 local[:, :3, :3] = quaternion_matrix(rotation[:, [3, 0, 1, 2]]) * scale[:, None, :]
-                local[:, :3, 3] = pose.get("translation", np.array([told.translation or [0, 0, 0]], dtype=float))
+                local[:, :3, 3] = pose.get("translation", np.array([entry.translation or [0, 0, 0]], dtype=float))
             parent = self.parent.get(node)
             world[node] = local if parent is None else world[parent] @ local
         matrices = np.stack([world[i] for i in joints], 1)
@@ -149,7 +149,7 @@ class _Reader:
         return FileMotion([self._name(i) for i in joints], parents, offsets, positions, rotations)
 
     def _sample(self, animation: Animation) -> tuple[dict[int, Pose], int]:
-        """What an animation does to each node at 30 fps, and the number of frames."""
+        """The animation of each node at 30 fps, and the number of frames."""
         read = [
             (c.target, s, self._numbers(s.input)[:, 0])
             for c in animation.channels

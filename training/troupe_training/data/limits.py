@@ -1,4 +1,4 @@
-"""What the motion of a cache does at most: the table ``[limits]`` of a pack, by which the server judges its answers.
+"""Limits of the motion in a cache: the table ``[limits]`` of a pack, by which the server judges its answers.
 
 Each figure is taken frame by frame. Its limit is the value that all but `BEYOND` of the training windows stay within, so that
 one odd frame of a capture sets none. The server's figures (``motion/src/feasibility``) are computed the same way.

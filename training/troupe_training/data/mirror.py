@@ -60,7 +60,7 @@ class Mirror:
 
 
 def mirror_of(skeleton: Skeleton, clips: list[Clip]) -> Mirror:
-    """The mirroring of a skeleton; ``clips`` tell the average pose where there are no hinges to go by.
+    """The mirroring of a skeleton; ``clips`` tell the average pose if there are no hinges to go by.
 
     Raises `MirrorError` with every joint that has no mirror image.
     """

@@ -20,7 +20,7 @@ class Motion:
 
     @staticmethod
     def of(segments: Segments) -> "Motion":
-        """What was captured."""
+        """The captured motion."""
         return Motion(segments.global_root[..., :3], six_d_to_matrix(segments.six_d), segments.contacts)
 
     def slice(self, start: int, end: int) -> "Motion":

@@ -119,7 +119,7 @@ def straightened(skeleton: Skeleton, pose: np.ndarray) -> np.ndarray:
     for j in range(1, skeleton.joint_count):
         children = [k for k, parent in enumerate(skeleton.parents) if parent == j]
         parent = skeleton.parents[j]
-        # What the parent was turned by takes the joint along.
+        # The parent's turn takes the joint along.
         out[j] = out[parent] @ pose[parent].T @ pose[j]
         if len(children) == 0:
             continue

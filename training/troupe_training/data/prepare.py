@@ -42,7 +42,7 @@ class Choice:
     """Which files are taken and what for."""
 
     include: str | None = None  # only files whose name this expression finds
-    test_name: str | None = None  # finds the names of the test split; a hash of the name tells where left out
+    test_name: str | None = None  # finds the names of the test split; a hash of the name tells if left out
     mirror: bool = False  # adds the mirror image of every training clip
     cells: list[str] = field(
         default_factory=list
@@ -82,7 +82,7 @@ def load_file(path: Path, source: MotionSource) -> Loaded:
 
 
 def files_of(folder: Path, source: MotionSource, include: str | None) -> list[Path]:
-    """The files that a source reads, in all of a folder; ends the command where there are none."""
+    """The files that a source reads, in all of a folder; ends the command if there are none."""
     files = sorted(p for p in folder.rglob("*") if p.suffix.lower() == source.suffix)
     if not files:
         hint = "; CSV files need their robot's --urdf" if any(folder.rglob("*.csv")) else ""

@@ -1,4 +1,4 @@
-"""The root of a motion, globally (where it is) and locally (how it moves), and from one to the other."""
+"""The root of a motion, globally (its place) and locally (its movement), and from one to the other."""
 
 import torch
 from torch import Tensor

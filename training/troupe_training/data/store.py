@@ -109,7 +109,7 @@ def joined(clips: Sequence[ClipEntry]) -> list[ClipEntry]:
 
 
 def kind_of(name: str) -> str:
-    """What a clip shows: its file name without the take's number, ``walk_old_002.bvh`` to ``walk_old``."""
+    """The kind of a clip: its file name without the take's number, ``walk_old_002.bvh`` to ``walk_old``."""
     return re.sub(r"[\W_]*\d*$", "", Path(name).with_suffix("").as_posix())
 
 

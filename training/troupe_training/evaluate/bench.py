@@ -33,7 +33,7 @@ class Sampling:
     """How a network with a choice takes it: passes, and the temperature and seed of the choice (0: the likeliest).
 
     A pass keeps the tokens that it is surest of, as the server does, or in ``any_order`` tokens at random. ``root`` is the
-    temperature of roots where it is not that of tokens.
+    temperature of roots if it is not that of tokens.
     """
 
     steps: int = 1
@@ -55,7 +55,7 @@ Method = Callable[[Segments, int, Sampling], Motion]
 
 @dataclass
 class Options:
-    """What is measured, and how."""
+    """The setting of a measurement."""
 
     gaps: list[int] = field(default_factory=lambda: [15, 30, 45])
     stride: int = 20
@@ -67,11 +67,11 @@ class Options:
     max_windows: int | None = None
     uncut: bool = False  # windows of whole files, over the cuts of `prepare` too
     by: list[str] = field(default_factory=list)  # groupings of clips that are also measured apart (`parts.py`)
-    cells: Path | None = None  # the list that the grouping "cell" is made with; the cache's own where left out
+    cells: Path | None = None  # the list that the grouping "cell" is made with; the cache's own if left out
 
 
 def check_gap(gap: int) -> int:
-    """Frames of a window of this gap; ends the command where networks cannot fill it."""
+    """Frames of a window of this gap; ends the command if networks cannot fill it."""
     frames = CONTEXT_FRAMES + gap + 1
     if not MIN_FRAMES <= frames <= MAX_FRAMES:
         raise SystemExit(
@@ -139,14 +139,14 @@ class Bench:
         return on_hinges(self.hinges, motion) if self.hinges else (motion, {})
 
     def encode(self, motion: Motion) -> np.ndarray | None:
-        """Latents ``[B, 256]`` of whole windows, where there is an evaluator."""
+        """Latents ``[B, 256]`` of whole windows, if there is an evaluator."""
         if self.latents is None:
             return None
         positions, six_d = pose_features(motion, self.kinematics)
         return self.latents.of(motion.global_root(self.left_axis), positions, six_d)
 
     def measure(self, motion: Motion, truth: Motion, headings: Tensor) -> dict[str, np.ndarray]:
-        """Every figure of B windows by name, ``[B]`` each, and ``latents`` ``[B, 256]`` where there is an evaluator."""
+        """Every figure of B windows by name, ``[B]`` each, and ``latents`` ``[B, 256]`` if there is an evaluator."""
         motion, figures = self.shown(motion)
         figures |= window_figures(motion, truth, self.skeleton, self.kinematics, headings)
         arrays = {name: values.double().numpy() for name, values in figures.items()}

@@ -13,7 +13,7 @@ from troupe_training.export.manifest import read_manifest
 # Reports of `troupe eval` have no "nearest": a server holds no training clips. `add_nearest` takes
 # it from `evaluate`.
 METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "nearest": NEAREST, "pack": "this pack"}
-# What a part's table has, in the order of `MEASURES`.
+# Measures in a part's table, in the order of `MEASURES`.
 PART_MEASURES = ("mmd", "joint_jitter_mps2", "foot_skate_m_per_frame", "l2p_m", "npss")
 PACK = "pack"
 PARTS_HEAD = """### By what the clips show
@@ -46,7 +46,7 @@ def card_table(gap: dict[str, Any]) -> str:
 def add_nearest(report: dict[str, Any], baselines: dict[str, Any]) -> None:
     """Puts the nearest training window out of ``evaluate --json`` beside a report of `troupe eval`.
 
-    Both must be of the same windows and evaluator. Raises `ValueError` where they are not.
+    Both must be of the same windows and evaluator. Raises `ValueError` if they are not.
     """
     served = report.get("evaluator") or {}
     digests = {served.get("sha256"), baselines["evaluator"]} - {None}
@@ -71,7 +71,7 @@ def part_tables(report: dict[str, Any], before: dict[str, Any] | None = None) ->
     """For each part of the clips in ``evaluate --by --json`` a heading and a table of all gaps together.
 
     ``before`` is the same of another pack, which gets a column of its own, called as its folder. Both must be of the same windows
-    and evaluator. Raises `ValueError` where they are not.
+    and evaluator. Raises `ValueError` if they are not.
     """
     texts: list[str] = []
     for by, parts in report.get("parts", {}).items():

@@ -80,7 +80,7 @@ def _precision(motion: Motion, truth: Motion, error: Tensor, left_axis: Tensor) 
 
 
 def _spectra(motion: Motion, truth: Motion, gap: slice, headings: Tensor | None) -> tuple[Tensor, Tensor]:
-    """`npss_terms` of both motions' world quaternions, turned into the clip's world where its headings are told."""
+    """`npss_terms` of both motions' world quaternions, turned into the clip's world if its headings are given."""
     both = [m.rotations[:, gap] for m in (motion, truth)]
     if headings is not None:
         both = [yaw_matrix(headings)[:, None, None] @ rotations for rotations in both]

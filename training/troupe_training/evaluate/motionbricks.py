@@ -66,7 +66,7 @@ def pack_networks(pack: Path, threads: int) -> StageNetworks:
 
 
 def run_networks(run: Path, store: ClipStore) -> StageNetworks:
-    """The checkpoints of a run folder, as they would be exported; the decoder of `refine` where there is one."""
+    """The checkpoints of a run folder, as they would be exported; the decoder of `refine` if there is one."""
     networks = load_networks(run, store)
     stages = networks.stages()
 
@@ -90,7 +90,7 @@ def open_networks(folder: Path, store: ClipStore, threads: int) -> StageNetworks
 
 @dataclass
 class Keys:
-    """What a request gives: four context frames and one target in the segment frame. K = 5 frames."""
+    """A request: four context frames and one target in the segment frame. K = 5 frames."""
 
     pose: Tensor  # [B, 5, J*9]
     global_root: Tensor  # [B, 5, 5]
@@ -105,7 +105,7 @@ class Keys:
 
 @dataclass
 class Plan:
-    """What the root and pose stages chose; all that the decoder needs."""
+    """The choices of the root and pose stages: all that the decoder needs."""
 
     frames: int
     tokens: Tensor  # [B, n, K]
@@ -162,7 +162,7 @@ def choose_tokens(networks: StageNetworks, plan: Plan, sampling: Sampling) -> Te
 
 
 def root_noise(networks: StageNetworks, batch: int, sampling: Sampling) -> dict[str, Tensor]:
-    """The input that chooses roots ``[B, K]``, zero at temperature 0; none where roots have no choice."""
+    """The input that chooses roots ``[B, K]``, zero at temperature 0; none if roots have no choice."""
     if not networks.root_choices:
         return {}
     # A stream of its own: the tokens' draws do not depend on whether roots have a choice.

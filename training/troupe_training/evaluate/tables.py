@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-Figure = dict[str, float]  # "mean", and where it has an interval "low" and "high"
+Figure = dict[str, float]  # "mean", and with an interval "low" and "high"
 Methods = dict[str, dict[str, Figure]]  # figures by the names of method and measure
 
 

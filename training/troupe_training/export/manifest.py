@@ -16,7 +16,7 @@ FORMAT = 2  # of the manifest; servers read 1 as well, which names no family
 
 @dataclass(frozen=True)
 class Family:
-    """What runs a pack, and what it can do then, by the server's names (`Capability`)."""
+    """The family that runs a pack, and its capabilities by the server's names (`Capability`)."""
 
     name: str
     capabilities: tuple[str, ...]
@@ -24,7 +24,7 @@ class Family:
 
 @dataclass
 class About:
-    """What a manifest says of a pack besides its networks and skeleton."""
+    """A manifest's facts of a pack besides its networks and skeleton."""
 
     name: str
     version: str
@@ -77,7 +77,7 @@ def write_manifest(
 def write_limits(manifest: Path, limits: Limits) -> None:
     """Puts the table ``[limits]`` into a manifest, or into the file of a body, in the place of one that is there.
 
-    All other lines stay as they are, the hash of the networks among them. Raises `ValueError` where the joints are others.
+    All other lines stay as they are, the hash of the networks among them. Raises `ValueError` if the joints are others.
     """
     text = manifest.read_text(encoding="utf-8")
     joints = [joint["name"] for joint in tomllib.loads(text)["skeleton"]["joints"]]

@@ -94,7 +94,7 @@ class Evaluator(nn.Module):
         return torch.cat([scale(flat[name]) for name, scale in self.scales.items()], -1)
 
     def scale(self, name: str) -> Standardiser:
-        """What standardises one of `widths`."""
+        """The standardiser of one of `widths`."""
         scale = self.scales[name]
         assert isinstance(scale, Standardiser)
         return scale

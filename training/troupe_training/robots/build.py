@@ -19,11 +19,11 @@ UNLIMITED_RAD_PER_S = 1000.0  # for hinges whose URDF gives no speed
 
 
 def build_robot(urdf: Urdf, end_effectors: Sequence[str] = (), contacts: list[str] | None = None) -> Robot:
-    """The robot of a URDF: fixed links become part of what carries them.
+    """The robot of a URDF: fixed links become part of the link that carries them.
 
     ``end_effectors`` are ``NAME=JOINT:x,y,z`` (metres in the URDF frame of that joint's link); they add to or replace
     those found from the sole and the hands. ``contacts`` are the joints that touch the ground; the last joint of each leg
-    and its toe where left out.
+    and its toe if left out.
     """
     tree = _Tree(urdf)
     given = [_end_effector(text, tree.names) for text in end_effectors]
@@ -144,7 +144,7 @@ class _Tree:
         return found
 
     def _points(self, leaf: int, name: str, down: np.ndarray) -> np.ndarray:
-        """Points on the link's collision shapes, or on the box of its inertia where it has no readable shape."""
+        """Points on the link's collision shapes, or on the box of its inertia if it has no readable shape."""
         link = self.urdf.links[self.links[leaf]]
         shapes: list[Shape] = link.shapes or [s for s in (link.inertia_box,) if s is not None]
         if not shapes:

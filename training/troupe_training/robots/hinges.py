@@ -26,7 +26,7 @@ class Projection:
     rotations: Tensor  # [..., J, 3, 3], world
     angles: Tensor  # [..., H], radians, within the limits
     residual_rad: Tensor  # [..., H]: angle between the joint's rotation in the world and what is made of it
-    clamped: Tensor  # [..., H], true where the nearest angle was out of the limits
+    clamped: Tensor  # [..., H], true for hinges whose nearest angle was out of the limits
 
 
 class Hinges:

@@ -41,7 +41,7 @@ class Robot:
 
     @property
     def columns(self) -> list[str]:
-        """What each column of a motion file is."""
+        """The meaning of each column of a motion file."""
         return ROOT_COLUMNS + [self.names[hinge.joint] for hinge in self.hinges]
 
     def world(

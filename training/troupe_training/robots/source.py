@@ -37,11 +37,11 @@ class RobotSource:
         self._options = {"urdf": str(urdf.resolve()), "end_effectors": list(end_effectors), "fps": fps}
 
     def options(self) -> dict[str, Any]:
-        """What the result depends on besides the files, to tell caches apart."""
+        """Options that the result depends on besides the files. Caches with others are made again."""
         return self._options | {"contact_joints": self.robot.contacts}
 
     def load(self, path: Path) -> FileMotion:
-        """Reads one file. Raises `RobotError` with the column's name where it does not fit the robot."""
+        """Reads one file. Raises `RobotError` with the column's name if it does not fit the robot."""
         robot = self.robot
         root_positions, root_rotations, angles = read_motion(path, robot)
         notes = self._limit_notes(angles)

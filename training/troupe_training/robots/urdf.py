@@ -91,7 +91,7 @@ class Urdf:
 
 
 def read_urdf(path: Path) -> Urdf:
-    """Parses a file. Raises `UrdfError` where it is no URDF, has no tree of links, or a number is none."""
+    """Parses a file. Raises `UrdfError` if it is no URDF, has no tree of links, or a number cannot be read."""
     try:
         root = ElementTree.parse(path).getroot()
     except (ElementTree.ParseError, OSError) as error:

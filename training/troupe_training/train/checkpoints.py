@@ -16,7 +16,7 @@ M = TypeVar("M", bound=nn.Module)
 
 
 class Checkpoint(TypedDict):
-    """What a checkpoint holds. Those that came out of a pack have no optimiser to go on with."""
+    """The content of a checkpoint. An adopted one has no optimiser to go on with."""
 
     stage: str
     meta: dict[str, Any]  # "model": the network's sizes; besides, how it was trained
@@ -60,7 +60,7 @@ class Stage(Generic[C, M]):
         return run / f"{self.name}.pt"
 
     def read(self, run: Path, device: str = "cpu") -> Checkpoint:
-        """Its checkpoint; ends the command where there is none."""
+        """Its checkpoint; ends the command if there is none."""
         path = self.path(run)
         if not path.exists():
             raise SystemExit(f"{path} is missing: train the stage '{self.name}' first")

@@ -75,7 +75,7 @@ def reconstruction_error(model: Evaluator, store: ClipStore, frames: int) -> dic
 def train_evaluator(
     cache: Path, run: Path, budget: Budget, frames_budget: int, seed: int, device: str
 ) -> tuple[Evaluator, int, Errors] | None:
-    """Trains, or goes on: the evaluator with its latents scaled, its updates and errors; None where it was stopped."""
+    """Trains, or goes on: the evaluator with its latents scaled, its updates and errors; None if it was stopped."""
     torch.manual_seed(seed)
     store = ClipStore(cache, "train", device)
     model = Evaluator(store.skeleton.joint_count).to(device)

@@ -53,15 +53,15 @@ def draw(out: Path, title: str, panels: list[Panel]) -> None:
 
 
 def plot_curves(run: Path, stages: Sequence[str], out: Path) -> bool:
-    """Draws every term of those ``stages`` that have a history in ``run``; false, and no file, where none has."""
+    """Draws every term of those ``stages`` that have a history in ``run``; false, and no file, if none has."""
     panels = []
     for path in (run / f"{stage}.json" for stage in stages):
-        told = json.loads(path.read_text()) if path.exists() else {"history": []}
-        if history := told["history"]:
+        curve = json.loads(path.read_text()) if path.exists() else {"history": []}
+        if history := curve["history"]:
             steps = [entry["step"] for entry in history]
             names = [name for name in history[-1] if name != "step" and not name.startswith("_")]
             lines = [Line(name, steps, [[entry.get(name, np.nan) for entry in history]]) for name in names]
-            title = f"{path.stem}: {told['step']} steps, {told['seconds'] / 60:.0f} min"
+            title = f"{path.stem}: {curve['step']} steps, {curve['seconds'] / 60:.0f} min"
             panels.append(Panel(title, "step", lines, log=True))
     if panels:
         draw(out, run.name, panels)

@@ -65,10 +65,12 @@ class Trainer(Generic[M]):
         seed: int,
         device: str,
         half: bool = True,
+        takes_adopted: bool = False,
     ):
         self.run, self.stage, self.model, self.budget = run, stage, model, budget
         self.meta, self.seed, self.device = meta, seed, device
         self.half = half  # trunks in bfloat16, which pays where products are large
+        self.takes_adopted = takes_adopted  # goes on from a pack's weights, which have no optimiser
         self.run.mkdir(parents=True, exist_ok=True)
         self.average = copy.deepcopy(model).eval()
         self.optimizer = torch.optim.AdamW(
@@ -92,11 +94,12 @@ class Trainer(Generic[M]):
         if not self.path.exists():
             return False
         state = read_checkpoint(self.path, self.device)
-        if "optimizer" not in state:
+        if "optimizer" not in state and not self.takes_adopted:
             raise SystemExit(f"{self.path} came out of a pack: it cannot be trained further, only refined")
         self.model.load_state_dict(state["model"])
         self.average.load_state_dict(state["average"])
-        self.optimizer.load_state_dict(state["optimizer"])
+        if "optimizer" in state:
+            self.optimizer.load_state_dict(state["optimizer"])
         self.step, self.seconds, self.history = state["step"], state["seconds"], state["history"]
         self.schedule_step = state.get("schedule_step", 0)
         self.schedule_seconds = state.get("schedule_seconds", 0.0)
@@ -128,12 +131,13 @@ class Trainer(Generic[M]):
                 "schedule_seconds": self.schedule_seconds,
             },
         )
-        (self.run / f"{self.stage}.json").write_text(
-            json.dumps({"step": self.step, "seconds": self.seconds, "history": self.history})
-        )
+        curve = self.run / f"{self.stage}.json"
+        partial = curve.with_suffix(".json.tmp")
+        partial.write_text(json.dumps({"step": self.step, "seconds": self.seconds, "history": self.history}))
+        partial.replace(curve)
 
     def fit(self, loss_fn: Loss[M]) -> bool:
-        """Trains until the budget is spent; false where it was stopped before that."""
+        """Trains until the budget is spent; false if it was stopped before that."""
         previous = [signal.signal(s, self._on_signal) for s in (signal.SIGINT, signal.SIGTERM)]
         # the position in the random stream follows from the step, so a resumed run does not repeat
         # its batches
@@ -205,7 +209,7 @@ class Trainer(Generic[M]):
 
 @dataclass
 class Job:
-    """What the training of any network is given."""
+    """Inputs of the training of any network."""
 
     cache: Path  # of the data
     run: Path  # folder of checkpoints and curves

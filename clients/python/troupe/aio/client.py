@@ -152,11 +152,11 @@ class Client:
         sampling: Sampling | None = None,
     ) -> AsyncIterator[str]:
         """As `describe`, part by part while they are found."""
-        told = Description()
+        description = Description()
         request = describe_request(await self._pack(pack, ""), motion, others, None, seed, sampling)
         async for part in self._connection.parts(Call(io.DESCRIBE, request)):
-            yield told.words(part)
-        told.check_end()
+            yield description.words(part)
+        description.check_end()
 
     async def audio_of(
         self,
@@ -169,10 +169,10 @@ class Client:
         sampling: Sampling | None = None,
     ) -> Audio:
         """Makes audio that goes with a motion, as codes of a pack that declares such a task."""
-        told = Description()
+        description = Description()
         request = describe_request(await self._pack(pack, ""), motion, others, sound, seed, sampling)
-        codes = [told.codes(part) async for part in self._connection.parts(Call(io.DESCRIBE, request))]
-        told.check_end()
+        codes = [description.codes(part) async for part in self._connection.parts(Call(io.DESCRIBE, request))]
+        description.check_end()
         return Audio(sound, [code for part in codes for code in part])
 
     async def _pack(self, pack: Pack | str, body: str) -> Pack:
@@ -290,5 +290,5 @@ class Client:
         await self._connection.run(calls.delete_object(name))
 
     async def detect(self, request: scene_pb2.DetectRequest) -> scene_pb2.DetectResponse:
-        """What a character, or any box, reaches in its scene."""
+        """The objects that a character, or any box, reaches in its scene."""
         return await self._connection.run(calls.detect(request))

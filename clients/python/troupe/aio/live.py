@@ -32,7 +32,7 @@ class Session(Character):
         return await self._connection.run(self._step(frames, self.frame_options))
 
     async def send(self) -> None:
-        """Sends what it should do now, where it changed, without a step."""
+        """Sends what it should do now, if it changed, without a step."""
         await self._connection.run(self._send())
 
     async def send_at(self, frame: int) -> None:
@@ -40,7 +40,7 @@ class Session(Character):
         await self._connection.run(self._send_at(frame))
 
     async def info(self) -> session_pb2.Session:
-        """The session as the server has it: where it is, what it does and has done."""
+        """The session as the server has it: its place, what it does and has done."""
         return await self._connection.run(self._info())
 
     async def peek(self, frames: int = 0) -> session_pb2.PeekResponse:

@@ -57,7 +57,7 @@ def _zxy(q: F64) -> F64:
     # Columns of the matrix: m[row][column].
     m01, m11 = 2 * (x * y - w * z), 1 - 2 * (x * x + z * z)
     first = np.arctan2(-m01, m11)
-    # What is left after the first turn is undone has no z in it.
+    # After the first turn is undone, the rest has no z in it.
     half = -first / 2
     cos, sin = np.cos(half), np.sin(half)
     rest_w, rest_x = cos * w - sin * z, cos * x - sin * y

@@ -9,7 +9,7 @@
 | `joint_names` | (joints) | text |
 | `parents` | (joints) | index of each joint's parent; -1 of the first |
 | `offsets` | (joints, 3) | offset from the parent in its frame |
-| `contacts` | (frames, contact joints) | probability that each is on the ground; left out where it is not known |
+| `contacts` | (frames, contact joints) | probability that each is on the ground; left out if it is not known |
 | `contact_joints` | (contact joints) | text; left out as `contacts` |
 """
 

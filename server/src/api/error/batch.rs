@@ -1,8 +1,8 @@
 //! Errors of queues and engines.
 
 use super::row::{ABORTED, FULL, INTERNAL, Row, TOO_LATE, Tabled, UNAVAILABLE};
-use crate::batch::SubmitError;
-use crate::offload::WorkerStopped;
+use troupe_base::offload::WorkerStopped;
+use troupe_batch::SubmitError;
 use troupe_character::post::NonFinite;
 use troupe_engine::EngineError;
 

@@ -15,8 +15,8 @@ use utoipa::ToSchema;
 use super::row::Row;
 use super::{ApiError, DOMAIN};
 use crate::api::refusals::Refusal;
-use crate::telemetry::RequestContext;
-use crate::wire::{MAX_MESSAGE, cut};
+use troupe_base::echo::{MAX_MESSAGE, cut};
+use troupe_base::telemetry::RequestContext;
 
 impl ApiError {
     /// The code's name, for metrics.

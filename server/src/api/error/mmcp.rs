@@ -104,9 +104,9 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::batch::SubmitError;
     use crate::clients::Role;
     use crate::service::ServiceError;
+    use troupe_batch::SubmitError;
     use troupe_engine::EngineError;
 
     #[test]

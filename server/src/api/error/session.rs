@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
 use super::world::no_upload_memory;
-use crate::packs::{CannotDo, UnknownBody, UnknownPack};
-use crate::session::SessionError;
 use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
 use troupe_character::primitives::path::MAX_LEAD_M;
+use troupe_live::packs::{CannotDo, UnknownBody, UnknownPack};
+use troupe_live::session::SessionError;
 
 /// When to try again where a place is free as soon as somebody leaves, which nobody foresees.
 const WHEN_SOMEBODY_LEAVES: Duration = Duration::from_secs(1);

@@ -1,11 +1,11 @@
 //! Errors of scenes, objects and definitions.
 
 use super::row::{EXISTS, FULL, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled};
-use crate::world::WorldError;
 use troupe_character::document::DocumentError;
 use troupe_character::document::check::listed;
 use troupe_character::object::{DefinitionsError, MAX_DEFINITIONS};
 use troupe_character::scene::{MAX_ID_BYTES, MAX_SCENES, SceneError, TableError};
+use troupe_live::world::WorldError;
 
 impl Tabled for WorldError {
     fn row(&self) -> Row<'_> {
@@ -103,7 +103,7 @@ fn names(names: &[String]) -> String {
 mod tests {
     use super::*;
     use crate::api::ApiError;
-    use crate::wire::MAX_PATH;
+    use troupe_base::echo::MAX_PATH;
     use troupe_character::document::Source;
 
     #[test]

@@ -11,9 +11,10 @@ use troupe_proto::v1::sessions_server::Sessions;
 use super::answer;
 use crate::api::ours::ours;
 use crate::api::{ApiError, answers, opening, traffic};
-use crate::clients::{Client, Turns};
+use crate::clients::Client;
 use crate::service::Service;
-use crate::session::drive::{Outlet, outbox};
+use troupe_base::turns::Turns;
+use troupe_live::session::drive::{Outlet, outbox};
 
 /// The Sessions service.
 pub(super) struct SessionsApi {

@@ -13,10 +13,10 @@ use troupe_proto::rpc;
 
 use crate::api::error::ApiError;
 use crate::api::shape::Shapes;
-use crate::offload::WorkerStopped;
 use crate::service::ServiceError;
-use crate::telemetry::RequestContext;
-use crate::wire::{MAX_MESSAGE, MAX_PATH, cut};
+use troupe_base::echo::{MAX_MESSAGE, MAX_PATH, cut};
+use troupe_base::offload::WorkerStopped;
+use troupe_base::telemetry::RequestContext;
 use troupe_character::document::plain;
 
 /// The field of errors about a request as a whole.

@@ -13,8 +13,8 @@ use crate::api::error::ApiError;
 use crate::api::ours::Ours;
 use crate::mmcp::limits::MAX_REQUEST_BYTES;
 use crate::mmcp::{Body, Capabilities, Reply};
-use crate::offload::offload;
 use crate::service::{Service, ServiceError};
+use troupe_base::offload::offload;
 
 /// What a single answer is.
 const GLTF: &str = "model/gltf+json";

@@ -9,7 +9,7 @@ use super::{Asked, Named, asked, named};
 use crate::api::answers;
 use crate::api::error::ApiError;
 use crate::api::ours::Ours;
-use crate::wire::cut;
+use troupe_base::echo::cut;
 use troupe_character::FieldError;
 
 /// The name in a body that also is in the path: the same, or none.

@@ -15,7 +15,7 @@ use crate::api::opening;
 use crate::api::ours::Ours;
 use crate::api::traffic;
 use crate::clients::Client;
-use crate::wire::cut;
+use troupe_base::echo::cut;
 use troupe_character::FieldError;
 
 /// Open sessions, all or none

@@ -12,7 +12,6 @@ use tokio::task::spawn_blocking;
 use troupe_character::testing::toy_rig;
 use troupe_engine::EngineError;
 use troupe_engine::generator::{Generator, JobId, Progress, StepReport};
-use troupe_engine::pack::Pack;
 use troupe_engine::pack::testing::pack_of;
 use troupe_engine::toy::Toy;
 use troupe_motion::model::Task;
@@ -128,11 +127,10 @@ impl Generator for Gated {
 pub(super) fn source(gate: &Gate) -> PackSource {
     let gate = gate.clone();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/toy");
+    let mut pack = pack_of(toy_rig());
+    pack.folder = folder;
     PackSource {
-        pack: Pack {
-            folder,
-            ..pack_of(toy_rig())
-        },
+        pack,
         workers: 1,
         generator: Box::new(move |pack, max_batch| {
             let (toy, gate) = (Toy::new(pack.rig.dims, max_batch), gate.clone());

@@ -170,7 +170,7 @@ async fn who_leaves_a_description_gives_up_the_rest() {
         ..v1::DescribeRequest::default()
     };
     let alone = told(&client, &request).await;
-    for _ in 0..3 * troupe_engine::vermo::SLOTS {
+    for _ in 0..3 * troupe_engine::families::vermo::SLOTS {
         drop(client.clone().describe(request.clone()).await.unwrap());
     }
     let again = tokio::time::timeout(Duration::from_secs(60), told(&client, &request)).await;

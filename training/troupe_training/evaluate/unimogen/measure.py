@@ -1,4 +1,4 @@
-"""What a UniMoGen pack can do without a server: path, feet, distance to captures, on test clips and held-out cells.
+"""Figures of a UniMoGen network without a server: path, feet, distance to captures, on test clips and held-out cells.
 
 Every window has four frames of past, a path that is the captured root's own, and its clip's words; the network answers the rest.
 All is measured on the network's own root and bends, before anything is pinned.
@@ -46,6 +46,8 @@ def _foot_figures(body: Body, positions: Tensor) -> dict[str, Tensor]:
         "foot_penetration_share": sunk[..., ends].any(-1).float().mean(1),
         "foot_sliding_m": (step * (above < TOE_MARGIN_M))[..., ends].sum(1).mean(1),
         "foot_skate_m_per_frame": (step * near_ground(above)).mean((1, 2)),
+        "standing_foot_m_per_frame": step[..., ends].amin(-1).mean(1),
+        "toe_highest_m": above[..., ends].amax((1, 2)),
     }
     for side, sign in (("left", 1), ("right", -1)):
         of_side = [place for place in ends if body.sides[contacts[place]] == sign]
@@ -114,7 +116,7 @@ def chosen(store: BodyStore, setting: Setting, donors: Sequence[BodyStore] = ())
 
 
 class Tally:
-    """What one method answered, window by window."""
+    """The answers of one method, window by window."""
 
     def __init__(self, store: BodyStore, encoder: Encoder | None):
         self.body, self.encoder = store.body, encoder
@@ -130,7 +132,7 @@ class Tally:
             self.latents.append(latents_of(self.body, self.encoder, answer))
 
     def encoded(self) -> np.ndarray:
-        """All latents, where they are enough for a Fréchet distance; else none."""
+        """All latents, if they are enough for a Fréchet distance; else none."""
         all_of_them = np.concatenate(self.latents) if self.latents else np.empty((0, 0))
         return all_of_them if len(all_of_them) >= MIN_FOR_FID else all_of_them[:0]
 
@@ -177,7 +179,7 @@ def measure(
 
 
 def why_no_fid(report: dict[str, Figures], without_encoder: str) -> str:
-    """Why the methods of one table have no FID, in words; nothing where they have. ``without_encoder``: of `encoder_of`."""
+    """Why the methods of one table have no FID, in words; nothing if they have. ``without_encoder``: of `encoder_of`."""
     windows = report["captured"]["windows"]
     if without_encoder:
         return f"FID is not measured: {without_encoder}."
@@ -194,6 +196,8 @@ NAMES = (
     "right_penetration_share",
     "foot_sliding_m",
     "foot_skate_m_per_frame",
+    "standing_foot_m_per_frame",
+    "toe_highest_m",
     "l2p_m",
     "jitter_mps2",
     "seam_mps2",
@@ -212,5 +216,5 @@ def table(report: dict[str, dict[str, Figures]], notes: dict[str, str]) -> str:
             missing = {"fid": "not measured"} if notes.get(what) else {}
             cells = (f"{values[name]:.4g}" if name in values else missing.get(name, "–") for name in NAMES)
             lines.append(f"| {what} | {method} | {' | '.join(cells)} |")
-    told = [f"- {what}: {note}" for what, note in notes.items() if note]
-    return "\n".join([*lines, *([""] if told else []), *told]) + "\n"
+    reasons = [f"- {what}: {note}" for what, note in notes.items() if note]
+    return "\n".join([*lines, *([""] if reasons else []), *reasons]) + "\n"

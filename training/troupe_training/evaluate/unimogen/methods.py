@@ -56,7 +56,7 @@ Method = Callable[[Asked], Answer]
 
 
 def captured(body: Body) -> Method:
-    """What was captured."""
+    """The captured motion."""
     kinematics = BodyKinematics(body)
     return lambda asked: Answer(asked.windows.root, kinematics.turned(six_d_to_matrix(asked.windows.bends)))
 
@@ -84,7 +84,7 @@ def frozen(body: Body, limits: Range) -> Method:
 
 
 def interpolated(body: Body, limits: Range) -> Method:
-    """From the last pose of the past to the window's last pose, along the path. It alone is told the last pose."""
+    """From the last pose of the past to the window's last pose, along the path. No other method knows the last pose."""
 
     def change(rows: Tensor) -> Tensor:
         first, last = rows[:, :, CONTEXT_FRAMES - 1 : CONTEXT_FRAMES], rows[:, :, -1:]
@@ -118,7 +118,7 @@ def copied(store: BodyStore, other: BodyStore, limits: Range) -> Method:
 def counterparts(
     store: BodyStore, other: BodyStore, starts: Tensor, owners: Tensor, frames: int
 ) -> tuple[Tensor, Tensor]:
-    """First frames and clips of the same moments of the same takes on another body, -1 where it has none."""
+    """First frames and clips of the same moments of the same takes on another body, -1 if it has none."""
     if any("take" not in clip for clip in (*store.clips, *other.clips)):
         raise SystemExit("this cache does not say of which take its clips are: prepare the bodies into a new one")
     found = []

@@ -30,15 +30,15 @@ class Network:
     bodies: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def check_body(self, body: Body) -> None:
-        """Ends the command where the pack knows a body of this name that is another one."""
-        told = self.bodies.get(body.name)
-        if told is None:
+        """Ends the command if the pack knows a body of this name that is another one."""
+        known = self.bodies.get(body.name)
+        if known is None:
             return
-        joints = told["skeleton"]["joints"]
+        joints = known["skeleton"]["joints"]
         offsets = np.array([joint["offset_m"] for joint in joints])
         same = [joint["name"] for joint in joints] == body.skeleton.names
         if same:
-            apart = max(abs(offsets - np.array(body.skeleton.offsets)).max(), abs(told["size_m"] - body.size_m))
+            apart = max(abs(offsets - np.array(body.skeleton.offsets)).max(), abs(known["size_m"] - body.size_m))
             same = bool(apart <= SAME_BODY_M)
         if not same:
             raise SystemExit(
@@ -52,18 +52,18 @@ def of_run(trained: Trained) -> Network:
 
 
 def of_pack(pack: Path, threads: int) -> Network:
-    """A pack's network, in ONNX Runtime; ends the command where its file is not the one that the manifest tells of."""
+    """A pack's network, in ONNX Runtime; ends the command if its file is not the one that the manifest tells of."""
     manifest = read_manifest(pack)
     if manifest.get("family") != FAMILY.name:
         raise SystemExit(f"{pack} is a pack of the family {manifest.get('family')}, not {FAMILY.name}")
     digest = f"sha256:{hashlib.sha256((pack / FILE).read_bytes()).hexdigest()}"
     if digest != manifest["content_hash"]:
         raise SystemExit(f"{pack / FILE} is not the file that pack.toml tells of: its hash is {digest}")
-    told = manifest["unimogen"]
-    low, high = (torch.tensor(told[key]) for key in ("root_low", "root_high"))
+    known = manifest["unimogen"]
+    low, high = (torch.tensor(known[key]) for key in ("root_low", "root_high"))
     source = {"step": manifest["training"]["unimogen_steps"], "content_hash": digest}
-    bodies = {name: tomllib.loads((pack / "bodies" / f"{name}.toml").read_text()) for name in told["bodies"]}
-    return Network(denoiser_of(pack / FILE, threads), told["words"], Range(low, high), source, bodies)
+    bodies = {name: tomllib.loads((pack / "bodies" / f"{name}.toml").read_text()) for name in known["bodies"]}
+    return Network(denoiser_of(pack / FILE, threads), known["words"], Range(low, high), source, bodies)
 
 
 def load_network(folder: Path, threads: int) -> Network:

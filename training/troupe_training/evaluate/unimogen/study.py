@@ -90,12 +90,12 @@ def study_table(report: Report, notes: dict[str, str], updates: dict[str, int]) 
             ]
             windows = f"{figures['windows']['mean']:.0f}"
             lines.append(f"| {body} | {method} | {steps or ''} | {' | '.join(cells)} | {windows} |")
-    told = [f"- {body}: {note}" for body, note in notes.items() if note]
-    return "\n".join([*lines, *([""] if told else []), *told]) + "\n"
+    reasons = [f"- {body}: {note}" for body, note in notes.items() if note]
+    return "\n".join([*lines, *([""] if reasons else []), *reasons]) + "\n"
 
 
-def told_of(runs: Sequence[Planned], networks: Mapping[str, Network]) -> dict[str, Any]:
-    """What a report says of each run."""
+def about_runs(runs: Sequence[Planned], networks: Mapping[str, Network]) -> dict[str, Any]:
+    """A report's entry of each run."""
     return {
         run.name: {"seed": run.seed, "bodies": run.bodies, "without": run.without} | networks[run.name].source
         for run in runs

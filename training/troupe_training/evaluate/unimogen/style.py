@@ -71,7 +71,7 @@ def windows_of(store: BodyStore, style: str, setting: Setting, most: int | None)
 
 
 def shows(store: BodyStore, styles: tuple[str, str], frames: int) -> bool:
-    """True where clips that are long enough show either style."""
+    """True if clips that are long enough show either style."""
     long = torch.tensor([clip["frames"] >= frames for clip in store.clips])
     return all(bool((store.clip_words[long, store.words.index(style)] > 0).any()) for style in styles)
 
@@ -79,7 +79,7 @@ def shows(store: BodyStore, styles: tuple[str, str], frames: int) -> bool:
 def captured_latents(
     store: BodyStore, style: str, setting: Setting, encoder: Encoder, most: int | None = None
 ) -> np.ndarray:
-    """Latents of what was captured in a style."""
+    """Latents of captures in a style."""
     starts, owners = windows_of(store, style, setting, most)
     if not len(starts):
         raise SystemExit(f"{store.body.name}: no window of {setting.frames} frames shows {style!r}")
@@ -116,7 +116,7 @@ def answered_latents(
 
 
 def trained_classifier(train: BodyStore, styles: tuple[str, str], setting: Setting, encoder: Encoder) -> Classifier:
-    """A classifier of two styles by what was captured of them."""
+    """A classifier of two styles, trained on captures of both."""
     return classifier(*(captured_latents(train, style, setting, encoder, MOST_FOR_TRAINING) for style in styles))
 
 

@@ -74,7 +74,7 @@ class Model:
 def decoded(
     tokenizer: Tokenizer, flow: FlowDecoder | None, codes: list[list[int]], flow_steps: int = 0, seed: int = 1
 ) -> list[Clip]:
-    """Motions of codes, by the flow decoder where it has steps."""
+    """Motions of codes, by the flow decoder if it has steps."""
     clips = []
     for row, one in enumerate(codes):
         tokens = torch.tensor([one])
@@ -92,7 +92,7 @@ def decoded(
 
 
 def captured(motions: Motions, crop: Crop) -> Clip:
-    """What was captured."""
+    """The captured motion."""
     one = motions.store.segments(torch.tensor([crop.start]), crop.tokens * RATE)
     return Clip(one.pose[0], one.global_root[0])
 

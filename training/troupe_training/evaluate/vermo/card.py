@@ -13,7 +13,7 @@ from troupe_training.evaluate.vermo.reconstruction import reconstruction_table
 from troupe_training.evaluate.vermo.text import description_table, text_table
 from troupe_training.export.manifest import read_manifest
 
-# What a part is called, what its figures mean, and how they become a table.
+# A part's title, the meaning of its figures, and its table.
 PARTS: dict[str, tuple[str, str, Callable[[dict[str, Any]], str]]] = {
     "reconstruction": (
         "Reconstruction",
@@ -59,7 +59,7 @@ captured clips are.""",
 
 
 def _check_source(measured: dict[str, Any], manifest: dict[str, Any]) -> None:
-    """Ends the command where figures are of other networks than the pack's."""
+    """Ends the command if figures are of other networks than the pack's."""
     for key, step in measured["steps"].items():
         # A pack may be without the flow decoder that was measured.
         left_out = key == "flow_steps" and not manifest["vermo"]["flow_steps"]
@@ -79,7 +79,7 @@ def write_card(pack: Path, evaluations: Sequence[Path], notes: Path | None) -> N
     reports = [json.loads(path.read_text()) for path in evaluations]
     for report in reports:
         _check_source(report, manifest)
-    training, told = manifest["training"], manifest["vermo"]
+    training, family_table = manifest["training"], manifest["vermo"]
     size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
     hours = training["frames"] / FPS / 3600
     words = len((pack / "words.txt").read_text(encoding="utf-8").split())
@@ -87,7 +87,7 @@ def write_card(pack: Path, evaluations: Sequence[Path], notes: Path | None) -> N
         f"# {manifest['name']} {manifest['version']}",
         (
             f"{manifest['parameters'] / 1e6:.1f} million parameters, {size:.1f} MB in 16-bit weights, "
-            f"{told['motion_codes']} motion codes, {words} words, {manifest['fps']:.0f} Hz, "
+            f"{family_table['motion_codes']} motion codes, {words} words, {manifest['fps']:.0f} Hz, "
             f"motion of up to {manifest['frames_per_token'] * manifest['max_tokens']} frames a reply."
         ),
         f"Licence of the weights: {manifest['licence']}. Credits: {'; '.join(manifest['credits'])}.",

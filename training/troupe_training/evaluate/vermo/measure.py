@@ -51,7 +51,7 @@ MULTIMODAL = (20, 5)  # captions, and motions for each
 
 @dataclass
 class Setting:
-    """What is measured, and how."""
+    """The setting of a measurement."""
 
     run: Path
     cache: Path
@@ -121,7 +121,7 @@ class Measured:
         return figures, continuation_table(figures)
 
     def motionbricks(self, motions: Motions, windows: list[Window]) -> dict[str, list[list[Clip]]]:
-        """Gaps as the pack beside fills them, where there is one: with the likeliest codes, and with codes that are drawn."""
+        """Gaps as the pack beside fills them, with the likeliest codes and with drawn codes; empty without such a pack."""
         setting = self.setting
         if setting.motionbricks is None:
             return {}

@@ -25,7 +25,7 @@ Answers = Callable[[Motions, list[Window], bench.Sampling], list[Clip]]
 
 
 def of_pack(pack: Path, skeleton: Skeleton, threads: int) -> Answers:
-    """What a pack of the same body fills gaps with; ends the command where the body is another."""
+    """The networks of a pack of the same body, to fill gaps with; ends the command if the body is another."""
     own = Skeleton.of_manifest(read_manifest(pack))
     offsets = [torch.tensor(body.offsets) for body in (own, skeleton)]
     is_same = (own.names, own.parents, own.left_axis) == (skeleton.names, skeleton.parents, skeleton.left_axis)

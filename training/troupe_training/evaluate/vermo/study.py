@@ -79,7 +79,7 @@ class Trained:
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """What it is measured on."""
+        """The split to measure on."""
         return (self.part.task,) if self.part.task else TASKS
 
 
@@ -104,9 +104,9 @@ def said_side(texts: Sequence[str], contents: Sequence[str]) -> Figures:
 
     Counts the contents that have one; without any there is no figure.
     """
-    told = [(text, side) for text, content in zip(texts, contents, strict=True) for side in HANDS if side in content]
-    right = sum([word for word in HANDS if word in text.split()] == [side] for text, side in told)
-    return {"said_side": right / len(told)} if told else {}
+    sided = [(text, side) for text, content in zip(texts, contents, strict=True) for side in HANDS if side in content]
+    right = sum([word for word in HANDS if word in text.split()] == [side] for text, side in sided)
+    return {"said_side": right / len(sided)} if sided else {}
 
 
 @dataclass
@@ -166,7 +166,7 @@ class Study:
         return said | said_side(texts, contents)
 
     def references(self, split: Tested) -> dict[str, Figures]:
-        """What was captured, and the training clips of the nearest captions."""
+        """The captured motion, and the training clips of the nearest captions."""
         asked = asked_of(split.motions, split.crops, self.setting.seed)
         ids = [self.pieces.ids(one.text) for one in asked]
         seen = [self.pieces.ids(rows[0]) for rows in captions_of(self.train, 1, self.setting.seed + 1)]
@@ -186,7 +186,7 @@ class Study:
         return report
 
     def decoders(self, run: Path, stage: str) -> Report:
-        """The same tokens by the first stage's decoder and, where there is one, by the flow decoder."""
+        """The same tokens by the first stage's decoder, and by the flow decoder if the run has one."""
         model = self.model(run, stage)
         flow = model.networks.flow
         report: Report = {}
@@ -247,9 +247,9 @@ def stages_table(figures: Mapping[str, Figures], trained: Sequence[Trained]) -> 
     for title, own in rows_of(figures, trained).items():
         models = [one for one in trained if one.title == title]
         updates = sorted({one.updates for one in models})
-        told = f"{updates[0]}–{updates[-1]}" if len(updates) > 1 else "".join(map(str, updates))
+        updates_text = f"{updates[0]}–{updates[-1]}" if len(updates) > 1 else "".join(map(str, updates))
         seeds = str(len({one.seed for one in models})) if models else ""
-        rows.append([title, seeds, told, *(m.cell(own.get(m.name)) for m in MEASURES)])
+        rows.append([title, seeds, updates_text, *(m.cell(own.get(m.name)) for m in MEASURES)])
     return markdown(header, rows)
 
 
@@ -270,33 +270,33 @@ def tokenizers_table(report: Report, about: Mapping[str, Figures]) -> str:
     """Markdown: reconstruction by quantizer and split, then codes in use on the training clips."""
     rows = {f"{name}, {split}": own for split, methods in report.items() for name, own in methods.items()}
     header = ["", "updates", "codes", "in use on training clips (%)", "perplexity on training clips"]
-    told = [
+    codes = [
         [name, f"{f['updates']:.0f}", f"{f['count']:.0f}", f"{100 * f['codes']:.1f}", f"{f['perplexity']:.0f}"]
         for name, f in about.items()
     ]
-    return reconstruction_table(rows) + "\n" + markdown(header, told)
+    return reconstruction_table(rows) + "\n" + markdown(header, codes)
 
 
 def measure_study(folder: Path, runs: Sequence[Planned], setting: Setting) -> tuple[dict[str, Any], str]:
     """Figures of all runs, and their tables."""
     trained = trained_of(folder, runs)
-    told: dict[str, Any] = {"models": {one.name: _told(one) for one in trained}}
+    report: dict[str, Any] = {"models": {one.name: _about(one) for one in trained}}
     text = ""
     if trained:
         study = Study(setting)
-        told["stages"] = study.stages(folder, trained)
-        for split, figures in told["stages"].items():
+        report["stages"] = study.stages(folder, trained)
+        for split, figures in report["stages"].items():
             text += f"\n## Training stages, {split}\n\n{stages_table(figures, trained)}"
         general = next((one for one in trained if one.title == TITLES[INSTRUCT, False]), None)
         if general:
-            told["decoders"] = study.decoders(folder / general.run, general.part.name)
-            for split, figures in told["decoders"].items():
+            report["decoders"] = study.decoders(folder / general.run, general.part.name)
+            for split, figures in report["decoders"].items():
                 text += f"\n## Decoders of {general.name}, {split}\n\n{decoders_table(figures)}"
     if any(run.tokenizer for run in runs):
-        told["tokenizers"], told["codes"] = tokenizers(folder, runs, setting)
-        text += f"\n## Quantizers\n\n{tokenizers_table(told['tokenizers'], told['codes'])}"
-    return told, text
+        report["tokenizers"], report["codes"] = tokenizers(folder, runs, setting)
+        text += f"\n## Quantizers\n\n{tokenizers_table(report['tokenizers'], report['codes'])}"
+    return report, text
 
 
-def _told(one: Trained) -> dict[str, Any]:
+def _about(one: Trained) -> dict[str, Any]:
     return {"row": one.title, "seed": one.seed, "updates": one.updates, "best_update_of_stage": one.best}

@@ -41,7 +41,7 @@ def asked_of(motions: Motions, crops: list[Crop], seed: int) -> list[Asked]:
 
 @torch.no_grad()
 def judged(judge: Judge, clips: list[Clip]) -> Tensor:
-    """What the judge reads of motions, ``[N, width]``."""
+    """The judge's features of motions, ``[N, width]``."""
     rows = []
     for clip in clips:
         tokens = len(clip.pose) // RATE
@@ -118,11 +118,11 @@ def description_figures(
     texts = model.texts(messages)
     sums = dict.fromkeys(("content", "style", "both", "well_formed"), 0.0)
     for crop, text in zip(crops, texts, strict=True):
-        truth, told = motions.names[crop.clip], named_by(text, names)
-        sums["well_formed"] += bool(told)
-        sums["content"] += truth[0] in {content for content, _ in told}
-        sums["style"] += truth[1] in {style for _, style in told}
-        sums["both"] += truth in told
+        truth, guesses = motions.names[crop.clip], named_by(text, names)
+        sums["well_formed"] += bool(guesses)
+        sums["content"] += truth[0] in {content for content, _ in guesses}
+        sums["style"] += truth[1] in {style for _, style in guesses}
+        sums["both"] += truth in guesses
     return {name: value / len(crops) for name, value in sums.items()}, texts
 
 

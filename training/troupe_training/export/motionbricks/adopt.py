@@ -1,21 +1,19 @@
 """``adopt``: the networks of a pack as a run's checkpoints, to train on where those are gone, or on other motion.
 
-A pack has no encoder and none of the decoder's outputs that only training reads: both begin anew. What is trained on is
-the decoder, on what the other two networks predict (`refine`); see `train.motionbricks.refine`.
+A pack has no encoder and none of the decoder's outputs that only training reads: both begin with random weights. `refine` then
+trains the decoder on what the other two networks predict, see `train.motionbricks.refine`.
 """
 
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import onnx
 import torch
-from onnx import numpy_helper
 from torch import Tensor, nn
 
 from troupe_training.data.store import ClipStore
 from troupe_training.export.manifest import read_manifest
+from troupe_training.export.weights import weights_of
 from troupe_training.models.layers import FrameConv
 from troupe_training.models.motionbricks.carried import usual_heights
 from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
@@ -26,43 +24,6 @@ from troupe_training.train.motionbricks.choice import CHOICE
 from troupe_training.train.motionbricks.pose import POSE
 from troupe_training.train.motionbricks.root import ROOT
 from troupe_training.train.motionbricks.tokenizer import TOKENIZER
-
-FLOATS = (onnx.TensorProto.FLOAT, onnx.TensorProto.FLOAT16)
-
-
-def weights_of(path: Path) -> dict[str, Tensor]:
-    """The graph's numbers by the names that PyTorch has for them.
-
-    Biases and constants keep their names in a graph; the matrix of a linear layer is what is multiplied before its bias is
-    added.
-    """
-    graph = onnx.load(path).graph
-    numbers = {
-        i.name.removesuffix(".half"): numpy_helper.to_array(i).astype(np.float32)
-        for i in graph.initializer
-        if i.data_type in FLOATS
-    }
-    producers = {output: node for node in graph.node for output in node.output}
-
-    def number(name: str) -> str:
-        """What a name stands for, through the Cast of 16-bit weights."""
-        node = producers.get(name)
-        return (node.input[0] if node and node.op_type == "Cast" else name).removesuffix(".half")
-
-    found = dict(numbers)
-    for node in graph.node:
-        names = [number(name) for name in node.input]
-        if node.op_type == "Add" and any(name.endswith(".bias") for name in names):
-            bias = next(name for name in names if name.endswith(".bias"))
-            other = node.input[1 - names.index(bias)]
-            product = producers.get(other)
-            if product is not None and product.op_type == "MatMul":
-                found.setdefault(bias.removesuffix("bias") + "weight", numbers[number(product.input[1])].T)
-        elif node.op_type == "Gemm" and len(names) == 3:
-            turned = next((a.i for a in node.attribute if a.name == "transB"), 0)
-            matrix = numbers[names[1]] if turned else numbers[names[1]].T
-            found.setdefault(names[2].removesuffix("bias") + "weight", matrix)
-    return {name: torch.from_numpy(np.array(value)) for name, value in found.items()}
 
 
 def find_folded(numbers: dict[str, Tensor], name: str, folded: tuple[int, ...], shape: torch.Size) -> None:
@@ -81,7 +42,7 @@ def find_mean(numbers: dict[str, Tensor], name: str, shape: torch.Size, shipped:
 
 
 def adopt_stage(module: nn.Module, numbers: dict[str, Tensor]) -> list[str]:
-    """Fills ``module`` with a graph's numbers; the names of what the graph does not have."""
+    """Fills ``module`` with a graph's numbers; the names that the graph lacks."""
     convolutions = {
         f"{name}.weight": m.kernel_size[0] for name, m in module.named_modules() if isinstance(m, FrameConv)
     }
@@ -151,13 +112,12 @@ def adopt_decoder(tokenizer: Tokenizer, numbers: dict[str, Tensor]) -> list[str]
 
 
 def save_adopted(
-    run: Path, stage: str, model: nn.Module, config: ModelConfig, preset: str, told: dict[str, Any]
+    run: Path, stage: str, model: nn.Module, config: ModelConfig, preset: str, trained: dict[str, Any]
 ) -> None:
     """A checkpoint with the updates and minutes that the pack's manifest tells of the stage."""
-    steps, loss = told.get(f"{stage}_steps", 0), told.get(f"{stage}_final_loss")
-    # A pack's decoder has been refined, of which the next manifest is to tell even where it is not
-    # refined again.
-    refined = {key: value for key, value in told.items() if stage == TOKENIZER.name and key.startswith("refine_")}
+    steps, loss = trained.get(f"{stage}_steps", 0), trained.get(f"{stage}_final_loss")
+    # The next manifest reports the refinement of a pack's decoder, also without another one.
+    refined = {key: value for key, value in trained.items() if stage == TOKENIZER.name and key.startswith("refine_")}
     write_checkpoint(
         run / f"{stage}.pt",
         {
@@ -166,7 +126,7 @@ def save_adopted(
             "model": model.state_dict(),
             "average": model.state_dict(),
             "step": steps,
-            "seconds": 60.0 * told.get(f"{stage}_minutes", 0.0),
+            "seconds": 60.0 * trained.get(f"{stage}_minutes", 0.0),
             "history": [] if loss is None else [{"step": steps, "total": loss}],
         },
     )

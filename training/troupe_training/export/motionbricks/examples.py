@@ -18,7 +18,7 @@ def example_inputs(
 ) -> dict[str, Inputs]:
     """Inputs of each stage: ``batch`` segments of up to ``slots`` tokens, padded to ``slots``.
 
-    Where roots have ``root_choices``, every other row has noise for them.
+    If roots have ``root_choices``, every other row has noise for them.
     """
     generator = Generator().manual_seed(seed)
     joints, padded_frames = store.skeleton.joint_count, slots * FRAMES_PER_TOKEN

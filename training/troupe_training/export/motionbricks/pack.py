@@ -70,7 +70,7 @@ def _training(run: Path, store: ClipStore) -> dict[str, Any]:
 
 
 def export_pack(out: Path, about: About, store: SegmentSource, networks: Networks) -> None:
-    """Writes the pack folder and fails where a stage differs from PyTorch by more than `TOLERANCE`."""
+    """Writes the pack folder and fails if a stage differs from PyTorch by more than `TOLERANCE`."""
     fresh = out.with_name(out.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)

@@ -59,17 +59,17 @@ def export_run(run: Path, cache: Path, out: Path, about: About) -> None:
     words = {name: words for name, (_, _, words) in seen.items()}
     licence, credits = _terms(cache, list(bodies))
     licence = licence if about.licence == "unknown" else about.licence
-    told = replace(about, training=training, licence=licence, credits=about.credits or credits)
-    export_pack(out, told, trained, bodies, words)
+    full = replace(about, training=training, licence=licence, credits=about.credits or credits)
+    export_pack(out, full, trained, bodies, words)
     plot_curves(run, [STAGE], out / "curves.png")
 
 
 def _terms(cache: Path, bodies: list[str]) -> tuple[str, list[str]]:
     """The strictest licence of the bodies' motion, and whom to credit."""
-    told = [json.loads((cache / name / "clips.json").read_text())["options"] for name in bodies]
-    licences = {one["licence"] for one in told}
+    options = [json.loads((cache / name / "clips.json").read_text())["options"] for name in bodies]
+    licences = {one["licence"] for one in options}
     known = licences <= set(LICENCES)
-    credits = list(dict.fromkeys(credit for one in told for credit in one["credits"]))
+    credits = list(dict.fromkeys(credit for one in options for credit in one["credits"]))
     return max(licences, key=LICENCES.index) if known else "unknown", [*credits, METHOD]
 
 
@@ -83,7 +83,7 @@ def _seen(folder: Path) -> tuple[int, int, list[str]]:
 def export_pack(
     out: Path, about: About, trained: Trained, bodies: dict[str, Body], words: dict[str, list[str]]
 ) -> None:
-    """Writes the pack folder and fails where the file differs from PyTorch by more than `TOLERANCE`.
+    """Writes the pack folder and fails if the file differs from PyTorch by more than `TOLERANCE`.
 
     The first of ``bodies`` that is a biped without hinges, or else the first, is the manifest's own skeleton.
     """
@@ -121,7 +121,7 @@ def export_pack(
 
 
 def _family_lines(words: list[str], bodies: list[str], main: str, limits: Range) -> list[str]:
-    """What the family's runner goes by, besides the graph."""
+    """Lines for the family's runner, besides the graph."""
     rounded = {
         name: [round(float(v), 6) for v in values] for name, values in (("low", limits.low), ("high", limits.high))
     }

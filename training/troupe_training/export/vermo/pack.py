@@ -23,7 +23,7 @@ MOST_OTHER_TOKENS = 0.02  # share of tokens that ONNX Runtime may give otherwise
 
 @dataclass
 class Served:
-    """What a server may ask of a pack."""
+    """The capabilities of a pack."""
 
     tasks: list[str]
     pieces: Pieces
@@ -33,7 +33,7 @@ class Served:
 
 
 def export_pack(out: Path, about: About, skeleton: Skeleton, networks: Networks, served: Served) -> Networks:
-    """Writes the pack folder and gives the networks as they are shipped; fails where a file differs too much from PyTorch."""
+    """Writes the pack folder and gives the networks as they are shipped; fails if a file differs too much from PyTorch."""
     fresh = out.with_name(out.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
@@ -68,7 +68,7 @@ def export_pack(out: Path, about: About, skeleton: Skeleton, networks: Networks,
 
 
 def _family_lines(networks: Networks, served: Served) -> list[str]:
-    """What the family's runner goes by, besides the graphs."""
+    """Lines for the family's runner, besides the graphs."""
     config, vocabulary, sampling = networks.language.config, networks.language.vocabulary, served.sampling
     return [
         "",

@@ -142,8 +142,8 @@ def _answered(language: LanguageModel, pieces: Pieces, message: Message, agents:
 
 def write_reference(path: Path, networks: Networks, pieces: Pieces) -> None:
     """Writes `reference` as JSON, a message a line."""
-    told = reference(networks, pieces)
-    lines = {name: json.dumps(told[name], separators=(",", ":")) for name in ("encoder", "decoder")}
-    messages = ",\n".join(json.dumps(message, separators=(",", ":")) for message in told["messages"])
+    expected = reference(networks, pieces)
+    lines = {name: json.dumps(expected[name], separators=(",", ":")) for name in ("encoder", "decoder")}
+    messages = ",\n".join(json.dumps(message, separators=(",", ":")) for message in expected["messages"])
     rest = ",\n".join(f'"{name}": {text}' for name, text in lines.items())
     path.write_text(f'{{\n"messages": [\n{messages}\n],\n{rest}\n}}\n')

@@ -1,4 +1,4 @@
-"""A run's checkpoints as a pack: the tokenizer, the latest stage of the language model, and the flow decoder where it has one."""
+"""A run's checkpoints as a pack: the tokenizer, the latest stage of the language model, and the flow decoder if it has one."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ METHOD = "VerMo (Ling et al. 2025) for the method"
 def load_networks(
     run: Path, store: ClipStore, task: str | None = None, stage: str | None = None
 ) -> tuple[Networks, str]:
-    """The networks of a run, and the name of the language model's stage: the latest one, of a task's where one is given."""
+    """The networks of a run, and the name of the language model's stage: the latest one, of a task's if one is given."""
     stage = stage or latest_stage(run, task)
     flow = FLOW.load(run, store) if FLOW.path(run).exists() else None
     return Networks(load_tokenizer(run, store), load_language(run, stage), flow), stage
@@ -60,6 +60,6 @@ def export_run(run: Path, cache: Path, out: Path, about: About, task: str | None
             training[f"{key}_final_loss"] = state["history"][-1]["total"]
     words = (run / WORDS).read_text(encoding="utf-8").split()
     served = Served([task] if task else list(SHARES), Pieces.read(run / PIECES), words, MOST_AGENTS)
-    told = replace(about, training=training, credits=[*about.credits, METHOD])
-    export_pack(out, told, store.skeleton, networks, served)
+    about_run = replace(about, training=training, credits=[*about.credits, METHOD])
+    export_pack(out, about_run, store.skeleton, networks, served)
     plot_curves(run, stages, out / "curves.png")

@@ -1,4 +1,4 @@
-"""What the decoder carries over from the given keyframes: poses turned with the root and interpolated, and how far to trust them.
+"""The decoder's carried keyframes: given poses turned with the root and interpolated, and how far to trust them.
 
 A decoder that has to press every pose through its narrow layers misses even those it is given, by centimetres, and with them
 whatever of a character's bearing does not change on the way. So it starts from the keyframes as the Δ-interpolator does
@@ -20,7 +20,7 @@ FIRST_REACH_FRAMES = 6.0
 def neighbours(mask: Tensor) -> tuple[Tensor, Tensor]:
     """For each frame 1 at the last keyframe up to it, and 1 at the first from it on: ``[B, T, T]`` of 0/1, from ``[B, T]``.
 
-    A keyframe is its own neighbour on both sides. Frames are told apart by how many keyframes there are up to them.
+    A keyframe is its own neighbour on both sides. The number of keyframes up to a frame identifies its gap.
     """
     count = mask.cumsum(-1)
     before = (count[:, :, None] == count[:, None, :]).float() * mask[:, None]
@@ -67,13 +67,13 @@ class CarriedPose(nn.Module):
     def forward(self, pose: Tensor, mask: Tensor, global_root: Tensor, heights: Tensor) -> tuple[Tensor, Tensor]:
         """Poses less ``heights``, zero without a keyframe before that, and distances ``[B, T]`` to the nearest keyframe.
 
-        ``pose`` ``[B, T, J*9]`` in physical units is zero where ``mask`` ``[B, T]`` is; ``global_root`` ``[B, T, 5]``.
+        ``pose`` ``[B, T, J*9]`` in physical units is zero if ``mask`` ``[B, T]`` is 0; ``global_root`` ``[B, T, 5]``.
         ``heights`` ``[J*9]`` are usual values of what no turn changes (`usual_heights`). A head is never far from 1.6 m up:
         where an engine computes in 16 bits, the centimetres by which it is would be lost beside them.
         """
         shares, distance = interpolation(mask)
         cosine, sine = global_root[..., 3:4], global_root[..., 4:5]
-        # Taken away where they were given, and from zeros where nothing was.
+        # Subtracted in given frames, and from zeros in all others.
         pose = pose - heights * mask[..., None]
         nothing = (1.0 - mask.amax(-1, keepdim=True))[..., None]
         x, y, z = pose.unflatten(-1, (-1, 3)).permute(0, 3, 1, 2).unbind(1)

@@ -30,8 +30,8 @@ class ModelConfig:
     pose_layers: int = 5
     pose_feedforward: int = 4  # width of the pose module's feed-forward layers, in multiples of `pose_dim`
     attention_head_dim: int = 32
-    # Levels of each dimension of a head where it is quantised by rounding (FSQ); none where it has
-    # a codebook. Their product is `codes`, their number `code_dim`.
+    # Levels of each dimension of a head that is quantised by rounding (FSQ); none with a
+    # codebook. Their product is `codes`, their number `code_dim`.
     fsq_levels: tuple[int, ...] = ()
 
 

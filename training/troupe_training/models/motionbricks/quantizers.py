@@ -1,4 +1,4 @@
-"""What turns latents into tokens: K codebooks, or fixed levels."""
+"""Quantisers of latents: K codebooks, or fixed levels."""
 
 import torch
 from torch import Tensor, nn

@@ -15,7 +15,7 @@ from troupe_training.models.motionbricks.config import FRAMES_PER_TOKEN, MAX_TOK
 from troupe_training.models.motionbricks.root_module import RootPass
 
 CHANNELS = 4  # x, y, z in metres, heading in radians
-# Usual sizes of what is missed, by channel: what the read-out's numbers are multiples of.
+# Usual sizes of errors by channel. The read-out's numbers are multiples of them.
 SCALES = (0.05, 0.02, 0.05, 0.1)
 # Frames from the context, and from a target, at which half of the envelope is reached. The speed of
 # the context is known, so misses begin with the square of time; at a target only the place is.
@@ -42,7 +42,7 @@ def envelope(has_global_root: Tensor, num_tokens: Tensor) -> Tensor:
 def splines(frames: int) -> Tensor:
     """Values ``[64, 16]`` at each frame of cubic B-splines that are centred on the tokens, with pieces of so many ``frames``.
 
-    Where pieces are longer than tokens they overlap more, and what they make is smoother.
+    If pieces are longer than tokens they overlap more, and what they make is smoother.
     """
     centre = torch.arange(MAX_TOKENS) * FRAMES_PER_TOKEN + (FRAMES_PER_TOKEN - 1) / 2
     apart = ((torch.arange(MAX_FRAMES)[:, None] - centre[None]) / frames).abs()
@@ -73,7 +73,7 @@ class RootChoice(nn.Module):
         self.read = nn.Linear(config.root_dim, self.choices * CHANNELS)
         with torch.no_grad():
             self.read.weight.mul_(0.3)
-        # Sizes of what no curve explains, of places and of their speeds; of use in training alone.
+        # Sizes of the unexplained errors of places and of their speeds, for training alone.
         self.log_rest = nn.Parameter(torch.zeros(2, CHANNELS))
         self.register_buffer("splines", splines(config.root_curve_frames))
         self.register_buffer("scales", torch.tensor(SCALES), persistent=False)

@@ -20,12 +20,12 @@ RESIDUAL_SCALE = 0.25
 
 @dataclass
 class RootPass:
-    """What step 2 gives: the likeliest root, and what a choice of others goes by."""
+    """The result of step 2: the likeliest root, and the features that a choice of others reads."""
 
     root: Tensor  # r_g3: [B, 64, 5]
     hidden: Tensor  # slots, constraints and timing: [B, 18, dim]
     valid: Tensor  # which of them are inside the segment: [B, 18] of 0/1
-    envelope: Tensor  # how free the root is at each frame: [B, 64], 0 where it is given
+    envelope: Tensor  # how free the root is at each frame: [B, 64], 0 if it is given
 
 
 class RootModule(nn.Module):

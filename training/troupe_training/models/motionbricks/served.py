@@ -129,7 +129,7 @@ class Networks:
     tokenizer: Tokenizer
     root: RootModule
     pose: PoseModule
-    choice: RootChoice | None = None  # of roots, where it is trained
+    choice: RootChoice | None = None  # of roots, if it is trained
 
     @property
     def root_choices(self) -> int:
@@ -137,7 +137,7 @@ class Networks:
         return self.choice.choices if self.choice else 0
 
     def stages(self) -> dict[str, nn.Module]:
-        """What a pack ships, by the names of its ONNX files; the pose module as it is."""
+        """The shipped modules by the names of their ONNX files; the pose module as it is."""
         return {"root": RootStage(self.root, self.choice), "pose": self.pose, "decoder": DecoderStage(self.tokenizer)}
 
     def parameters(self) -> dict[str, int]:

@@ -22,7 +22,7 @@ assert FRAMES_PER_TOKEN == 4, "the decoder up-samples twice by two"
 
 @dataclass
 class Decoded:
-    """What the decoder gives for each frame, in physical units; `rotations` is ``[B, T, J, 3, 3]``."""
+    """The decoder's output for each frame, in physical units; `rotations` is ``[B, T, J, 3, 3]``."""
 
     positions: Tensor
     rotations: Tensor
@@ -112,7 +112,7 @@ class Decoder(nn.Module):
         return self.carried(frame_pose * frame_mask[..., None], frame_mask, global_root, heights)
 
     def scaled(self, carried: Tensor) -> Tensor:
-        """What `carry` gives, standardised."""
+        """The output of `carry`, standardised."""
         mean = self.pose_scale.mean
         return (carried - (mean - usual_heights(mean))) / self.pose_scale.std
 

@@ -19,11 +19,12 @@ class UniMoGenConfig:
     heads: int = 4
     deep_blocks: int = 1  # blocks with attention in the last encoder level, and as many in the first decoder level
     merged_attention: bool = False  # one attention over frames and joints instead of two (paper, table 6)
-    positions: bool = True  # attention is told of the order of frames and of ancestors (paper, table 7)
+    positions: bool = True  # attention knows the order of frames and of ancestors (paper, table 7)
 
 
 PRESETS = {
     "default": UniMoGenConfig(),
+    "medium": UniMoGenConfig(channels=48, condition=192, attention=96, heads=6),
     "wide": UniMoGenConfig(channels=64, condition=256, attention=128, heads=8, deep_blocks=2),
     "tiny": UniMoGenConfig(channels=8, condition=16, attention=8, heads=2),
 }

@@ -29,7 +29,7 @@ def sampler_steps(count: int, steps: int = DIFFUSION_STEPS) -> list[int]:
 
 
 def ddim(noisy: np.ndarray, clean: np.ndarray, step: int, then: int | None, signal: np.ndarray) -> np.ndarray:
-    """From ``step`` to the next one, ``then``, without new noise; ``clean`` itself where there is none. 32 bits."""
+    """From ``step`` to the next one, ``then``, without new noise; ``clean`` itself if there is none. 32 bits."""
     if then is None:
         return clean
     a, b = signal[step], signal[then]

@@ -80,7 +80,7 @@ class TimeAttention(nn.Module):
         nn.init.zeros_(self.out.bias)
 
     def forward(self, x: Tensor, read: Tensor | None = None) -> Tensor:
-        """``x`` ``[R, T, C]``; ``read`` ``[R, N, D]``, itself where left out."""
+        """``x`` ``[R, T, C]``; ``read`` ``[R, N, D]``, itself if left out."""
         normed = self.norm(x)
         key, value = (
             _heads(part, self.heads) for part in self.key_value(normed if read is None else read).chunk(2, -1)
@@ -215,7 +215,7 @@ class Carried(nn.Module):
     """What the answer starts from: the given frames' own values, carried on by learnt shares, and what is seen through the noise.
 
     A narrow network can hardly repeat a pose that it is given, and every seam shows it. So a row's answer is the network's plus
-    shares of its last past frame and of its velocity there, of its last frame where that is given (each for every distance in
+    shares of its last past frame and of its velocity there, of its last frame if that is given (each for every distance in
     frames, apart for joints and the root's place), and of the noisy row itself (for every diffusion step).
     """
 
@@ -302,15 +302,15 @@ class UniMoGen(nn.Module):
         """
         place = description[:, DESCRIPTION.index("is_place")][:, None, None]
         known = torch.cat([path / self.path_scale, given[..., None]], -1)[owner]  # [R, T, 4]
-        told = self.row(description)
+        described = self.row(description)
         # Gathered before any product, so that every product has one row's numbers in a row.
-        condition = F.silu(self.step(waves(step, TIME_WAVES, 100.0)[owner]) + self.style(style[owner]) + told)
+        condition = F.silu(self.step(waves(step, TIME_WAVES, 100.0)[owner]) + self.style(style[owner]) + described)
         tokens = self.tokens(known.unflatten(1, (-1, RATE)).flatten(2))
         full = (
             (1.0 - place) * self.joint_in(x)
             + place * self.place_in(x)
             + self.frame_in(known)
-            + self.row_in(told)[:, None]
+            + self.row_in(described)[:, None]
         )
         full = self.encoder[0](full, condition)
         half = self.encoder[1](self.down[0](full.unflatten(1, (-1, 2)).flatten(2)), condition)

@@ -20,13 +20,13 @@ INPUTS = ("x", "given", "path", "step", "style", "description", "owner", "rows",
 
 @dataclass
 class Character:
-    """What one character wants: rows are those of `state.encode`, T is a multiple of 4."""
+    """The request of one character: rows are those of `state.encode`, T is a multiple of 4."""
 
     body: Body
     path: np.ndarray  # [T, 3]: `Path2D.features`
     style: np.ndarray  # [K], weights; all zero for none
     seed: int = 0
-    given: np.ndarray | None = None  # [T] of 0/1: frames that are known, none where left out
+    given: np.ndarray | None = None  # [T] of 0/1: frames that are known, none if left out
     known: np.ndarray | None = None  # [J + 1, T, 6]: their rows, anything elsewhere
     guidance: float = 1.0  # 1: the style as trained; more exaggerates it
     rows: int = field(init=False)
@@ -73,7 +73,7 @@ class Batch:
         }
 
     def clean(self, denoiser: Denoiser, step: int) -> list[np.ndarray]:
-        """What the network takes for the clean rows of each character at a diffusion step, with guidance."""
+        """The network's clean rows of each character at a diffusion step, with guidance."""
         for character, state in zip(self.characters, self.state, strict=True):
             if character.given is not None and character.known is not None:
                 known = character.given > 0

@@ -1,12 +1,12 @@
 """From motion to what the network denoises, and back.
 
-Every frame is told in the frame of its path: the path's point ``p`` on the ground and heading ``psi``. With lengths as shares of
+Every frame is seen from its path: the path's point ``p`` on the ground and heading ``psi``. With lengths as shares of
 the body's size and ``Y(psi)`` the rotation about +Y:
 
 - row 0: ``Y(-psi) (root - p)`` for x and z, and ``(root height - neutral height)``, min-max normalised to -1..1;
 - row 1 (the root joint): the columns of ``Y(-psi) D[root]``, others: the columns of the bend ``L``; less those of the identity,
   times `BEND_GAIN`.
-- what the network is told of the path is its velocity in its own frame, and its turn rate.
+- the network sees the path's velocity in its own frame, and its turn rate.
 
 So a motion that starts elsewhere or heads elsewhere is the same to the network, exactly.
 """
@@ -18,10 +18,11 @@ from torch import Tensor
 
 from troupe_training.data.bodies import Body
 from troupe_training.data.conventions import FPS
+from troupe_training.data.precision import full_precision
 from troupe_training.data.rotations import matrix_to_six_d, six_d_to_matrix, wrap_angle, yaw_matrix
 
 BEND_GAIN = 2.0
-MAX_TURN = 15.0  # radians a second, of what the network is told
+MAX_TURN = 15.0  # radians a second, of the path's features
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
@@ -33,7 +34,7 @@ class Path2D:
     heading: Tensor
 
     def features(self, size_m: float) -> Tensor:
-        """What the network is told ``[B, T, 3]``: velocity to the left and ahead in sizes a second, turn rate in radians.
+        """The network's view of the path ``[B, T, 3]``: velocity to the left and ahead in sizes a second, turn rate in radians.
 
         Frame 0 has that of frame 1.
         """
@@ -43,8 +44,8 @@ class Path2D:
         ahead = s * step[..., 0] + c * step[..., 1]
         turn = wrap_angle(self.heading[:, 1:] - self.heading[:, :-1]) * FPS
         # Headings of one who lies on the side are ill-defined and flip.
-        told = torch.stack([left, ahead, turn.clamp(-MAX_TURN, MAX_TURN)], -1)
-        return torch.cat([told[:, :1], told], 1)
+        features = torch.stack([left, ahead, turn.clamp(-MAX_TURN, MAX_TURN)], -1)
+        return torch.cat([features[:, :1], features], 1)
 
 
 @dataclass
@@ -63,6 +64,7 @@ class Range:
         return (value + 1) / 2 * (self.high - self.low) + self.low
 
 
+@full_precision
 def root_offsets(body: Body, root: Tensor, path: Path2D) -> Tensor:
     """Offsets ``[B, T, 3]`` of root positions ``[B, T, 3]`` from the path, in sizes: left, up, ahead."""
     gap = root - torch.stack(
@@ -71,6 +73,7 @@ def root_offsets(body: Body, root: Tensor, path: Path2D) -> Tensor:
     return (yaw_matrix(-path.heading) @ gap[..., None])[..., 0] / body.size_m
 
 
+@full_precision
 def encode(body: Body, root: Tensor, bends: Tensor, path: Path2D, limits: Range) -> Tensor:
     """Rows ``[B, J + 1, T, 6]`` of motion: root positions ``[B, T, 3]`` (m), columns of bends ``[B, T, J, 6]``."""
     place = limits.normalise(root_offsets(body, root, path))
@@ -81,6 +84,7 @@ def encode(body: Body, root: Tensor, bends: Tensor, path: Path2D, limits: Range)
     return torch.cat([place[:, None], joints.transpose(1, 2)], 1)
 
 
+@full_precision
 def decode(body: Body, rows: Tensor, path: Path2D, limits: Range) -> tuple[Tensor, Tensor]:
     """Root positions ``[B, T, 3]`` (m) and bends ``[B, T, J, 3, 3]`` of rows ``[B, J + 1, T, 6]``."""
     offset = limits.restore(rows[:, 0, :, :3]) * body.size_m

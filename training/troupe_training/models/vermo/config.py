@@ -31,7 +31,7 @@ class TokenizerConfig:
 
     @property
     def code_dim(self) -> int:
-        """Dimensions of what the encoder gives for a token and the decoder takes."""
+        """Dimensions of a token between encoder and decoder."""
         return len(self.levels) if self.quantizer == "fsq" else self.book_dim
 
 

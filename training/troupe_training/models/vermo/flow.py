@@ -87,7 +87,7 @@ class FlowDecoder(nn.Module):
         self.register_buffer("time_table", torch.asin(frequency[:, 0::2]), persistent=False)
         self.register_buffer("spread", torch.ones(state))
 
-    def told_time(self, time: Tensor) -> Tensor:
+    def time_condition(self, time: Tensor) -> Tensor:
         """Embedding ``[B, C]`` of times ``[B]`` from 0 to 1."""
         angle = time[:, None] * TIME_STEPS * self.time_table
         return self.time(torch.cat([torch.sin(angle), torch.cos(angle)], -1))
@@ -101,9 +101,9 @@ class FlowDecoder(nn.Module):
         places = torch.arange(remainder.shape[1], device=remainder.device)
         token_places = torch.arange(levels.shape[1], device=remainder.device) * RATE + (RATE - 1) / 2
         x = self.enter(torch.cat([remainder, drafted], -1))
-        tokens, told = self.tokens(levels), self.told_time(time)
+        tokens, condition = self.tokens(levels), self.time_condition(time)
         for layer in self.layers:
-            x = layer(x, tokens, told, places, token_places)
+            x = layer(x, tokens, condition, places, token_places)
         return self.leave(self.norm(x))
 
 

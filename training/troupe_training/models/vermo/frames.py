@@ -52,7 +52,7 @@ def integrated(local: Tensor) -> Tensor:
 
 @full_precision
 def features(pose: Tensor, root: Tensor) -> Tensor:
-    """What the encoder reads ``[B, F, 9 J + 4]``: pose features in the frame of each own heading, and the local root.
+    """The encoder's input ``[B, F, 9 J + 4]``: pose features in the frame of each own heading, and the local root.
 
     ``pose`` ``[B, F, 9 J]`` holds for each joint its position over the projected root and its world rotation in 6D.
     """
@@ -62,7 +62,7 @@ def features(pose: Tensor, root: Tensor) -> Tensor:
 
 
 def state_of(read: Tensor) -> Tensor:
-    """The state ``[..., D]`` of what `features` gives."""
+    """The state ``[..., D]`` of the output of `features`."""
     pose, local = read[..., :-LOCAL_ROOT], read[..., -LOCAL_ROOT:]
     return torch.cat([pose.unflatten(-1, (-1, 9))[..., 3:].flatten(-2), local], -1)
 

@@ -61,7 +61,7 @@ class Judge(nn.Module):
         return F.gelu(self.pool(torch.cat([mean, deviation, most], -1)))
 
     def motions(self, hidden: Tensor) -> Tensor:
-        """Unit vectors ``[B, space]`` of what `read` gives."""
+        """Unit vectors ``[B, space]`` of the output of `read`."""
         return F.normalize(self.motion(hidden), dim=-1)
 
     def captions(self, pieces: list[list[int]]) -> Tensor:

@@ -24,7 +24,7 @@ TASKS = (
 )
 SPECIALS = (*MARKERS, *(f"<{task.upper()}>" for task in TASKS))
 PAD, BOS, EOS, INSTRUCTION, CONDITION, REPLY, GAP, AGENT_SEP = range(len(MARKERS))
-# What conditions and replies of a task are, where they are not motion.
+# Conditions and replies of a task that are not motion.
 CONDITION_KINDS = {"music_to_dance": "audio", "speech_to_gesture": "audio"}
 REPLY_KINDS = {"motion_to_text": "text", "dance_to_music": "audio", "gesture_to_speech": "audio"}
 
@@ -123,7 +123,7 @@ def _parted(lists: list[list[int]], separator: int) -> list[int]:
 
 @dataclass(frozen=True)
 class Rules:
-    """What bounds a reply: its kind, tokens of each agent, agents, and how long a message may be."""
+    """Bounds of a reply: its kind, tokens of each agent, agents, and how long a message may be."""
 
     task: str
     min_tokens: int

@@ -116,7 +116,7 @@ class Tokenizer(nn.Module):
         return self.quantizer.tokens(self.latent(pose, root))[..., 0]
 
     def embed(self, tokens: Tensor) -> Tensor:
-        """What the decoder takes ``[B, T, C]`` of codes ``[B, T]``; levels are -1 to 1."""
+        """The decoder's input ``[B, T, C]`` of codes ``[B, T]``; levels are -1 to 1."""
         return self.quantizer.embed(tokens[..., None])
 
     @full_precision

@@ -193,7 +193,7 @@ def choice_loss(store: ClipStore, frames_budget: int, root: RootModule) -> Loss[
 def fitted_width(choice: RootChoice, store: ClipStore, frames_budget: int, root: RootModule, seed: int) -> float:
     """By how much the curves must be multiplied for the best energy score on the held-back clips; 1 without any.
 
-    Where the cache has mirrored clips, it is fitted on those: the root module of an adopted pack may know the others by heart.
+    If the cache has mirrored clips, it is fitted on those: the root module of an adopted pack may know the others by heart.
     """
     files = held_back(store)
     kept = store.part(lambda clip: file_of(clip) in files)

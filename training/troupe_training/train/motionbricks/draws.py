@@ -31,7 +31,7 @@ def nearest_draws(errors: Tensor, tokens: Tensor) -> Tensor:
 
 
 def slot_errors(out: Decoded, captured: Tensor, body: Body) -> Tensor:
-    """Mean distance ``[B, n]`` of a joint to where it was ``captured`` ``[B, T, J, 3]``, by slot, seen from the root; metres."""
+    """Mean distance ``[B, n]`` of a joint to its ``captured`` place ``[B, T, J, 3]``, by slot, seen from the root; metres."""
     shown = body.positions(out.rotations)
     captured = captured - captured[:, :, :1] + shown[:, :, :1]
     return (shown - captured).norm(dim=-1).mean(-1).unflatten(1, (-1, FRAMES_PER_TOKEN)).mean(-1)

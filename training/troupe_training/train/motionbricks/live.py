@@ -43,7 +43,7 @@ class LiveConditions:
 def change_speed(segments: Segments, factor: Tensor, feet: list[int]) -> Segments:
     """The same poses along a path that is ``factor`` ``[B]`` times as fast from shortly after the context on.
 
-    Joint velocities follow the root, but for feet that stand: those are to stay where they are.
+    Joint velocities follow the root, except those of feet that stand, which are to stay in place.
     """
     frames = segments.frames
     steps = (torch.arange(frames, device=factor.device) - (CONTEXT_FRAMES - 1)).clamp(0, SPEED_RAMP_FRAMES)

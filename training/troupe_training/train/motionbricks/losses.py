@@ -21,9 +21,9 @@ KEYFRAME_ROOT_WEIGHT = 6.0
 # same, and loses it in 16 bits.
 LENGTH_WEIGHT = 0.5
 POSE_WEIGHT = 0.6
-# Standardised errors below it count by their square. The aim is the middle of what may come, not
-# its mean, which nobody does: with a bend of 1 the pack for people moved less than the clips it was
-# trained on.
+# Standardised errors below it count by their square. The aim is the median of what may come,
+# because a mean of several motions is none of them: with a bend of 1 the pack for people moved less
+# than its clips.
 POSE_BEND = 0.1
 LOW_FOOT_M = 0.1
 # Of accelerations. Motors are to be spared more than eyes.
@@ -74,7 +74,7 @@ def foot_losses(world: Tensor, truth: Segments, body: Body) -> dict[str, Tensor]
 def energy_loss(shown: Tensor, truth: Tensor, feet: list[int]) -> Tensor:
     """How far joints are from moving about the root as fast as they truly do, m/s: roots of mean squares over a segment.
 
-    Positions ``[B, T, J, 3]`` about the root. Feet are left out: what they do is told by `foot_losses`.
+    Positions ``[B, T, J, 3]`` about the root. Feet are left out: they have `foot_losses`.
     """
     others = [joint for joint in range(shown.shape[2]) if joint not in feet]
     speeds = [_difference(motion[:, :, others]).square().sum(-1).mean(1) for motion in (shown, truth)]
@@ -98,7 +98,7 @@ def reconstruction_losses(
         decoder.pose_scale(pose), decoder.pose_scale(truth.pose), reduction="none", beta=POSE_BEND
     )
 
-    # What the server shows: rotations through forward kinematics, carried by the refined root.
+    # The served motion: rotations through forward kinematics, carried by the refined root.
     height = torch.zeros_like(out.global_root[..., :3])
     height[..., 1] = out.global_root[..., 1]
     shown = body.positions(out.rotations) + height[:, :, None]

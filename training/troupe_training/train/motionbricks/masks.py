@@ -47,7 +47,7 @@ def random_slot_masks(batch: int, generator: Generator) -> dict[str, Tensor]:
 
 
 def cosine_token_mask(batch: int, slots: int, heads: int, generator: Generator) -> Tensor:
-    """``[B, n, K]`` booleans, true where masked: half of the samples entirely, the rest by a cosine schedule."""
+    """``[B, n, K]`` booleans, true for masked tokens: half of the samples entirely, the rest by a cosine schedule."""
     u = torch.rand(batch, 1, 1, generator=generator)
     share = torch.cos(u * torch.pi / 2)
     everything = torch.rand(batch, 1, 1, generator=generator) < 0.5

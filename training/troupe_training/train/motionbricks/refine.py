@@ -81,7 +81,7 @@ def which_are_drawn(batch: int, guides: Guides, store: ClipStore, generator: Gen
 
 
 def live_task(store: ClipStore, frames_budget: int, guides: Guides, generator: Generator) -> Task:
-    """A batch under the conditions of live control, whose root is told."""
+    """A batch under the conditions of live control, whose root is given."""
     live = live_conditions(store, frames_budget, guides.root, generator)
     drawn = which_are_drawn(len(live.mask), guides, store, generator)
     return Task(live.segments, live.trajectory, live.keyframes, live.mask, live.exact, drawn)

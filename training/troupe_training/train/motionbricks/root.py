@@ -91,7 +91,7 @@ def root_loss(store: ClipStore, frames_budget: int, teacher: RootModule | None =
 
 
 def predicted_root(root: RootModule, segments: Segments, mask: Tensor, generator: Generator) -> RootPass:
-    """What the root module predicts from the keyframes in ``mask`` ``[B, T]``.
+    """The root module's prediction from the keyframes in ``mask`` ``[B, T]``.
 
     As in most requests a target keyframe with a pose usually has a root too; the rest is drawn at random.
     """

@@ -20,7 +20,7 @@ from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER, toke
 from troupe_training.train.trainer import Job
 
 M = TypeVar("M", bound=nn.Module)
-# What `pack` trains, and all that a run may have.
+# The stages that `pack` trains, and all that a run may have.
 PACK_STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, REFINE))
 STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, CHOICE, REFINE))
 
@@ -31,7 +31,7 @@ def is_adopted(run: Path) -> bool:
 
 
 def load_networks(run: Path, store: ClipStore) -> Networks:
-    """The networks of a run, its decoder refined where it has been."""
+    """The networks of a run, its decoder refined if it has been."""
     tokenizer = REFINE if REFINE.path(run).exists() else TOKENIZER
     choice = CHOICE.load(run, store) if CHOICE.path(run).exists() else None
     return Networks(tokenizer.load(run, store), ROOT.load(run, store), POSE.load(run, store), choice)

@@ -18,7 +18,7 @@ POSE_SHARE = 0.7
 def lend_tokens(teacher: Tokenizer, student: Tokenizer) -> None:
     """Gives a new tokenizer the teacher's encoder and codebooks, and fixes them.
 
-    Raises `SystemExit` where the sizes differ, because tokens would mean something else.
+    Raises `SystemExit` if the sizes differ, because tokens would mean something else.
     """
     parts = {"encoder": (student.encoder, teacher.encoder), "quantizer": (student.quantizer, teacher.quantizer)}
     for name, (mine, theirs) in parts.items():

@@ -1,4 +1,4 @@
-"""The five losses of the paper (section 3.2), over the frames that are not given."""
+"""The five losses of the paper (section 3.2) and one of standing feet, over the frames that are not given."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,9 @@ from torch import Tensor
 from troupe_training.data.conventions import FPS
 from troupe_training.data.precision import full_precision
 from troupe_training.models.unimogen.state import BodyKinematics
+
+# A foot that creeps is slow in every frame; over several frames its way counts as much as a slip.
+WAY_FRAMES = 6
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,8 @@ class Weights:
     angular_velocity: float = 0.005
     position: float = 10.0
     velocity: float = 0.05
-    foot: float = 0.05
+    foot: float = 0.5  # speed of standing feet
+    way: float = 100.0  # way of standing feet over `WAY_FRAMES`
 
 
 def angular_velocity(bends: Tensor) -> Tensor:
@@ -38,7 +42,7 @@ def mean_over(values: Tensor, mask: Tensor) -> Tensor:
 
 
 @full_precision
-def five_losses(
+def all_losses(
     kinematics: BodyKinematics,
     size_m: float,
     rows: tuple[Tensor, Tensor],
@@ -72,4 +76,15 @@ def five_losses(
         stands = contacts[:, 1:] * contacts[:, :-1] * steps[..., None]
         slide = (moves[:, :, feet] ** 2).sum(-1)
         terms["foot"] = weights.foot * (slide * stands).sum() / stands.sum().clamp_min(1.0)
+        terms["way"] = weights.way * way_loss(made[:, :, feet], contacts, free)
     return terms
+
+
+def way_loss(feet: Tensor, contacts: Tensor, free: Tensor) -> Tensor:
+    """Mean squared way of feet ``[B, T, C, 3]`` that stand through `WAY_FRAMES` free frames, from the first to the last of them.
+
+    ``contacts`` ``[B, T, C]`` and ``free`` ``[B, T]`` are 0 or 1; a way is in the unit of ``feet``.
+    """
+    stands = (contacts * free[..., None]).unfold(1, WAY_FRAMES, 1).amin(-1)  # [B, T - 5, C]
+    way = feet[:, WAY_FRAMES - 1 :] - feet[:, : 1 - WAY_FRAMES]
+    return ((way**2).sum(-1) * stands).sum() / stands.sum().clamp_min(1.0)

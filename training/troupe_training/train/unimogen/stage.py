@@ -7,7 +7,7 @@ from typing import Any
 import torch
 
 from troupe_training.data.bodies_store import BALANCE, Corpus
-from troupe_training.models.unimogen.config import UniMoGenConfig
+from troupe_training.models.unimogen.config import PRESETS, UniMoGenConfig
 from troupe_training.models.unimogen.network import UniMoGen
 from troupe_training.models.unimogen.state import Range
 from troupe_training.train.checkpoints import Checkpoint, read_checkpoint
@@ -20,12 +20,12 @@ STAGE = "unimogen"
 
 @dataclass
 class Training:
-    """What a training is given. ``bodies``: those that are trained on, all of the cache where None."""
+    """Inputs of a training. ``bodies`` are the bodies to train on, None for all of the cache."""
 
     cache: Path
     run: Path
     budget: Budget
-    config: UniMoGenConfig
+    config: UniMoGenConfig | None  # None: that of the checkpoint, or the default preset
     rows_per_step: int
     seed: int
     device: str = "cpu"
@@ -50,21 +50,25 @@ class Trained:
 def train(training: Training) -> bool:
     """Trains a network, resuming its checkpoint; true when the budget is spent.
 
-    What the checkpoint was begun without, it goes on without: another choice ends the command.
+    A checkpoint keeps its sizes and the parts that it was begun without: another choice ends the command.
     """
     without = sorted(set(training.without))
     torch.manual_seed(training.seed)
     path = training.run / f"{STAGE}.pt"
-    told: dict[str, Any] = read_checkpoint(path)["meta"] if path.exists() else {}
-    if told and told.get("without", []) != without:
-        begun = ", ".join(told.get("without", [])) or "nothing"
-        raise SystemExit(f"{path} was begun without {begun}: give the same --without, or another --run")
-    bodies = told.get("bodies", training.bodies)
-    words = told.get("words")
-    balance, body_balance = ablated_balance(training.balance, without)
-    corpus = Corpus(training.cache, "train", bodies, words, balance, training.mirror)
-    limits = _range(told["range"]) if told else ablated_range(offset_range(corpus), without)
-    config = ablated_config(training.config, without)
+    begun: dict[str, Any] = read_checkpoint(path)["meta"] if path.exists() else {}
+    if begun and begun.get("without", []) != without:
+        left_out = ", ".join(begun.get("without", [])) or "nothing"
+        raise SystemExit(f"{path} was begun without {left_out}: give the same --without, or another --run")
+    config = ablated_config(training.config or PRESETS["default"], without)
+    if begun:
+        kept = UniMoGenConfig(**begun["model"])
+        if training.config is not None and config != kept:
+            raise SystemExit(f"{path} has the sizes {kept}: leave out --unimogen-preset, or give another --run")
+        config = kept
+    balance, body_balance, speed_balance = ablated_balance(training.balance, without)
+    bodies, words = begun.get("bodies", training.bodies), begun.get("words")
+    corpus = Corpus(training.cache, "train", bodies, words, balance, training.mirror, speed_balance)
+    limits = _range(begun["range"]) if begun else ablated_range(offset_range(corpus), without)
     model = UniMoGen(config, len(corpus.words)).to(training.device)
     meta = {
         "model": asdict(config),
@@ -77,7 +81,8 @@ def train(training: Training) -> bool:
         "balance": balance,
         "without": without,
     }
-    trainer = Trainer(training.run, STAGE, model, training.budget, meta, training.seed, training.device)
+    budget = training.budget
+    trainer = Trainer(training.run, STAGE, model, budget, meta, training.seed, training.device, takes_adopted=True)
     if trainer.resume():
         if training.fresh_schedule:
             trainer.start_schedule()
@@ -86,13 +91,13 @@ def train(training: Training) -> bool:
     return trainer.fit(diffusion_loss(corpus, limits, training.rows_per_step, recipe))
 
 
-def _range(told: list[list[float]]) -> Range:
-    low, high = (torch.tensor(values) for values in told)
+def _range(ends: list[list[float]]) -> Range:
+    low, high = (torch.tensor(values) for values in ends)
     return Range(low, high)
 
 
 def load(run: Path) -> Trained:
-    """The averaged weights of a run, ready for use; ends the command where there are none."""
+    """The averaged weights of a run, ready for use; ends the command if there are none."""
     path = run / f"{STAGE}.pt"
     if not path.exists():
         raise SystemExit(f"{path} is missing: `troupe-train unimogen train` makes it")

@@ -24,7 +24,7 @@ class Planned:
     unseen: str = ""  # a body that is measured although it was left out
 
     def shown_on(self, body: str) -> bool:
-        """True where its answers for a body belong into the tables: those it was trained on, and the unseen one."""
+        """True for bodies that belong into its tables: those it was trained on, and the unseen one."""
         return body in self.bodies or body == self.unseen
 
 
@@ -42,22 +42,22 @@ def planned(bodies: Sequence[str], seeds: Sequence[int], alone: Iterable[str], u
 
 
 def done(run: Path, budget: Budget) -> bool:
-    """True where a run has spent its budget, as its curve says."""
+    """True if a run has spent its budget, as its curve says."""
     path = run / f"{STAGE}.json"
     if not path.exists():
         return False
-    told = json.loads(path.read_text())
-    return budget.progress(told["step"], told["seconds"]) >= 1.0
+    curve = json.loads(path.read_text())
+    return budget.progress(curve["step"], curve["seconds"]) >= 1.0
 
 
 def train_all(folder: Path, runs: Sequence[Planned], terms: Training) -> bool:
-    """Trains one after another what is not done; an interrupted run goes on. False where it was stopped."""
+    """Trains one after another what is not done; an interrupted run goes on. False if it was stopped."""
     for number, run in enumerate(runs, 1):
-        told = f"{run.name} ({number} of {len(runs)})"
+        title = f"{run.name} ({number} of {len(runs)})"
         if done(folder / run.name, terms.budget):
-            print(f"{told}: done before", flush=True)
+            print(f"{title}: done before", flush=True)
             continue
-        print(f"{told}: training", flush=True)
+        print(f"{title}: training", flush=True)
         training = replace(
             terms, run=folder / run.name, seed=run.seed, bodies=list(run.bodies), without=list(run.without)
         )

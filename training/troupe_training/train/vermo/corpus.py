@@ -46,7 +46,7 @@ def validation_files(clips: list[ClipEntry]) -> set[str]:
 
 
 def split_validation(clips: list[ClipEntry]) -> tuple[list[ClipEntry], list[ClipEntry]]:
-    """What is trained on, and what is kept for validation."""
+    """Clips for training, and clips for validation."""
     files = validation_files(clips)
     return [c for c in clips if _file(c) not in files], [c for c in clips if _file(c) in files]
 
@@ -69,7 +69,7 @@ class Motions:
     """Clips with their contents and styles, and the codes of any crop, which are kept once computed."""
 
     store: ClipStore
-    tokenizer: Tokenizer | None  # none where only captions are wanted
+    tokenizer: Tokenizer | None  # none if only captions are wanted
     clips: list[ClipEntry]
     names: list[tuple[str, str | None]] = field(init=False)
     _codes: dict[tuple[int, int], list[int]] = field(default_factory=dict)
@@ -91,7 +91,7 @@ class Motions:
         return self._codes[key]
 
     def facts(self, crop: Crop) -> Facts:
-        """What a crop shows."""
+        """The facts of a crop."""
         frames = slice(crop.start, crop.start + crop.tokens * RATE)
         content, style = self.names[crop.clip]
         positions, headings = self.store.positions[frames].numpy(), self.store.headings[frames].numpy()

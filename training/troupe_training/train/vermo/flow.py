@@ -56,7 +56,7 @@ def set_spread(flow: FlowDecoder, tokenizer: Tokenizer, store: ClipStore) -> Non
 
 
 def flow_loss(store: ClipStore, tokenizer: Tokenizer, frames_budget: int) -> Loss[FlowDecoder]:
-    """Mean square of the velocity's error, and of what it makes of the place."""
+    """Mean square of the velocity's error, and of the error of place that follows from it."""
 
     def loss(model: FlowDecoder, generator: Generator, progress: float) -> dict[str, Tensor]:
         batch = store.batch(frames_budget, generator)

@@ -62,7 +62,7 @@ def token_losses(model: LanguageModel, batch: Batch) -> Tensor:
 
 
 class Watched(Trainer[LanguageModel]):
-    """A trainer that measures the averaged weights when it saves, keeps the best, and stops where none gets better.
+    """A trainer that measures the averaged weights when it saves, keeps the best, and stops if none gets better.
 
     A stage that was cut short may not have been measured since: its last checkpoint is not lost, but the best one counts.
     """
@@ -159,7 +159,7 @@ def latest_stage(run: Path, task: str | None = None) -> str:
 
 
 def load_language(run: Path, name: str, dropout: float = 0.0) -> LanguageModel:
-    """The best weights of a stage, or the averaged ones where none were measured; ends the command without either."""
+    """The best weights of a stage, or the averaged ones if none were measured; ends the command without either."""
     path = run / f"{name}-best.pt"
     path = path if path.exists() else run / f"{name}.pt"
     if not path.exists():

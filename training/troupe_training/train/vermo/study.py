@@ -64,13 +64,13 @@ class Planned:
 
     @property
     def tokenizer(self) -> bool:
-        """True where it trains a tokenizer and no language model."""
+        """True if it trains a tokenizer and no language model."""
         return any(part.quantizer for part in self.parts)
 
 
 @dataclass(frozen=True)
 class Terms:
-    """What the runs share."""
+    """Terms that all runs share."""
 
     cache: Path
     source: Path  # the run with the tokenizer, the pieces and the judge
@@ -85,7 +85,7 @@ class Terms:
     device: str = "cpu"
 
     def job(self, run: Path, seed: int, part: Part) -> Job:
-        """What a stage's training is given."""
+        """Inputs of a stage's training."""
         steps = round(self.steps * part.share) if self.steps else None
         minutes = self.minutes * part.share if self.minutes else None
         rate = self.tokenizer_rate if part.quantizer else self.rate
@@ -110,12 +110,12 @@ def planned(seeds: Sequence[int]) -> list[Planned]:
 
 def begun_with(terms: Terms) -> dict[str, Any]:
     """The terms that a study cannot change once it is begun, by name."""
-    told = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(terms).items()}
-    return {name: value for name, value in told.items() if name not in ("cache", "device")}
+    noted = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(terms).items()}
+    return {name: value for name, value in noted.items() if name not in ("cache", "device")}
 
 
 def link_shared(source: Path, run: Path) -> None:
-    """Links the tokenizer, the pieces, the judge and, where there is one, the flow decoder of a run into another folder."""
+    """Links the tokenizer, the pieces, the judge and the flow decoder, if any, of a run into another folder."""
     missing = [name for name in SHARED if not (source / name).exists()]
     if missing:
         raise SystemExit(f"{source} has no {', '.join(missing)}: --tokenizer-run takes a run of `vermo train`")
@@ -130,22 +130,22 @@ def _mark(folder: Path, run: Planned, part: Part) -> Path:
 
 
 def done(folder: Path, run: Planned) -> bool:
-    """True where all stages of a run are done."""
+    """True if all stages of a run are done."""
     return all(_mark(folder, run, part).exists() for part in run.parts)
 
 
 def train_all(folder: Path, runs: Sequence[Planned], terms: Terms) -> bool:
-    """Trains one after another what is not done; an interrupted stage goes on. False where it was stopped."""
+    """Trains one after another what is not done; an interrupted stage goes on. False if it was stopped."""
     for number, run in enumerate(runs, 1):
         if not run.tokenizer:
             link_shared(terms.source, folder / run.name)
         for part in run.parts:
-            told = f"{run.name} ({number} of {len(runs)}): {part.name}"
+            noted = f"{run.name} ({number} of {len(runs)}): {part.name}"
             mark = _mark(folder, run, part)
             if mark.exists():
-                print(f"{told}: done before", flush=True)
+                print(f"{noted}: done before", flush=True)
                 continue
-            print(f"{told}: training", flush=True)
+            print(f"{noted}: training", flush=True)
             job = terms.job(folder / run.name, run.seed, part)
             if part.quantizer:
                 finished = train_tokenizer(job, terms.preset, part.quantizer)

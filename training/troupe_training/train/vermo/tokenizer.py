@@ -67,9 +67,9 @@ REFINE = Stage("refine", config_of, build_tokenizer)  # the tokenizer again, its
 
 
 def load_tokenizer(run: Path, store: ClipStore) -> Tokenizer:
-    """The tokenizer of a run, its decoder refined where it has been. The codes of a motion are the same.
+    """The tokenizer of a run, its decoder refined if it has been. The codes of a motion are the same.
 
-    Ends the command where it has a codebook: language models and packs build on the grid of levels.
+    Ends the command if it has a codebook: language models and packs build on the grid of levels.
     """
     stage = REFINE if REFINE.path(run).exists() else STAGE
     tokenizer = stage.load(run, store)

@@ -1,0 +1,224 @@
+//! Turns at work that many share: a client with many tasks gets no more of them than one with few.
+//!
+//! All tasks that can go on wait in one queue of the runtime. In each round of that queue a client
+//! has a few turns; its other tasks wait in a line of their own. So others wait for a few of its
+//! tasks at most, however many it has. The clients of an address share such a line as well.
+
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::task::{Context, Poll, ready};
+
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::task::futures::TaskLocalFuture;
+use tokio_util::sync::PollSemaphore;
+
+/// Turns of a line in a round, for each core.
+const TURNS_PER_CORE: usize = 2;
+
+/// Plans of steps that a client, or all of an address, have with the batchers at a time, for each
+/// core: enough to keep all workers busy. Others wait in a line of their own.
+const STEP_PLANS_PER_CORE: usize = 64;
+
+/// A line that tasks wait in.
+#[derive(Debug)]
+pub struct Line {
+    turns: Arc<Semaphore>,
+    /// Places for plans of steps.
+    plans: Arc<Semaphore>,
+    /// Turns of this round that were taken. They come back in the next.
+    taken: AtomicUsize,
+    /// Whether somebody gives them back.
+    returning: AtomicBool,
+}
+
+impl Line {
+    /// A line whose tasks have a few turns in a round.
+    pub fn new() -> Arc<Self> {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self::with(cores * TURNS_PER_CORE, cores * STEP_PLANS_PER_CORE)
+    }
+
+    fn with(turns: usize, plans: usize) -> Arc<Self> {
+        Arc::new(Self {
+            turns: Arc::new(Semaphore::new(turns)),
+            plans: Arc::new(Semaphore::new(plans)),
+            taken: AtomicUsize::new(0),
+            returning: AtomicBool::new(false),
+        })
+    }
+
+    fn taken(self: &Arc<Self>, turn: OwnedSemaphorePermit) {
+        turn.forget();
+        self.taken.fetch_add(1, Ordering::AcqRel);
+        if !self.returning.swap(true, Ordering::AcqRel) {
+            tokio::spawn(self.clone().give_back());
+        }
+    }
+
+    /// Gives turns back after all that waited in the runtime's queue before.
+    async fn give_back(self: Arc<Self>) {
+        loop {
+            tokio::task::yield_now().await;
+            match self.taken.swap(0, Ordering::AcqRel) {
+                0 => {
+                    self.returning.store(false, Ordering::Release);
+                    // One that was taken just now found somebody returning.
+                    let more = self.taken.load(Ordering::Acquire) > 0;
+                    if !more || self.returning.swap(true, Ordering::AcqRel) {
+                        return;
+                    }
+                }
+                taken => self.turns.add_permits(taken),
+            }
+        }
+    }
+}
+
+/// The turns of one client.
+#[derive(Debug, Clone, Default)]
+pub struct Turns(Arc<[Arc<Line>]>);
+
+tokio::task_local! {
+    static CURRENT: Turns;
+}
+
+impl Turns {
+    /// The turns of a client whose tasks wait in all of `lines`: its own, and those it shares.
+    pub fn new<const N: usize>(lines: [&Arc<Line>; N]) -> Self {
+        Self(lines.into_iter().cloned().collect())
+    }
+
+    /// Those of nobody: as many as it wants.
+    pub fn endless() -> Self {
+        Self::default()
+    }
+
+    /// Those that the work at hand goes on in; endless ones outside of such work.
+    pub fn current() -> Self {
+        CURRENT.try_with(Self::clone).unwrap_or_default()
+    }
+
+    /// A place for a plan of a step, until it is dropped.
+    pub async fn plan(&self) -> Vec<OwnedSemaphorePermit> {
+        let mut places = Vec::with_capacity(self.0.len());
+        for line in self.0.iter() {
+            // The lines are never closed.
+            places.extend(line.plans.clone().acquire_owned().await);
+        }
+        places
+    }
+
+    /// `work` in turns: each time that it goes on it waits for one first.
+    pub fn take<F: Future>(self, work: F) -> InTurns<F> {
+        let waiting = self.0.iter().map(|line| PollSemaphore::new(line.turns.clone()));
+        InTurns {
+            waiting: waiting.collect(),
+            held: Vec::with_capacity(self.0.len()),
+            lines: self.0.clone(),
+            work: Box::pin(CURRENT.scope(self, work)),
+        }
+    }
+}
+
+/// See [`Turns::take`].
+pub struct InTurns<F> {
+    lines: Arc<[Arc<Line>]>,
+    waiting: Vec<PollSemaphore>,
+    held: Vec<OwnedSemaphorePermit>,
+    work: Pin<Box<TaskLocalFuture<Turns, F>>>,
+}
+
+impl<F: Future> Future for InTurns<F> {
+    type Output = F::Output;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<F::Output> {
+        let this = &mut *self;
+        while let Some(waiting) = this.waiting.get_mut(this.held.len()) {
+            match ready!(waiting.poll_acquire(context)) {
+                Some(turn) => this.held.push(turn),
+                // The lines are never closed.
+                None => break,
+            }
+        }
+        let polled = this.work.as_mut().poll(context);
+        for (line, turn) in this.lines.iter().zip(this.held.drain(..)) {
+            line.taken(turn);
+        }
+        polled
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    /// Puts its name into a list, and lets others go on, 20 times.
+    fn writer(name: char, order: &Arc<Mutex<String>>) -> impl Future<Output = ()> + Send + use<> {
+        let order = order.clone();
+        async move {
+            for _ in 0..20 {
+                order.lock().unwrap().push(name);
+                tokio::task::yield_now().await;
+            }
+        }
+    }
+
+    /// What 50 tasks of one client and one of another write, which share a thread.
+    async fn written(lines: [&[Arc<Line>]; 2]) -> String {
+        let order = Arc::new(Mutex::new(String::new()));
+        let turns = lines.map(|lines| Turns(lines.to_vec().into()));
+        let names = std::iter::repeat_n(0, 50).chain([1]);
+        let tasks: Vec<_> = names
+            .map(|who| tokio::spawn(turns[who].clone().take(writer(['m', 'f'][who], &order))))
+            .collect();
+        for task in tasks {
+            task.await.unwrap();
+        }
+        let order = order.lock().unwrap().clone();
+        assert_eq!(order.len(), 51 * 20);
+        order
+    }
+
+    #[tokio::test]
+    async fn a_client_with_many_tasks_gets_no_more_turns_than_one_with_few() {
+        let last = |order: &str| order.rfind('f').unwrap();
+        let [many, few] = [(); 2].map(|()| Line::with(1, 1));
+        let fair = written([&[many], &[few]]).await;
+        let unfair = written([&[], &[]]).await;
+        assert!(last(&fair) < 100 && last(&unfair) > 900, "{fair}\n{unfair}");
+    }
+
+    #[tokio::test]
+    async fn work_that_is_given_up_keeps_no_turn() {
+        let line = Line::with(1, 1);
+        let stuck = tokio::spawn(Turns::new([&line]).take(std::future::pending::<()>()));
+        tokio::task::yield_now().await;
+        stuck.abort();
+        assert!(stuck.await.is_err());
+        assert_eq!(Turns::new([&line]).take(async { 7 }).await, 7);
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn no_turn_is_lost() {
+        let line = Line::with(2, 2);
+        let tasks: Vec<_> = (0..200)
+            .map(|_| {
+                tokio::spawn(Turns::new([&line]).take(async {
+                    for _ in 0..50 {
+                        tokio::task::yield_now().await;
+                    }
+                }))
+            })
+            .collect();
+        for task in tasks {
+            task.await.unwrap();
+        }
+        while line.returning.load(Ordering::Acquire) {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(line.turns.available_permits(), 2);
+    }
+}

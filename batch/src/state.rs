@@ -1,0 +1,454 @@
+//! What callers and workers share: the scheduler, and the work behind its requests. Everything here
+//! is done under the lock, and nothing here takes long: what can wait (answers, log lines) goes
+//! into the [`Replies`].
+
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+
+use tokio::sync::{mpsc, oneshot};
+use troupe_engine::EngineError;
+use troupe_engine::generator::{JobId, Progress, StepReport};
+use troupe_motion::model::{Output, Task};
+
+use super::error::SubmitError;
+use super::metrics::{PackMetrics, Rejection};
+use super::order::Order;
+use super::scheduler::{
+    Action, Batch, BatchReason, Event, Finished, Limits, Part, Ready, Refusal, RequestId, Scheduler,
+};
+use super::served::{Piece, Served, ServedStep};
+
+/// Where an answer that is sent whole goes.
+type WholeReply = oneshot::Sender<Result<Served, SubmitError>>;
+
+/// Where a request's answer goes.
+#[derive(Debug)]
+pub(super) enum Reply {
+    /// All of it, when it is there.
+    Whole(WholeReply),
+    /// Part by part.
+    Parts(mpsc::Sender<Result<Piece, SubmitError>>),
+}
+
+/// Answers that are to be sent when the lock is free again, for a send wakes somebody.
+#[derive(Debug, Default)]
+pub(super) struct Replies(Vec<(WholeReply, Result<Served, SubmitError>)>);
+
+impl Replies {
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    pub(super) fn send(&mut self) {
+        for (reply, answer) in self.0.drain(..) {
+            // The caller may have gone meanwhile.
+            let _ = reply.send(answer);
+        }
+    }
+}
+
+/// What a worker is to do before its next step.
+#[derive(Debug, Default)]
+pub(super) struct Orders {
+    /// New jobs.
+    pub(super) jobs: Vec<(JobId, Task)>,
+    /// What they are parts of.
+    pub(super) parts: Vec<Part>,
+    /// Why it got them, where it did.
+    pub(super) reason: Option<BatchReason>,
+    /// Requests whose jobs nobody wants any more.
+    pub(super) cancelled: Vec<RequestId>,
+}
+
+impl Orders {
+    pub(super) fn is_empty(&self) -> bool {
+        self.jobs.is_empty() && self.cancelled.is_empty()
+    }
+}
+
+/// A step that a worker has done.
+#[derive(Debug)]
+pub(super) struct Step {
+    pub(super) started: Instant,
+    pub(super) ended: Instant,
+    pub(super) report: StepReport,
+    pub(super) progress: Vec<(JobId, Progress)>,
+}
+
+/// A request that has not been answered.
+#[derive(Debug)]
+struct Job {
+    /// What waits; taken from the front, in step with the scheduler's parts.
+    tasks: std::vec::IntoIter<Task>,
+    arrived: Instant,
+    served: Served,
+    /// What there is of each character's answer.
+    outputs: Vec<Option<Output>>,
+    /// Characters whose answer is not whole.
+    open: usize,
+    /// Some of it went to a worker.
+    has_started: bool,
+    /// Some of the answer is there.
+    has_output: bool,
+    /// Start and end of the last step whose times are counted.
+    counted: Option<(Instant, Instant)>,
+    reply: Reply,
+}
+
+/// The shared state.
+#[derive(Debug)]
+pub(super) struct State {
+    scheduler: Scheduler,
+    jobs: HashMap<RequestId, Job>,
+    next_id: u64,
+    /// What each worker is to do.
+    orders: Vec<Orders>,
+    /// Workers that are to be woken.
+    wake: Vec<usize>,
+    /// Nobody can ask for anything any more.
+    pub(super) closed: bool,
+    actions: Vec<Action>,
+    finished: Vec<Finished>,
+    metrics: PackMetrics,
+}
+
+impl State {
+    pub(super) fn new(limits: Limits, metrics: PackMetrics) -> Self {
+        Self {
+            orders: (0..limits.workers).map(|_| Orders::default()).collect(),
+            scheduler: Scheduler::new(limits),
+            jobs: HashMap::new(),
+            next_id: 0,
+            wake: Vec::new(),
+            closed: false,
+            actions: Vec::new(),
+            finished: Vec::new(),
+            metrics,
+        }
+    }
+
+    pub(super) fn scheduler(&self) -> &Scheduler {
+        &self.scheduler
+    }
+
+    /// Puts a request in.
+    pub(super) fn admit(
+        &mut self,
+        now: Instant,
+        tasks: Vec<Task>,
+        order: Order,
+        reply: Reply,
+        replies: &mut Replies,
+    ) -> Result<RequestId, SubmitError> {
+        if self.scheduler.workers() == 0 {
+            return Err(EngineError::Stopped.into());
+        }
+        let request = RequestId(self.next_id);
+        self.next_id += 1;
+        let characters = tasks.len();
+        let job = Job {
+            tasks: tasks.into_iter(),
+            arrived: now,
+            served: Served::default(),
+            outputs: std::iter::repeat_with(|| None).take(characters).collect(),
+            open: characters,
+            has_started: false,
+            has_output: false,
+            counted: None,
+            reply,
+        };
+        self.jobs.insert(request, job);
+        let arrived = Event::Arrived {
+            request,
+            characters,
+            order,
+        };
+        self.step(now, arrived, replies).map_or(Ok(request), Err)
+    }
+
+    /// Forgets a request whose caller has gone, and has workers drop its jobs.
+    pub(super) fn forget(&mut self, now: Instant, request: RequestId) {
+        // It has no answer to send: nobody would get it.
+        self.step(now, Event::Gone { request }, &mut Replies::default());
+        if self.jobs.remove(&request).is_some_and(|job| job.has_started) {
+            self.cancel(request);
+        }
+    }
+
+    /// Has workers that have jobs drop those of a request.
+    fn cancel(&mut self, request: RequestId) {
+        for (worker, orders) in self.orders.iter_mut().enumerate() {
+            if self.scheduler.is_busy(worker) {
+                orders.cancelled.push(request);
+            }
+        }
+    }
+
+    /// Tells the scheduler how long a worker took for a batch of nobody's.
+    pub(super) fn tried(&mut self, now: Instant, characters: usize, took: Duration) {
+        self.step(now, Event::Tried { characters, took }, &mut Replies::default());
+    }
+
+    /// A worker is between two steps: hands out what the last one made, and gives it new orders.
+    /// `dropped` are jobs that it has dropped since.
+    pub(super) fn ready(
+        &mut self,
+        worker: usize,
+        (room, is_idle): (usize, bool),
+        step: Option<Step>,
+        dropped: &[JobId],
+        replies: &mut Replies,
+    ) -> Orders {
+        let mut finished = std::mem::take(&mut self.finished);
+        finished.extend(dropped.iter().map(done));
+        let took = step.as_ref().map(|step| step.ended - step.started);
+        let now = step.as_ref().map_or_else(Instant::now, |step| step.ended);
+        if let Some(step) = step {
+            for (id, progress) in step.progress {
+                if !matches!(progress, Progress::Part(_)) {
+                    finished.push(done(&id));
+                }
+                self.deliver(id, progress, (step.started, step.ended), &step.report, replies);
+            }
+        }
+        let ready = Ready {
+            worker,
+            room,
+            is_idle,
+            took,
+            finished: &finished,
+        };
+        self.step(now, Event::Ready(ready), replies);
+        finished.clear();
+        self.finished = finished;
+        std::mem::take(&mut self.orders[worker])
+    }
+
+    /// Workers that are to be woken, which the caller now does.
+    pub(super) fn take_wake(&mut self) -> Vec<usize> {
+        std::mem::take(&mut self.wake)
+    }
+
+    /// Whether an idle worker may end.
+    pub(super) fn is_over(&self) -> bool {
+        self.closed && self.scheduler.pending_requests() == 0
+    }
+
+    /// A worker will step no more; `held` were with it.
+    pub(super) fn lose(&mut self, now: Instant, worker: usize, held: &[JobId], replies: &mut Replies) {
+        let ordered = std::mem::take(&mut self.orders[worker]);
+        let ordered = ordered.jobs.iter().map(|(id, _)| id);
+        let finished: Vec<Finished> = held.iter().chain(ordered).map(done).collect();
+        for &Finished { request, .. } in &finished {
+            self.fail(now, request, EngineError::Stopped.into(), replies);
+        }
+        let lost = Event::WorkerLost {
+            worker,
+            finished: &finished,
+        };
+        self.step(now, lost, replies);
+        if self.scheduler.workers() == 0 {
+            let stranded: Vec<RequestId> = self.jobs.keys().copied().collect();
+            for request in stranded {
+                self.fail(now, request, EngineError::Stopped.into(), replies);
+            }
+        }
+    }
+
+    /// Notes what a step made of a job, and answers its request where that was the last of it.
+    fn deliver(
+        &mut self,
+        id: JobId,
+        progress: Progress,
+        (started, ended): (Instant, Instant),
+        report: &StepReport,
+        replies: &mut Replies,
+    ) {
+        let request = RequestId(id.request);
+        let work = self.scheduler.character_time();
+        let Some(job) = self.jobs.get_mut(&request) else {
+            return;
+        };
+        let (output, is_last) = match progress {
+            Progress::Part(output) => (output, false),
+            Progress::Done(output) => (output, true),
+            Progress::Failed(error) => {
+                tracing::error!(%error, "a character failed");
+                return self.fail(ended, request, error.into(), replies);
+            }
+        };
+        let step = ServedStep {
+            started,
+            ended,
+            jobs: report.jobs,
+            rows: report.rows,
+            inference: report.inference(),
+        };
+        let begun = started.saturating_duration_since(job.arrived);
+        let served = &mut job.served;
+        served.started = match std::mem::replace(&mut job.has_output, true) {
+            true => served.started.min(begun),
+            false => begun,
+        };
+        served.finished = ended.saturating_duration_since(job.arrived);
+        // A step that gave answers for several characters of the request counts once.
+        if job.counted.replace((started, ended)) != Some((started, ended)) {
+            served.assemble += report.assemble;
+            served.inference += step.inference;
+            served.scatter += report.scatter;
+            // The reader of parts gets each with its step.
+            if matches!(job.reply, Reply::Whole(_)) {
+                served.steps.push(step);
+            }
+        }
+        served.batch_size = served.batch_size.max(report.jobs);
+        if is_last {
+            served.work += work;
+            job.open = job.open.saturating_sub(1);
+        }
+        let character = id.character as usize;
+        match &job.reply {
+            Reply::Whole(_) => {
+                if let Some(slot) = job.outputs.get_mut(character) {
+                    append(slot, output);
+                }
+            }
+            Reply::Parts(parts) => {
+                let piece = Piece {
+                    character,
+                    output,
+                    is_last,
+                    queued: job.served.queued,
+                    step,
+                };
+                if let Err(error) = parts.try_send(Ok(piece)) {
+                    return self.stop_reading(ended, request, &error, replies);
+                }
+            }
+        }
+        if job.open == 0
+            && let Some(mut job) = self.jobs.remove(&request)
+            && let Reply::Whole(reply) = job.reply
+        {
+            job.served.outputs = job.outputs.into_iter().flatten().collect();
+            replies.0.push((reply, Ok(job.served)));
+        }
+    }
+
+    /// A reader takes its parts too slowly, or is gone.
+    fn stop_reading<T>(
+        &mut self,
+        now: Instant,
+        request: RequestId,
+        error: &mpsc::error::TrySendError<T>,
+        replies: &mut Replies,
+    ) {
+        if matches!(error, mpsc::error::TrySendError::Full(_)) {
+            self.metrics.rejected(Rejection::ReaderSlow);
+        }
+        self.step(now, Event::Gone { request }, replies);
+        // The channel ends without a last part, which tells the reader.
+        self.jobs.remove(&request);
+        self.cancel(request);
+    }
+
+    /// Fails a request, and forgets what of it still waits or runs.
+    fn fail(&mut self, now: Instant, request: RequestId, error: SubmitError, replies: &mut Replies) {
+        // Its answer comes before that of the event, and is the only one.
+        self.answer(request, error, replies);
+        self.step(now, Event::Gone { request }, replies);
+        self.cancel(request);
+    }
+
+    fn answer(&mut self, request: RequestId, error: SubmitError, replies: &mut Replies) {
+        match self.jobs.remove(&request).map(|job| job.reply) {
+            Some(Reply::Whole(reply)) => replies.0.push((reply, Err(error))),
+            Some(Reply::Parts(parts)) => {
+                // Where there is no room for it the channel's end tells of it.
+                let _ = parts.try_send(Err(error));
+            }
+            None => {}
+        }
+    }
+
+    /// Tells the scheduler what happened, and does what it says. Gives the error where it refuses a
+    /// request.
+    fn step(&mut self, now: Instant, event: Event<'_>, replies: &mut Replies) -> Option<SubmitError> {
+        let mut actions = std::mem::take(&mut self.actions);
+        self.scheduler.step(now, event, &mut actions);
+        let mut refused = None;
+        for action in actions.drain(..) {
+            match action {
+                Action::Start(batch) => self.hand_out(batch),
+                Action::Wake { worker } => self.wake.push(worker),
+                Action::Refuse { request, refusal } => {
+                    self.metrics.rejected(refusal.into());
+                    self.jobs.remove(&request);
+                    refused = Some(refusal.into());
+                }
+                Action::Supersede { request } => {
+                    self.metrics.rejected(Rejection::Superseded);
+                    self.answer(request, SubmitError::Superseded, replies);
+                }
+                Action::Expire { request, waited } => {
+                    self.metrics.rejected(Rejection::Expired);
+                    self.answer(request, SubmitError::DeadlinePassed { waited }, replies);
+                }
+                // One that failed is answered already, and its caller is still there.
+                Action::Drop { request, .. } if self.jobs.contains_key(&request) => {
+                    self.metrics.rejected(Rejection::ClientGone);
+                }
+                Action::Drop { .. } => {}
+            }
+        }
+        self.actions = actions;
+        refused
+    }
+
+    /// Puts the orders of a worker together.
+    fn hand_out(&mut self, batch: Batch) {
+        let orders = &mut self.orders[batch.worker];
+        for part in &batch.parts {
+            let Some(job) = self.jobs.get_mut(&part.request) else {
+                continue;
+            };
+            if part.first == 0 {
+                job.served.queued = part.waited;
+            }
+            job.has_started = true;
+            let ids = (part.first..part.first + part.characters).map(|character| JobId {
+                request: part.request.0,
+                character: character as u32,
+            });
+            orders.jobs.extend(ids.zip(job.tasks.by_ref()));
+        }
+        orders.parts = batch.parts;
+        orders.reason = Some(batch.reason);
+    }
+}
+
+/// A job is with its worker no more.
+fn done(id: &JobId) -> Finished {
+    Finished {
+        request: RequestId(id.request),
+        characters: 1,
+    }
+}
+
+/// Adds the next part of a character's answer.
+fn append(slot: &mut Option<Output>, output: Output) {
+    match slot {
+        Some(whole) => whole.append(output),
+        None => *slot = Some(output),
+    }
+}
+
+impl From<Refusal> for Rejection {
+    fn from(refusal: Refusal) -> Self {
+        if refusal.full {
+            Self::QueueFull
+        } else {
+            Self::QueueSlow
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! A request's time in the queue and in steps, as parts of its trace.
+
+use std::time::{Duration, Instant};
+
+use troupe_base::telemetry::KeyValue;
+
+use super::served::{Served, ServedStep};
+use troupe_base::telemetry::Trace;
+
+/// Adds what became of a request that came to the batcher at `arrived`.
+pub fn trace_served(trace: &Trace, arrived: Instant, served: &Served) {
+    trace_queue(trace, arrived, served.queued);
+    for step in &served.steps {
+        trace_step(trace, step);
+    }
+}
+
+/// Adds a request's wait.
+pub fn trace_queue(trace: &Trace, arrived: Instant, queued: Duration) {
+    trace.part("queue", arrived, arrived + queued, Vec::new());
+}
+
+/// Adds a step. Others share it, so it says how many jobs there were in all.
+pub fn trace_step(trace: &Trace, step: &ServedStep) {
+    let attributes = vec![
+        KeyValue::new("batch.jobs", step.jobs as i64),
+        KeyValue::new("batch.rows", step.rows as i64),
+        KeyValue::new("inference_us", step.inference.as_micros() as i64),
+    ];
+    trace.part("step", step.started, step.ended, attributes);
+}

@@ -1,0 +1,163 @@
+//! A worker: the thread that owns a generator and steps it.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::Instant;
+
+use tokio::sync::oneshot;
+use troupe_engine::EngineError;
+use troupe_engine::generator::{Generator, JobId, Progress, StepReport};
+
+use super::shared::Shared;
+use super::state::{Orders, Replies, Step};
+
+/// Makes the generator of a worker, of which it gets the number from 0 on. Called once for each
+/// worker, on the thread that will own it; all at the same time.
+pub type GeneratorFactory = Arc<dyn Fn(usize) -> Result<Box<dyn Generator>, EngineError> + Send + Sync>;
+
+/// Makes the worker's generator, and steps it until there is nobody left to ask for anything.
+pub(super) fn run(
+    shared: Arc<Shared>,
+    number: usize,
+    factory: &GeneratorFactory,
+    started: oneshot::Sender<Result<(), EngineError>>,
+) {
+    let generator = match factory(number) {
+        Ok(generator) => generator,
+        Err(error) => {
+            // Nobody to tell: the start was given up.
+            let _ = started.send(Err(error));
+            return;
+        }
+    };
+    if let Some(trial) = generator.trial() {
+        shared.tried(trial);
+    }
+    if started.send(Ok(())).is_err() {
+        return;
+    }
+    let worker = Worker {
+        shared,
+        number,
+        generator,
+        held: Vec::new(),
+        dropped: Vec::new(),
+        replies: Replies::default(),
+    };
+    worker.serve();
+}
+
+/// A worker that runs. Where it is dropped by a panic, what it had fails, and the other workers
+/// serve on.
+struct Worker {
+    shared: Arc<Shared>,
+    number: usize,
+    generator: Box<dyn Generator>,
+    /// Jobs that the generator has.
+    held: Vec<JobId>,
+    /// Jobs that were dropped since the last step, for nobody wants their answers.
+    dropped: Vec<JobId>,
+    replies: Replies,
+}
+
+impl Worker {
+    fn serve(mut self) {
+        let mut step = None;
+        loop {
+            let ended = step.as_ref().map(|step: &Step| step.ended);
+            let room = (self.generator.free(), self.generator.is_idle());
+            let orders = self
+                .shared
+                .next(self.number, room, step.take(), &self.dropped, &mut self.replies);
+            self.dropped.clear();
+            let Some(orders) = orders else { return };
+            self.follow(orders, ended);
+            if !self.generator.is_idle() {
+                step = Some(self.step());
+            }
+        }
+    }
+
+    /// Drops what is cancelled and takes what is new. `ended` is when the last step ended, where
+    /// this comes right after it.
+    fn follow(&mut self, orders: Orders, ended: Option<Instant>) {
+        for request in orders.cancelled {
+            for id in self.held.extract_if(.., |id| id.request == request.0) {
+                self.generator.cancel(id);
+                self.dropped.push(id);
+            }
+        }
+        let metrics = &self.shared.metrics;
+        if let Some(reason) = orders.reason {
+            metrics.dispatched(reason, orders.jobs.len());
+            if let Some(ended) = ended {
+                metrics.worker_gap(ended.elapsed());
+            }
+        }
+        for part in orders.parts.iter().filter(|part| part.first == 0) {
+            metrics.queued(part.class, part.waited);
+        }
+        for (id, task) in orders.jobs {
+            self.held.push(id);
+            self.generator.admit(id, task);
+        }
+    }
+
+    fn step(&mut self) -> Step {
+        let started = Instant::now();
+        let mut progress: Vec<(JobId, Progress)> = Vec::with_capacity(self.held.len());
+        let generator = &mut self.generator;
+        let result = catch_unwind(AssertUnwindSafe(|| {
+            generator.step(&mut |id, became| progress.push((id, became)))
+        }))
+        .unwrap_or_else(|payload| Err(EngineError::Panicked(panic_message(&*payload))));
+        let ended = Instant::now();
+        let report = match result {
+            Ok(report) => {
+                self.shared.metrics.ran(&report);
+                report
+            }
+            Err(error) => {
+                tracing::error!(%error, "a batch failed");
+                self.generator.clear();
+                // One with a part in this step is cleared too.
+                let open = self.held.iter().filter(|id| !is_over(&progress, id));
+                let failed = open.map(|&id| (id, Progress::Failed(error.clone())));
+                let failed: Vec<_> = failed.collect();
+                progress.extend(failed);
+                StepReport::default()
+            }
+        };
+        self.held.retain(|id| !is_over(&progress, id));
+        Step {
+            started,
+            ended,
+            report,
+            progress,
+        }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            // What it has dropped is not reported yet.
+            self.held.append(&mut self.dropped);
+            self.shared.worker_lost(self.number, &self.held);
+        }
+    }
+}
+
+/// Whether a step has ended a job.
+fn is_over(progress: &[(JobId, Progress)], id: &JobId) -> bool {
+    let mut became = progress.iter().filter(|(other, _)| other == id);
+    became.any(|(_, became)| !matches!(became, Progress::Part(_)))
+}
+
+fn panic_message(payload: &(dyn Any + Send)) -> String {
+    let text = payload.downcast_ref::<&str>().copied();
+    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("it gave no reason")
+        .to_owned()
+}

@@ -1,0 +1,215 @@
+//! What outlives the process: records by name, in one file.
+//!
+//! The file is a database that is whole at any moment, whenever the process is killed or the power
+//! goes. What is in a record is the business of those who write it.
+
+#[cfg(any(test, feature = "testing"))]
+pub mod disk;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use redb::{Builder, Database, DatabaseError, ReadableDatabase as _, ReadableTable as _, TableDefinition};
+
+/// The file in its folder.
+const FILE: &str = "troupe.redb";
+/// Memory for pages of the file, bytes: records are written and hardly ever read.
+const CACHE_BYTES: usize = 8 << 20;
+
+/// A kind of records.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Sessions, by id.
+    Session,
+    /// What moves in scenes, by the scene's name.
+    Scene,
+}
+
+impl Kind {
+    fn table(self) -> TableDefinition<'static, &'static str, &'static [u8]> {
+        TableDefinition::new(match self {
+            Self::Session => "sessions",
+            Self::Scene => "scenes",
+        })
+    }
+}
+
+/// Why records cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordsError {
+    /// Another process has the file.
+    #[error("store: another server uses {}; allowed: a folder for each server", .0.display())]
+    InUse(PathBuf),
+    /// The folder cannot be made.
+    #[error("store: cannot make the folder {}: {error}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        error: std::io::Error,
+    },
+    /// The file cannot be used.
+    #[error("store: {place}: {error}")]
+    File {
+        /// Which file.
+        place: String,
+        /// Why.
+        error: Box<redb::Error>,
+    },
+}
+
+/// Opens the database, and again after an error.
+type Open = Box<dyn Fn() -> Result<Database, DatabaseError> + Send + Sync>;
+
+/// The records of a server.
+pub struct Records {
+    open: Open,
+    place: String,
+    /// None after an error, until it is opened again.
+    database: Option<Database>,
+}
+
+impl fmt::Debug for Records {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Records").field("place", &self.place).finish()
+    }
+}
+
+/// What has changed: for each name its new record, or that it is gone.
+#[derive(Debug, Default)]
+pub struct Changes(Vec<(Kind, String, Option<Vec<u8>>)>);
+
+impl Changes {
+    /// A record that is new or another.
+    pub fn put(&mut self, kind: Kind, name: impl Into<String>, record: Vec<u8>) {
+        self.0.push((kind, name.into(), Some(record)));
+    }
+
+    /// A record that goes.
+    pub fn remove(&mut self, kind: Kind, name: impl Into<String>) {
+        self.0.push((kind, name.into(), None));
+    }
+
+    /// Whether nothing has changed.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// How many records.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Bytes of all records.
+    pub fn bytes(&self) -> usize {
+        let records = self.0.iter().filter_map(|(_, _, record)| record.as_ref());
+        records.map(Vec::len).sum()
+    }
+}
+
+impl Records {
+    /// The records in `folder`, which is made where it is not there. This blocks.
+    ///
+    /// # Errors
+    /// [`RecordsError`].
+    pub fn open(folder: &Path) -> Result<Self, RecordsError> {
+        std::fs::create_dir_all(folder).map_err(|error| RecordsError::Folder {
+            folder: folder.to_owned(),
+            error,
+        })?;
+        let file = folder.join(FILE);
+        let place = file.display().to_string();
+        let open = move || Builder::new().set_cache_size(CACHE_BYTES).create(&file);
+        Self::opened(Box::new(open), place).map_err(|error| match error {
+            RecordsError::File { error, .. } if matches!(*error, redb::Error::DatabaseAlreadyOpen) => {
+                RecordsError::InUse(folder.to_owned())
+            }
+            other => other,
+        })
+    }
+
+    fn opened(open: Open, place: String) -> Result<Self, RecordsError> {
+        let mut records = Self {
+            open,
+            place,
+            database: None,
+        };
+        records.database()?;
+        Ok(records)
+    }
+
+    fn failed(&self, error: impl Into<redb::Error>) -> RecordsError {
+        RecordsError::File {
+            place: self.place.clone(),
+            error: Box::new(error.into()),
+        }
+    }
+
+    fn database(&mut self) -> Result<&Database, RecordsError> {
+        let database = match self.database.take() {
+            Some(database) => database,
+            None => (self.open)().map_err(|error| self.failed(error))?,
+        };
+        Ok(self.database.insert(database))
+    }
+
+    /// All records of a kind, by name.
+    ///
+    /// # Errors
+    /// [`RecordsError::File`].
+    pub fn all(&mut self, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, RecordsError> {
+        let database = self.database()?;
+        read_all(database, kind).map_err(|error| self.failed(error))
+    }
+
+    /// Writes all changes, or none of them. They are on the disk when this returns. After an error
+    /// the file is opened again by the next call.
+    ///
+    /// # Errors
+    /// [`RecordsError::File`]; what was there before is there still.
+    pub fn write(&mut self, changes: &Changes) -> Result<(), RecordsError> {
+        let database = self.database()?;
+        let written = write_all(database, changes);
+        written.map_err(|error| {
+            self.database = None;
+            self.failed(error)
+        })
+    }
+}
+
+fn read_all(database: &Database, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, redb::Error> {
+    let reading = database.begin_read()?;
+    let table = match reading.open_table(kind.table()) {
+        Ok(table) => table,
+        Err(redb::TableError::TableDoesNotExist(_)) => return Ok(Vec::new()),
+        Err(error) => return Err(error.into()),
+    };
+    let mut all = Vec::new();
+    for entry in table.iter()? {
+        let (name, record) = entry?;
+        all.push((name.value().to_owned(), record.value().to_owned()));
+    }
+    Ok(all)
+}
+
+fn write_all(database: &Database, changes: &Changes) -> Result<(), redb::Error> {
+    let mut writing = database.begin_write()?;
+    // A server that was killed starts again at once, however many records there are.
+    writing.set_quick_repair(true);
+    for kind in [Kind::Session, Kind::Scene] {
+        let mut table = writing.open_table(kind.table())?;
+        for (_, name, record) in changes.0.iter().filter(|(of, _, _)| *of == kind) {
+            match record {
+                Some(record) => table.insert(name.as_str(), record.as_slice())?,
+                None => table.remove(name.as_str())?,
+            };
+        }
+    }
+    writing.commit()?;
+    Ok(())
+}
+
+#[cfg(test)]
+#[path = "records_tests.rs"]
+mod tests;

@@ -1,0 +1,291 @@
+//! The way of a plan: from a character's request through its pack's batcher and back.
+//!
+//! Every plan travels on its own, so that it shares batches with everybody else's. A character has
+//! at most one under way: it asks for the next only after
+//! [`Character::plan_arrived`](super::Character::plan_arrived), which every request leads to,
+//! whatever becomes of it, a panic on the way included.
+
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::LivePack;
+use super::cell::{SessionCell, Wants};
+use super::words::performer;
+use troupe_base::turns::Turns;
+use troupe_batch::{Order, Served, SubmitError};
+use troupe_character::live::{
+    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, PathItem, Pins, PlanFailed, PlanItem, PlanRequest,
+    finish_live,
+};
+use troupe_character::post::hold_live;
+use troupe_engine::EngineError;
+use troupe_engine::pack::Pack;
+use troupe_motion::model::{Body, Motion, PathTask, Task};
+
+/// Shortest wait before a place in a full queue is asked for again.
+const MIN_RETRY: Duration = Duration::from_millis(5);
+
+/// What to do where the batcher's queue is full.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Patience {
+    /// Ask again until there is a place: the character waits for this very plan.
+    Waits,
+    /// Give up: the character asks again at its next frame, from where it then is.
+    Fails,
+}
+
+/// Has all made that a character wants. Returns at once.
+pub fn serve(cell: &Arc<SessionCell>, wants: Wants, patience: Patience) {
+    if let Some(request) = wants.plan {
+        ask(cell, request, patience);
+    }
+    if let Some(request) = wants.words {
+        performer::ask(cell, request, patience);
+    }
+}
+
+/// Has a plan made, and tells the character and whoever waits for it. Returns at once.
+pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
+    let asked = Instant::now();
+    let awaited = Awaited::new(cell.clone(), request.number);
+    let cell = cell.clone();
+    let deadline = deadline(&cell, &request);
+    let task = task(cell.pack(), request.item);
+    let (shape, pins) = (request.shape, request.pins);
+    let turns = Turns::current();
+    // A tick's plan enters the queue now, in the order of the calls, and not when its task first
+    // runs.
+    let entered = match patience {
+        Patience::Fails => {
+            let order = Order::live(cell.owner_id(), deadline);
+            Ok((cell.pack().loaded.batcher).enqueue(vec![task], order))
+        }
+        Patience::Waits => Err((task, turns.clone())),
+    };
+    let work = async move {
+        let result = match entered {
+            Ok(Ok(answer)) => answer.await,
+            Ok(Err(error)) => Err(error),
+            Err((task, turns)) => step_plan(&cell, task, deadline, &turns).await,
+        };
+        if let Ok(served) = &result {
+            cell.pack().load.measured(asked.elapsed(), served.work);
+            cell.pack().loaded.metrics.trace_plan(asked, served);
+        }
+        let plan = result
+            .and_then(|served| {
+                let motion = served.into_motions().next();
+                motion.ok_or(EngineError::Stopped.into())
+            })
+            .and_then(|raw| finish(&raw, &shape, pins.as_deref(), cell.pack()));
+        awaited.arrived(plan);
+    };
+    // What is made of its motion takes as long as the rest of a character's frames, and counts for
+    // the same client.
+    tokio::spawn(turns.take(work));
+}
+
+/// The answer to a plan that a step waits for. Where there is no place for it, it is asked for
+/// again.
+async fn step_plan(
+    cell: &SessionCell,
+    task: Task,
+    deadline: Instant,
+    turns: &Turns,
+) -> Result<Served, SubmitError> {
+    // However many characters a client steps, others wait for so many of its plans at most.
+    let _place = turns.plan().await;
+    let order = Order::step(cell.owner_id(), deadline);
+    loop {
+        let result = (cell.pack().loaded.batcher)
+            .submit(vec![task.clone()], order)
+            .await;
+        match result {
+            Err(SubmitError::QueueFull { retry_after, .. }) if cell.end().is_none() => {
+                tokio::time::sleep(retry_after.max(MIN_RETRY)).await;
+            }
+            result => return result,
+        }
+    }
+}
+
+/// What a plan asks of the pack's generator.
+fn task(pack: &LivePack, item: PlanItem) -> Task {
+    match (item, pack.body()) {
+        (PlanItem::Keyframes(task), _) => task.into(),
+        (PlanItem::Path(item), Some(body)) => path_task(pack, body, item).into(),
+        // Rigs that are planned for by paths are those of bodies.
+        (PlanItem::Path(_), None) => unreachable!("a plan by a path for a pack without bodies"),
+    }
+}
+
+fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
+    let own: &Pack = &pack.loaded.pack;
+    let weight = |word: &String| {
+        let given = item.words.iter().find(|(given, _)| given == word);
+        given.map_or(0.0, |(_, weight)| *weight)
+    };
+    PathTask {
+        body: body.clone(),
+        context: item.context,
+        targets: Vec::new(),
+        path: item.path,
+        style: own.words.iter().map(weight).collect(),
+        steps: own.sampler().map_or(1, |steps| steps.default),
+        guidance: 1.0,
+        seed: item.seed,
+    }
+}
+
+/// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of
+/// the runtime, it has failed: the character asks for another, and nobody counts on it any more.
+struct Awaited {
+    cell: Arc<SessionCell>,
+    number: u64,
+    answered: bool,
+}
+
+impl Awaited {
+    fn new(cell: Arc<SessionCell>, number: u64) -> Self {
+        cell.pack().load.asked();
+        Self {
+            cell,
+            number,
+            answered: false,
+        }
+    }
+
+    fn arrived(mut self, plan: Result<LivePlan, SubmitError>) {
+        self.answer(plan);
+    }
+
+    fn answer(&mut self, plan: Result<LivePlan, SubmitError>) {
+        self.answered = true;
+        self.cell.pack().load.answered();
+        arrived(&self.cell, self.number, plan);
+    }
+}
+
+impl Drop for Awaited {
+    fn drop(&mut self) {
+        if !self.answered {
+            let lost = match std::thread::panicking() {
+                true => EngineError::Panicked("its plan was not finished".to_owned()),
+                false => EngineError::Stopped,
+            };
+            self.answer(Err(lost.into()));
+        }
+    }
+}
+
+/// The moment from which on a plan that is asked for now is missed.
+fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
+    let frames = request.due_in_frames as f32;
+    Instant::now() + Duration::from_secs_f32(frames / cell.pack().rig().fps)
+}
+
+fn finish(
+    raw: &Motion,
+    shape: &LiveShape,
+    pins: Option<&Pins>,
+    pack: &LivePack,
+) -> Result<LivePlan, SubmitError> {
+    let mut plan = finish_live(raw, shape, pack.rig()).map_err(|_| {
+        SubmitError::Engine(EngineError::Output {
+            stage: troupe_engine::pack::Stage::Decoder,
+            problem: "frames that are not finite".to_owned(),
+        })
+    })?;
+    match pins {
+        Some(pins) => pins.pin_to_targets(&mut plan, &pack.rig().skeleton),
+        None => {
+            let LivePlan {
+                roots,
+                rotations,
+                contacts,
+                ..
+            } = &mut plan;
+            hold_live(pack.rig(), roots, rotations, contacts, CONTEXT_FRAMES);
+        }
+    }
+    pack.loaded.metrics.planned(plan.roots.len());
+    Ok(plan)
+}
+
+/// Tells the character, and wakes the one who waits for it.
+fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitError>) {
+    let fps = cell.pack().rig().fps;
+    let mut live = cell.live();
+    let plan = match plan {
+        Ok(plan) => {
+            live.trouble = None;
+            Ok(plan)
+        }
+        // The character goes on with the newer one.
+        Err(SubmitError::Superseded) => Err(PlanFailed),
+        Err(error) => {
+            let failures = cell.pack().failures.lock();
+            if !matches!(error, SubmitError::QueueFull { .. })
+                && let Some(held_back) = failures
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .next(Instant::now())
+            {
+                tracing::warn!(session = %cell.id(), %error, held_back, "a plan failed");
+            }
+            let before = live.trouble.as_ref().map_or(0, |(count, _)| *count);
+            live.trouble = Some((before.saturating_add(1), error));
+            Err(PlanFailed)
+        }
+    };
+    if let Arrival::InTime { lead_frames } = live.character.plan_arrived(number, plan) {
+        cell.pack().metrics.came(f64::from(lead_frames / fps));
+    }
+    drop(live);
+    cell.wake();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::registry::tests::Setup;
+    use super::*;
+    use troupe_character::live::{Clock, SUB_FRAMES};
+
+    #[tokio::test]
+    async fn a_plan_that_is_lost_to_a_panic_has_failed() {
+        let setup = Setup::new(1).await;
+        let cell = setup.cell("a");
+        let asks = || {
+            let mut live = cell.live();
+            live.character.advance(SUB_FRAMES, Clock::Runs);
+            cell.settle(&mut live).plan.map(|request| request.number)
+        };
+        let number = asks().unwrap();
+        let awaited = Awaited::new(cell.clone(), number);
+        assert_eq!(cell.pack().load.waiting(), 1);
+        let task = tokio::spawn(async move {
+            let _awaited = awaited;
+            panic!("on the way");
+        });
+        assert!(task.await.unwrap_err().is_panic());
+        assert_eq!(cell.pack().load.waiting(), 0);
+        assert_eq!(cell.live().character.stats().failed_plans, 1);
+        let trouble = cell.live().trouble.clone().unwrap().1;
+        assert!(
+            matches!(trouble, SubmitError::Engine(EngineError::Panicked(_))),
+            "{trouble}"
+        );
+        // Whoever waits is told, and the character asks for another.
+        cell.changed().await;
+        assert_eq!(asks(), Some(number + 1));
+    }
+
+    #[tokio::test]
+    async fn that_a_newer_plan_took_its_place_is_no_failure() {
+        let setup = Setup::new(1).await;
+        let cell = setup.cell("a");
+        let awaited = Awaited::new(cell.clone(), 7);
+        awaited.arrived(Err(SubmitError::Superseded));
+        assert!(cell.live().trouble.is_none());
+        assert_eq!(cell.live().character.stats().failed_plans, 0);
+    }
+}

@@ -1,0 +1,359 @@
+//! All open sessions by tenant and id, and the ids of those that expired lately.
+
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+use std::ops::Bound;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::time::{Duration, Instant};
+
+use super::SessionError;
+use super::cell::{End, SessionCell};
+use super::metrics::Eviction;
+use super::options::MAX_ID_CHARS;
+use troupe_base::tenant::Tenant;
+
+/// About the most memory that an open session takes, bytes. 38 KiB were measured for one that walks
+/// in the default pack. One in a scene keeps events and keyframes besides. A path of 1,024 points
+/// takes 28 KiB: once while it is followed, once while it waits.
+pub const MAX_SESSION_BYTES: u64 = 128 << 10;
+/// Most ids of expired sessions that are remembered: a few megabytes.
+const MAX_TOMBSTONES: usize = 65_536;
+
+type ById = BTreeMap<Arc<str>, Arc<SessionCell>>;
+
+/// The open sessions of one tenant. Those of others share room and time with them, and do not exist
+/// otherwise.
+#[derive(Debug)]
+pub struct Registry {
+    all: Arc<All>,
+    tenant: Tenant,
+}
+
+/// Those of all tenants.
+#[derive(Debug)]
+struct All {
+    open: RwLock<Open>,
+    expired: Mutex<Tombstones>,
+    limit: usize,
+}
+
+#[derive(Debug, Default)]
+struct Open {
+    of: HashMap<Tenant, ById>,
+    count: usize,
+}
+
+impl Open {
+    fn add(&mut self, tenant: &Tenant, cell: &Arc<SessionCell>) {
+        let own = match self.of.get_mut(tenant) {
+            Some(own) => own,
+            None => self.of.entry(tenant.clone()).or_default(),
+        };
+        if own.insert(cell.id().clone(), cell.clone()).is_none() {
+            self.count += 1;
+        }
+    }
+
+    fn remove(&mut self, tenant: &Tenant, id: &str) -> Option<Arc<SessionCell>> {
+        let own = self.of.get_mut(tenant)?;
+        let removed = own.remove(id)?;
+        if own.is_empty() {
+            self.of.remove(tenant);
+        }
+        self.count -= 1;
+        Some(removed)
+    }
+
+    /// Each with whose it is.
+    fn each(&self) -> impl Iterator<Item = (&Tenant, &Arc<SessionCell>)> {
+        let of = |(tenant, own)| ById::values(own).map(move |cell| (tenant, cell));
+        self.of.iter().flat_map(of)
+    }
+}
+
+impl All {
+    fn read(&self) -> RwLockReadGuard<'_, Open> {
+        self.open.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, Open> {
+        self.open.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tombstones(&self) -> MutexGuard<'_, Tombstones> {
+        self.expired.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Removes an expired session and remembers its id.
+    fn bury(&self, tenant: &Tenant, cell: &SessionCell) {
+        // In this order, so that nobody finds it neither open nor expired.
+        self.tombstones().add((tenant.clone(), cell.id().clone()));
+        let removed = self.write().remove(tenant, cell.id());
+        cell.pack().metrics.ended(Eviction::Expired);
+        drop(removed);
+    }
+}
+
+impl Registry {
+    /// A registry of at most `limit` sessions over all tenants: that of callers without a tenant.
+    pub fn new(limit: usize) -> Self {
+        Self {
+            all: Arc::new(All {
+                open: RwLock::default(),
+                expired: Mutex::new(Tombstones::new(MAX_TOMBSTONES)),
+                limit,
+            }),
+            tenant: None,
+        }
+    }
+
+    /// The sessions of another tenant.
+    pub fn of_tenant(&self, tenant: Tenant) -> Self {
+        Self {
+            all: self.all.clone(),
+            tenant,
+        }
+    }
+
+    /// Open sessions of all tenants.
+    pub fn len(&self) -> usize {
+        self.all.read().count
+    }
+
+    /// Whether no session of any tenant is open.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether `more` sessions may be opened: a look ahead of the work of making them. Those whose
+    /// time is up at `now` make room, and so do those that nobody has wanted for `usual_ttl`
+    /// although they may live longer.
+    ///
+    /// # Errors
+    /// [`SessionError::TooMany`].
+    pub fn room_for(&self, more: usize, usual_ttl: Duration, now: Instant) -> Result<(), SessionError> {
+        if self.check_room(self.len(), more).is_ok() {
+            return Ok(());
+        }
+        self.sweep(now);
+        if self.check_room(self.len(), more).is_err() {
+            self.expire_idle(more, usual_ttl, now);
+        }
+        self.check_room(self.len(), more)
+    }
+
+    /// Ends sessions that nobody has wanted for `usual_ttl`, although they may live longer, until
+    /// there is room for `more`: the longest idle first. Where there is room enough for all others
+    /// they stay.
+    fn expire_idle(&self, more: usize, usual_ttl: Duration, now: Instant) {
+        let (mut idle, open): (Vec<_>, usize) = {
+            let open = self.all.read();
+            let idle = open.each().filter(|(_, cell)| cell.left(now) < cell.ttl());
+            let idle = idle.map(|(tenant, cell)| (cell.idle(now), tenant.clone(), cell.clone()));
+            (idle.filter(|(time, ..)| *time >= usual_ttl).collect(), open.count)
+        };
+        let missing = (open + more).saturating_sub(self.all.limit);
+        if missing > idle.len() {
+            return;
+        }
+        idle.sort_by_key(|(time, ..)| std::cmp::Reverse(*time));
+        for (_, tenant, cell) in idle.into_iter().take(missing) {
+            if cell.expire_after(usual_ttl, now) {
+                self.all.bury(&tenant, &cell);
+            }
+        }
+    }
+
+    fn check_room(&self, open: usize, more: usize) -> Result<(), SessionError> {
+        match open + more <= self.all.limit {
+            true => Ok(()),
+            false => Err(SessionError::TooMany {
+                open,
+                limit: self.all.limit,
+                place: "",
+            }),
+        }
+    }
+
+    /// Opens sessions, all or none. `field` names the id of one by its place. An id whose session's
+    /// time is up at `now` is free.
+    ///
+    /// # Errors
+    /// [`SessionError::Exists`] or [`SessionError::TooMany`].
+    pub fn insert(
+        &self,
+        cells: &[Arc<SessionCell>],
+        now: Instant,
+        field: impl Fn(usize) -> String,
+    ) -> Result<(), SessionError> {
+        self.expire_named(cells, now);
+        let mut open = self.all.write();
+        self.check_room(open.count, cells.len())?;
+        let mut new = HashSet::with_capacity(cells.len());
+        for (index, cell) in cells.iter().enumerate() {
+            let own = open.of.get(&self.tenant);
+            if own.is_some_and(|own| own.contains_key(cell.id())) || !new.insert(cell.id()) {
+                return Err(SessionError::Exists {
+                    id: cell.id().to_string(),
+                    field: field(index),
+                });
+            }
+        }
+        let mut expired = self.all.tombstones();
+        for cell in cells {
+            open.add(&self.tenant, cell);
+            expired.forget(&(self.tenant.clone(), cell.id().clone()));
+            cell.pack().metrics.opened(1);
+        }
+        Ok(())
+    }
+
+    /// Ends the sessions that have an id of `cells` and whose time is up.
+    fn expire_named(&self, cells: &[Arc<SessionCell>], now: Instant) {
+        let named: Vec<Arc<SessionCell>> = {
+            let open = self.all.read();
+            let own = open.of.get(&self.tenant);
+            cells
+                .iter()
+                .filter_map(|cell| own?.get(cell.id()).cloned())
+                .collect()
+        };
+        for cell in named {
+            if cell.expire(now) {
+                self.all.bury(&self.tenant, &cell);
+            }
+        }
+    }
+
+    fn find(&self, id: &str) -> Option<Arc<SessionCell>> {
+        self.all.read().of.get(&self.tenant)?.get(id).cloned()
+    }
+
+    /// The session of that id, which the request gave in `field`.
+    ///
+    /// # Errors
+    /// [`SessionError::Expired`] where its time is up at `now`, or was lately;
+    /// [`SessionError::Unknown`].
+    pub fn get(
+        &self,
+        id: &str,
+        now: Instant,
+        field: &dyn Fn() -> String,
+    ) -> Result<Arc<SessionCell>, SessionError> {
+        match self.find(id) {
+            Some(cell) => {
+                if cell.expire(now) {
+                    self.all.bury(&self.tenant, &cell);
+                }
+                cell.gone(field).map_or(Ok(cell), Err)
+            }
+            None if self.all.tombstones().knows(&self.tenant, id) => Err(SessionError::Expired {
+                id: id.to_owned(),
+                field: field(),
+            }),
+            None => Err(SessionError::Unknown {
+                id: id.chars().take(MAX_ID_CHARS).collect(),
+                field: field(),
+            }),
+        }
+    }
+
+    /// Up to `count` sessions whose ids come after `after`, by id, and how many the tenant has in
+    /// all.
+    pub fn page(&self, after: Option<&str>, count: usize) -> (Vec<Arc<SessionCell>>, usize) {
+        let open = self.all.read();
+        let Some(own) = open.of.get(&self.tenant) else {
+            return (Vec::new(), 0);
+        };
+        let from = after.map_or(Bound::Unbounded, Bound::Excluded);
+        let range = own.range::<str, _>((from, Bound::Unbounded));
+        (
+            range.take(count).map(|(_, cell)| cell.clone()).collect(),
+            own.len(),
+        )
+    }
+
+    /// Closes the session of that id. Answers whether it was open at `now`.
+    pub fn close(&self, id: &str, now: Instant) -> bool {
+        let Ok(cell) = self.get(id, now, &String::new) else {
+            return false;
+        };
+        self.close_cell(&cell)
+    }
+
+    /// Closes a session. Answers whether it was open.
+    pub fn close_cell(&self, cell: &SessionCell) -> bool {
+        let closed = cell.finish(End::Closed);
+        if closed {
+            let removed = self.all.write().remove(&self.tenant, cell.id());
+            cell.pack().metrics.ended(Eviction::Closed);
+            // A character is freed outside the lock.
+            drop(removed);
+        }
+        closed
+    }
+
+    /// Ends sessions of all tenants whose time is up at `now`; answers how many.
+    pub fn sweep(&self, now: Instant) -> usize {
+        let due: Vec<(Tenant, Arc<SessionCell>)> = {
+            let open = self.all.read();
+            let due = open.each().filter(|(_, cell)| cell.left(now).is_zero());
+            due.map(|(tenant, cell)| (tenant.clone(), cell.clone())).collect()
+        };
+        let mut ended = 0;
+        for (tenant, cell) in due {
+            if cell.expire(now) {
+                self.all.bury(&tenant, &cell);
+                ended += 1;
+            }
+        }
+        ended
+    }
+}
+
+/// A session's id, and whose it is.
+type Name = (Tenant, Arc<str>);
+
+/// The ids of the last so many expired sessions.
+#[derive(Debug)]
+struct Tombstones {
+    /// By age; an entry counts only while `by_id` has the same number for its id.
+    by_age: VecDeque<(u64, Name)>,
+    by_id: HashMap<Name, u64>,
+    next: u64,
+    limit: usize,
+}
+
+impl Tombstones {
+    fn new(limit: usize) -> Self {
+        Self {
+            by_age: VecDeque::new(),
+            by_id: HashMap::new(),
+            next: 0,
+            limit,
+        }
+    }
+
+    fn add(&mut self, id: Name) {
+        self.next += 1;
+        self.by_id.insert(id.clone(), self.next);
+        self.by_age.push_back((self.next, id));
+        if self.by_age.len() > self.limit
+            && let Some((number, id)) = self.by_age.pop_front()
+            && self.by_id.get(&id) == Some(&number)
+        {
+            self.by_id.remove(&id);
+        }
+    }
+
+    fn forget(&mut self, id: &Name) {
+        self.by_id.remove(id);
+    }
+
+    fn knows(&self, tenant: &Tenant, id: &str) -> bool {
+        self.by_id.contains_key(&(tenant.clone(), Arc::from(id)))
+    }
+}
+
+#[cfg(test)]
+#[path = "registry_tests.rs"]
+pub(super) mod tests;

@@ -1,0 +1,118 @@
+//! Clients that come back: to a server that was started again, or after their connection broke.
+
+use std::sync::Arc;
+
+use troupe_proto::v1;
+
+use super::cell::{Owner, SessionCell};
+use super::{SessionError, SessionProblem, Sessions, describe};
+use crate::wire::{check_frame, to_native, units};
+use troupe_base::turns::Turns;
+use troupe_character::live::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
+use troupe_character::{FieldError, Path};
+
+/// Sessions that were taken up again.
+#[derive(Debug, Default)]
+pub struct Resumed {
+    /// Those.
+    pub sessions: Vec<v1::ResumedSession>,
+    /// Those that could not be.
+    pub problems: Vec<SessionProblem>,
+}
+
+impl Sessions {
+    /// `troupe.v1.Sessions/ResumeSessions`.
+    ///
+    /// # Errors
+    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one session
+    /// is in its problem.
+    pub async fn resume(
+        self: &Arc<Self>,
+        request: v1::ResumeSessionsRequest,
+        turns: Turns,
+    ) -> Result<Resumed, SessionError> {
+        let root = Path::root();
+        let count = request.sessions.len();
+        units::length(&root.field("sessions"), count, 1, self.limits().per_request)?;
+        let this = self.clone();
+        let work = async move { this.resume_all(&request).await };
+        Ok(self.executor().run(turns, work).await?)
+    }
+
+    async fn resume_all(&self, request: &v1::ResumeSessionsRequest) -> Resumed {
+        let (root, mut turn) = (Path::root(), super::executor::Turn::begin());
+        let mut resumed = Resumed::default();
+        for (index, asked) in request.sessions.iter().enumerate() {
+            match self.resume_one(&root.element("sessions", index), asked) {
+                Ok(session) => resumed.sessions.push(session),
+                Err(error) => {
+                    let problem = SessionProblem::new(index, &asked.session_id, error);
+                    resumed.problems.push(problem);
+                }
+            }
+            turn.pause().await;
+        }
+        resumed
+    }
+
+    fn resume_one(
+        &self,
+        path: &Path<'_>,
+        asked: &v1::SessionResume,
+    ) -> Result<v1::ResumedSession, SessionError> {
+        let field = || path.field("session_id").to_string();
+        let now = self.time().now();
+        let cell = self.registry().get(&asked.session_id, now, &field)?;
+        let seen = seen(path, asked, &cell)?;
+        // Nobody else advances it meanwhile.
+        let held = cell.take(Owner::Step, &field)?;
+        let mut live = cell.live();
+        let found = live.character.frame();
+        let restored = cell.take_woken();
+        if let (true, Some(seen)) = (restored, seen) {
+            let joined = live.character.rejoin(&seen);
+            joined.map_err(|error| unfit(path, error))?;
+        }
+        drop(held);
+        Ok(v1::ResumedSession {
+            restored,
+            restored_frame: found,
+            session: Some(describe::session_of(&cell, &live, now)),
+        })
+    }
+}
+
+/// The last frame that the client says that it saw; none where it says none.
+fn seen(
+    path: &Path<'_>,
+    asked: &v1::SessionResume,
+    cell: &SessionCell,
+) -> Result<Option<LastSeen>, FieldError> {
+    let Some(frame) = asked.frame else {
+        return match asked.pose {
+            None => Ok(None),
+            Some(_) => Err(path
+                .field("frame")
+                .error("is missing", "the number of the frame that pose is of")),
+        };
+    };
+    let Some(pose) = &asked.pose else {
+        return Ok(Some(LastSeen { frame, pose: None }));
+    };
+    let native = to_native(pose, cell.convention());
+    let shown = check_frame(&path.field("pose"), &native, cell.pack().rig())?;
+    let pose = Some((shown.root, shown.rotations));
+    Ok(Some(LastSeen { frame, pose }))
+}
+
+fn unfit(path: &Path<'_>, error: RejoinError) -> FieldError {
+    match error {
+        RejoinError::Frame { frame, .. } => path.field("frame").error(
+            error.to_string(),
+            format!("at most {}", frame + MAX_REJOIN_FRAMES),
+        ),
+        RejoinError::Place { .. } => path
+            .field("pose")
+            .error(error.to_string(), format!("at most {MAX_REJOIN_M} m")),
+    }
+}

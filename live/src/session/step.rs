@@ -1,0 +1,412 @@
+//! Client-clocked frames: each call advances many characters, and waits for the plans that they
+//! need.
+//!
+//! Every character runs until it is done or needs a plan; then all plans that are missing are
+//! waited for together, and so on. Plans of one round travel in the same batches.
+//!
+//! Characters that share a scene go frame by frame, in the order of their names: who gets an
+//! object, and what stands in whose way, must not depend on whose plan came first.
+
+use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use troupe_proto::v1;
+
+use super::cell::{Held, Owner};
+use super::encode::{BlockWriter, Form};
+use super::executor::Turn;
+use super::planner::{self, Patience};
+use super::{CommandResult, LivePack, SessionError, SessionProblem};
+use super::{Registry, SessionLimits, TimeSource, events};
+use crate::wire::units;
+use troupe_batch::SubmitError;
+use troupe_character::live::{Advance, Clock, FrameOut, SUB_FRAMES, Strain};
+use troupe_character::{FieldError, Path};
+use troupe_engine::EngineError;
+use troupe_motion::model::SIX_D;
+
+/// Most frames of a step.
+pub const MAX_STEP_FRAMES: u32 = 120;
+/// Most frames of all characters of a step together: an answer is made as a whole.
+pub const MAX_STEP_CHARACTER_FRAMES: usize = 131_072;
+/// Frame rates that the timeline divides into.
+const RATES_HZ: [u32; 3] = [30, 50, 60];
+/// Plans that may fail one after the other before the session counts as one that cannot be served.
+const MAX_FAILURES: u32 = 3;
+/// Numbers of a frame that belong to no joint: root, contacts, hinges.
+const NUMBERS_OF_A_FRAME: usize = 40;
+/// Frames that a character goes before it asks whether others want a turn.
+const FRAMES_ALONE: usize = 8;
+
+/// Sub-frames of the timeline that a tick at `rate_hz` takes; 0 stands for 30.
+///
+/// # Errors
+/// [`FieldError`] for a rate that is not offered.
+pub(super) fn sub_frames(path: &Path<'_>, rate_hz: u32) -> Result<u32, FieldError> {
+    let rate = if rate_hz == 0 { 30 } else { rate_hz };
+    match RATES_HZ.contains(&rate) {
+        // The timeline is one of 30 frames a second.
+        true => Ok(SUB_FRAMES * 30 / rate),
+        false => Err(path
+            .field("rate_hz")
+            .error(format!("is {rate_hz}"), "30, 50 or 60")),
+    }
+}
+
+/// A checked request.
+#[derive(Debug)]
+pub struct StepPlan {
+    frames: usize,
+    answer_bytes: usize,
+    sub_frames: u32,
+    form: Form,
+}
+
+/// Checks what a step asks for, apart from its commands and the sessions themselves. `joints_of`
+/// gives the number of joints of a session that is open.
+pub(super) fn check(
+    request: &v1::StepRequest,
+    limits: &SessionLimits,
+    joints_of: impl Fn(&str) -> Option<usize>,
+) -> Result<StepPlan, FieldError> {
+    let root = Path::root();
+    let ids = &request.session_ids;
+    units::length(&root.field("session_ids"), ids.len(), 1, limits.per_request)?;
+    let mut seen = HashSet::with_capacity(ids.len());
+    for (index, id) in ids.iter().enumerate() {
+        if !seen.insert(id.as_str()) {
+            return Err(root
+                .element("session_ids", index)
+                .error("is there twice", "each session once"));
+        }
+    }
+    let frames = request.frames.max(1);
+    units::count_within(&root.field("frames"), frames, 1, MAX_STEP_FRAMES)?;
+    if ids.len() * frames as usize > MAX_STEP_CHARACTER_FRAMES {
+        let most = (MAX_STEP_CHARACTER_FRAMES / ids.len()).max(1);
+        return Err(root.field("frames").error(
+            format!("is {frames} for {} sessions", ids.len()),
+            format!("1 to {most} for so many, {MAX_STEP_CHARACTER_FRAMES} frames in all"),
+        ));
+    }
+    let commands = &root.field("commands");
+    units::length(commands, request.commands.len(), 0, super::commands::MAX_COMMANDS)?;
+    let form = Form::of(
+        &root,
+        request.encoding,
+        request.return_positions,
+        request.return_six_d,
+    )?;
+    let frame_bytes: usize = (ids.iter().filter_map(|id| joints_of(id)))
+        .map(|joints| frame_bytes(form, joints))
+        .sum();
+    Ok(StepPlan {
+        frames: frames as usize,
+        answer_bytes: frame_bytes * frames as usize,
+        sub_frames: sub_frames(&root, request.rate_hz)?,
+        form,
+    })
+}
+
+impl StepPlan {
+    /// About how many bytes the frames take, as numbers in memory.
+    pub fn answer_bytes(&self) -> usize {
+        self.answer_bytes
+    }
+}
+
+/// About how many bytes a frame of a character takes, as numbers in memory.
+fn frame_bytes(form: Form, joints: usize) -> usize {
+    let numbers_of_a_joint = 4 + 3 * usize::from(form.positions) + SIX_D * usize::from(form.six_d);
+    (joints * numbers_of_a_joint + NUMBERS_OF_A_FRAME) * size_of::<f32>()
+}
+
+/// A character on its way.
+struct CharacterStep {
+    /// Place in the request.
+    slot: usize,
+    held: Held,
+    /// Its block and its place there.
+    block: usize,
+    place: usize,
+    /// Whether a frame has begun that is not written: it lacks a plan.
+    begun: bool,
+    /// Frames written so far.
+    done: usize,
+    trouble: Option<SessionError>,
+}
+
+/// Frames and what else a step gives.
+#[derive(Debug, Default)]
+pub struct Stepped {
+    /// Frames, a block for each pack and body.
+    pub blocks: Vec<v1::FrameBlock>,
+    /// Results of the commands.
+    pub commands: Vec<CommandResult>,
+    /// Sessions that could not be served, by place in the request.
+    pub problems: Vec<SessionProblem>,
+    /// What happened to characters.
+    pub events: Vec<v1::SessionEvents>,
+    /// What is in their hands.
+    pub held: Vec<v1::HeldObject>,
+    /// Time that went by while plans were made.
+    pub waited: Duration,
+    /// Time of the whole step.
+    pub total: Duration,
+}
+
+/// Advances the sessions. Those that cannot be served are among the problems.
+pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String], plan: StepPlan) -> Stepped {
+    let mut turn = Turn::begin();
+    let mut stepped = Stepped::default();
+    let (mut walkers, blocks) = gather((registry, time), ids, plan.form, &mut stepped.problems);
+    let mut writers: Vec<BlockWriter> = blocks
+        .iter()
+        .map(|(pack, count)| BlockWriter::of(pack, plan.form, *count, plan.frames))
+        .collect();
+    for walker in &walkers {
+        writers[walker.block].name(walker.slot as u32);
+    }
+
+    let mut out = FrameOut::default();
+    let mut going = groups(&walkers);
+    while !going.is_empty() {
+        let mut waiting = Vec::new();
+        for group in going {
+            let mut waits_for = None;
+            // Alone a character goes some frames at a time, with others frame by frame.
+            let frames_at_once = if group.len() == 1 { FRAMES_ALONE } else { 1 };
+            while waits_for.is_none()
+                && let Some(until) = next_stop(&walkers, &group, plan.frames, frames_at_once)
+            {
+                for &index in &group {
+                    let walker = &mut walkers[index];
+                    if walker.run(&plan, until, &mut writers[walker.block], &mut out) {
+                        waits_for = Some(index);
+                        break;
+                    }
+                    turn.pause().await;
+                }
+            }
+            waiting.extend(waits_for.map(|index| (index, group)));
+        }
+        let since = Instant::now();
+        for (index, _) in &waiting {
+            walkers[*index].held.cell().changed().await;
+        }
+        stepped.waited += since.elapsed();
+        going = waiting.into_iter().map(|(_, group)| group).collect();
+    }
+    finish(walkers, writers, &blocks, plan.frames, &mut stepped);
+    stepped
+}
+
+/// Takes the sessions' clocks, and gives each a place in the block of its pack.
+fn gather(
+    (registry, time): (&Registry, &TimeSource),
+    ids: &[String],
+    form: Form,
+    problems: &mut Vec<SessionProblem>,
+) -> (Vec<CharacterStep>, Vec<(Arc<LivePack>, usize)>) {
+    let now = time.now();
+    let mut blocks: Vec<(Arc<LivePack>, usize)> = Vec::new();
+    let mut walkers = Vec::with_capacity(ids.len());
+    for (slot, id) in ids.iter().enumerate() {
+        let field = || format!("session_ids[{slot}]");
+        let taken = registry.get(id, now, &field).and_then(|cell| {
+            form.check(&Path::root(), cell.pack().rig())?;
+            cell.take(Owner::Step, &field)
+        });
+        let held = match taken {
+            Ok(held) => held,
+            Err(error) => {
+                problems.push(SessionProblem::new(slot, id, error));
+                continue;
+            }
+        };
+        {
+            let mut live = held.cell().live();
+            // What failed for an earlier caller need not fail for this one, and this one waits for
+            // its plans.
+            live.trouble = None;
+            live.character.under_load(Strain::default());
+        }
+        let pack = held.cell().pack();
+        let known = blocks.iter().position(|(known, _)| Arc::ptr_eq(known, pack));
+        let block = known.unwrap_or_else(|| {
+            blocks.push((pack.clone(), 0));
+            blocks.len() - 1
+        });
+        walkers.push(CharacterStep {
+            slot,
+            held,
+            block,
+            place: blocks[block].1,
+            begun: false,
+            done: 0,
+            trouble: None,
+        });
+        blocks[block].1 += 1;
+    }
+    (walkers, blocks)
+}
+
+/// Walkers that go on together: those of one scene, by name, and each of the others alone.
+fn groups(walkers: &[CharacterStep]) -> Vec<Vec<usize>> {
+    let mut groups = Vec::with_capacity(walkers.len());
+    let mut scenes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (index, walker) in walkers.iter().enumerate() {
+        match walker.held.cell().scene() {
+            Some(scene) => scenes.entry(scene).or_default().push(index),
+            None => groups.push(vec![index]),
+        }
+    }
+    for mut group in scenes.into_values() {
+        group.sort_by_key(|&index| walkers[index].held.cell().id());
+        groups.push(group);
+    }
+    groups
+}
+
+/// How far a group goes next, frames of the step: `frames_at_once` beyond the one that is last.
+/// `None`: all are there.
+fn next_stop(
+    walkers: &[CharacterStep],
+    group: &[usize],
+    frames: usize,
+    frames_at_once: usize,
+) -> Option<usize> {
+    let going = group.iter().map(|&index| &walkers[index]);
+    let going = going.filter(|walker| walker.trouble.is_none() && walker.done < frames);
+    let last = going.map(|walker| walker.done).min()?;
+    Some((last + frames_at_once).min(frames))
+}
+
+impl CharacterStep {
+    /// Runs until the character has done `until` frames of the step, cannot be served, or needs a
+    /// plan; answers whether it is the last.
+    fn run(&mut self, plan: &StepPlan, until: usize, writer: &mut BlockWriter, out: &mut FrameOut) -> bool {
+        if self.trouble.is_some() || self.done >= until {
+            return false;
+        }
+        let cell = self.held.cell().clone();
+        let slot = self.slot;
+        if let Some(error) = cell.gone(&|| format!("session_ids[{slot}]")) {
+            self.trouble = Some(error);
+            return false;
+        }
+        let mut live = cell.live();
+        // What is left of a frame, if anything: of this step before its plan came, or of an earlier
+        // one that was cut off.
+        let mut moved = live.character.advance(0, Clock::Waits);
+        loop {
+            let wants = cell.settle(&mut live);
+            if !wants.is_empty() {
+                // The answer comes over another task, or, where the runtime ends, from within: it
+                // takes the lock.
+                drop(live);
+                planner::serve(&cell, wants, Patience::Waits);
+                live = cell.live();
+            }
+            if moved == Advance::NeedsPlan {
+                self.trouble = trouble(live.trouble.as_ref());
+                return self.trouble.is_none();
+            }
+            if std::mem::take(&mut self.begun) {
+                live.character.sample(out);
+                writer.write(
+                    (self.place, self.done),
+                    out,
+                    cell.convention(),
+                    &cell.pack().rig().skeleton,
+                );
+                self.done += 1;
+            }
+            if self.done >= until {
+                return false;
+            }
+            self.begun = true;
+            moved = live.character.advance(plan.sub_frames, Clock::Waits);
+        }
+    }
+}
+
+/// Why it is no use to wait for another plan, where it is none.
+fn trouble(failures: Option<&(u32, SubmitError)>) -> Option<SessionError> {
+    let (count, error) = failures?;
+    let stopped = matches!(error, SubmitError::Engine(EngineError::Stopped));
+    (stopped || *count >= MAX_FAILURES).then(|| error.clone().into())
+}
+
+fn finish(
+    walkers: Vec<CharacterStep>,
+    writers: Vec<BlockWriter>,
+    blocks: &[(Arc<LivePack>, usize)],
+    frames: usize,
+    stepped: &mut Stepped,
+) {
+    let mut good: Vec<Vec<bool>> = blocks.iter().map(|(_, count)| vec![true; *count]).collect();
+    for walker in walkers {
+        match walker.trouble {
+            Some(error) => {
+                good[walker.block][walker.place] = false;
+                let problem = SessionProblem::new(walker.slot, walker.held.cell().id(), error);
+                stepped.problems.push(problem);
+            }
+            None => report(&walker, stepped),
+        }
+    }
+    stepped.problems.sort_by_key(|problem| problem.slot);
+    for ((writer, good), (pack, _)) in writers.into_iter().zip(good).zip(blocks) {
+        let block = writer.finish(|place| good[place]);
+        if !block.slots.is_empty() {
+            pack.metrics.sent(block.slots.len() * frames);
+            stepped.blocks.push(block);
+        }
+    }
+}
+
+/// Notes what happened to the session, and what is in its hand.
+fn report(walker: &CharacterStep, stepped: &mut Stepped) {
+    let cell = walker.held.cell();
+    let (slot, convention) = (walker.slot as u32, cell.convention());
+    let mut live = cell.live();
+    stepped
+        .events
+        .extend(live.events.take(slot, cell.id(), convention));
+    if cell.scene().is_some() {
+        stepped.held.extend(events::held(&live, slot, convention));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frames_of_a_step_are_bounded_in_all() {
+        let limits = SessionLimits {
+            sessions: 10_000,
+            per_request: 10_000,
+            per_stream: 1,
+            streams: 1,
+            ttl_ms: 1000,
+            stall_timeout: Duration::ZERO,
+        };
+        let of = |sessions: usize, frames| {
+            let request = v1::StepRequest {
+                session_ids: (0..sessions).map(|i| i.to_string()).collect(),
+                frames,
+                ..v1::StepRequest::default()
+            };
+            check(&request, &limits, |_| None).map(|plan| plan.frames)
+        };
+        assert_eq!(of(1092, 120).ok(), Some(120));
+        let error = of(2000, 120).expect_err("240,000 frames").to_string();
+        assert!(
+            error.contains("frames: is 120 for 2000 sessions") && error.contains("1 to 65"),
+            "{error}"
+        );
+    }
+}
