@@ -20,7 +20,6 @@ use troupe_engine::{
 };
 use troupe_motion::model::Dims;
 use troupe_motion::model::KeyframeTask;
-use troupe_server::config::Config;
 
 /// Measures the networks of a pack in a loop.
 #[derive(Debug, Parser)]
@@ -252,7 +251,7 @@ pub(crate) fn main() -> anyhow::Result<()> {
         "a batch must be more than 0"
     );
     let config = Config::local(Path::new("."))?;
-    let runtime = Runtime::new(config.onnx_runtime.as_deref())?;
+    let runtime = Runtime::new(None)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
 
     let mut output = Output {

@@ -26,8 +26,8 @@ const QUESTIONS: usize = 32;
 pub struct CrowdOptions {
     /// How frames are taken.
     pub frames: FrameOptions,
-    /// Characters of one request, at most the server's `max_sessions_per_request`; more are split
-    /// over requests that run at the same time.
+    /// Characters of one request, at most 1024; more are split over requests that run at the same
+    /// time.
     pub per_request: usize,
 }
 

@@ -70,7 +70,7 @@ pub(super) async fn accept(
         tls,
         places: places.clone(),
         first_bytes_timeout: config.request_timeout(),
-        idle_timeout: config.idle_timeout(),
+        idle_timeout: config.fixed.idle_timeout,
         lost: AtomicUsize::new(0),
     });
     let (phase, watcher) = watch::channel(Phase::Open);
@@ -301,9 +301,9 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
         .initial_stream_window_size(CALL_WINDOW_BYTES)
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .max_header_list_size(MAX_HEAD_BYTES)
-        .max_concurrent_streams(config.max_calls_per_connection)
+        .max_concurrent_streams(config.fixed.max_calls_per_connection)
         .max_pending_accept_reset_streams(MAX_GIVEN_UP_UNSEEN)
-        .keep_alive_interval(config.keepalive())
-        .keep_alive_timeout(config.keepalive());
+        .keep_alive_interval(config.fixed.keepalive)
+        .keep_alive_timeout(config.fixed.keepalive);
     builder
 }

@@ -233,7 +233,7 @@ async fn an_unknown_pack_is_not_found() {
 
 #[tokio::test]
 async fn oversized_requests_are_told_the_limit() {
-    let server = TestServer::start_with(|config| config.max_message_bytes = 4096).await;
+    let server = TestServer::start_with(|config| config.fixed.max_message_bytes = 4096).await;
     let large = request(100);
     let status = server.grpc().await.in_between(large.clone()).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
@@ -368,7 +368,7 @@ async fn an_http_body_shorter_than_its_length_is_answered() {
         "INVALID_ARGUMENT",
         "is truncated",
         r#""field":"body""#,
-        r#""allowed":"a whole message of at most "#,
+        r#""allowed":"a whole one, at most "#,
     ] {
         assert!(answer.contains(part), "{part} is not in {answer:?}");
     }

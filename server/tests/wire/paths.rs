@@ -509,7 +509,7 @@ async fn a_path_goes_on_after_a_restart() {
     let start = || {
         server_with(|config| {
             config.store = Some(folder.path().to_owned());
-            config.snapshot_interval_ms = 20;
+            config.fixed.snapshot_interval = Duration::from_millis(20);
         })
     };
     let server = start().await;

@@ -2,6 +2,7 @@
 //! styles.
 
 use std::path::Path;
+use std::time::Duration;
 
 use http::{Method, StatusCode};
 use serde_json::{Value, json};
@@ -248,7 +249,7 @@ async fn scenes_definitions_and_styles_are_a_tenants_own() {
 async fn tenants_share_the_limits() {
     let folder = Folder::new("tenants-limits");
     let house = House::start(folder.path(), |config| {
-        config.max_tenants = 1;
+        config.fixed.max_tenants = 1;
         config.max_sessions = 3;
     })
     .await;
@@ -262,7 +263,7 @@ async fn tenants_share_the_limits() {
     assert_eq!(status, StatusCode::TOO_MANY_REQUESTS, "{body}");
     assert_eq!(body["error"]["reason"], "TOO_MANY_TENANTS");
     let message = body["error"]["message"].as_str().unwrap();
-    assert!(message.contains("at most 1 at a time (max_tenants)"), "{message}");
+    assert!(message.contains("allowed: at most 1"), "{message}");
 }
 
 #[tokio::test]
@@ -271,7 +272,7 @@ async fn what_tenants_have_outlives_the_server() {
     let start = || {
         House::start(folder.path(), |config| {
             config.store = Some(folder.path().join("store"));
-            config.snapshot_interval_ms = 20;
+            config.fixed.snapshot_interval = Duration::from_millis(20);
         })
     };
     let house = start().await;

@@ -266,7 +266,8 @@ async fn a_client_that_vanishes_frees_its_sessions() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_reader_that_reads_nothing_is_closed() {
-    let server = TestServer::start_with(|config| config.drive_stall_timeout_ms = 1000).await;
+    let server =
+        TestServer::start_with(|config| config.fixed.reader_timeout = Duration::from_millis(1000)).await;
     let names = ids("w", 500);
     open(&mut server.sessions().await, &names).await;
     // Little room on the way, and much to say: the system's buffers are soon full.
@@ -318,7 +319,11 @@ async fn a_drain_ends_open_sockets() {
 
 #[tokio::test]
 async fn a_request_that_is_no_socket_is_told_so() {
-    let server = TestServer::start_with(|config| config.max_streams = 1).await;
+    let server = TestServer::start_with(|config| {
+        config.max_streams = 1;
+        config.fixed.max_streams_per_client = Some(100);
+    })
+    .await;
     let response = server.get("/v1/drive").await;
     assert_eq!(response.status(), StatusCode::BAD_REQUEST);
     let body: ErrorBody = response.json().await.unwrap();
