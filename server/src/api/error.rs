@@ -1,9 +1,9 @@
-//! Every error of the API, and the one place that says how it looks: gRPC code and details, HTTP
-//! status and body, metric label.
+//! Every error of the API, and the one place that maps it to gRPC code and details, HTTP status and
+//! body, MMCP code and metric label.
 //!
-//! The layers below have errors of their own. Each has its lines of the table ([`row`]) in a file
-//! of its domain: [`batch`], [`world`], [`session`]; those of the edge itself are here. [`form`]
-//! makes answers of them.
+//! The layers below have errors of their own. Their rows of the table ([`row`]) are in a file for
+//! each domain: [`batch`], [`world`], [`session`]. The rows of the edge itself are here. [`form`]
+//! makes answers from them, and [`mmcp`] the answers of that protocol.
 
 mod batch;
 mod form;
@@ -35,132 +35,130 @@ pub use form::{ErrorBody, ErrorDetail};
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
 
-/// When to try again where a place may be free at any time: of a connection, or of what is on its
-/// way.
+/// When to try again if room for a connection, a request or a ticket may be free at any time.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
-/// How a key is sent.
+/// Form of the Authorization header.
 const BEARER: &str = "Bearer and a key";
 
 /// An error that a caller sees.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum ApiError {
-    /// A request that could be read, but was not served.
+    /// A request was read, but not served.
     #[error("{}", message(.0))]
     Service(Box<ServiceError>),
-    /// A value that the edge itself does not accept.
+    /// The edge itself does not accept a value.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// A request of the Motion Model Context Protocol that is not accepted.
+    /// A request of the Motion Model Context Protocol is not accepted.
     #[error(transparent)]
     Mmcp(Box<Fault>),
-    /// A body that is not a request: truncated, no protobuf, no JSON, or with a field of the wrong
-    /// form.
+    /// A body is not a request: no protobuf, no JSON, or a field has the wrong form.
     #[error("the request cannot be read: {message}")]
     Malformed {
-        /// What is wrong with it.
+        /// The parser's text.
         message: String,
-        /// The field, where it is known.
+        /// Path of the field, if it is known.
         field: Option<String>,
     },
-    /// A body that ends before its message does.
-    #[error("the body is truncated: {problem}; allowed: a whole message of at most {limit_bytes} bytes")]
+    /// A body ends before its message does.
+    #[error("the body is truncated: {problem}; allowed: a whole one, at most {limit_bytes} bytes")]
     Truncated {
-        /// How that was noticed.
+        /// The parser's text.
         problem: String,
-        /// The limit of a whole one.
+        /// Most bytes of a whole body.
         limit_bytes: usize,
     },
-    /// A body over the limit.
+    /// A body is over the limit.
     #[error("the request is too large; allowed: at most {limit_bytes} bytes")]
     TooLarge {
-        /// The limit.
+        /// Most bytes of a body.
         limit_bytes: usize,
     },
-    /// Headers over the limit.
+    /// Headers are over the limit.
     #[error(
         "the headers take {found_bytes} bytes, 32 for each included; allowed: at most {MAX_HEAD_BYTES} bytes"
     )]
     HeadersTooLarge {
-        /// How many there are.
+        /// Bytes of the headers, and 32 for each.
         found_bytes: usize,
     },
-    /// A client, an address or all clients have too much on their way.
+    /// A client, an address or all clients have too many bytes or streams.
     #[error(transparent)]
     Exhausted(#[from] Exhausted),
-    /// A body that is not said to be JSON. Pages of other sites may send any other without asking
-    /// the server first.
+    /// The Content-Type is not JSON. Web pages of other sites can send such bodies without a
+    /// preflight request.
     #[error("Content-Type is {found:?}; allowed: application/json")]
     WrongType {
-        /// What it is said to be.
+        /// The Content-Type, cut.
         found: String,
     },
-    /// A web page of another site, or a name that is not the server's.
+    /// The request comes from a web page of another site, or is for another host.
     #[error("{header} {found:?} is not allowed; allowed: {allowed}")]
     NotAllowed {
-        /// The header that says so.
+        /// Name of the header.
         header: &'static str,
-        /// Its value.
+        /// The header's value.
         found: String,
-        /// Which values are allowed.
+        /// The values that the server accepts.
         allowed: &'static str,
     },
-    /// A call without a key.
+    /// A call has no key.
     #[error("Authorization is missing, and the server asks for a key; allowed: {BEARER}")]
     NoKey,
-    /// A key that the server does not know.
+    /// The server does not know the key.
     #[error("Authorization has a key that the server does not know; allowed: {BEARER}")]
     UnknownKey,
-    /// A token that does not count.
-    #[error("Authorization has a token that does not count: {0}")]
+    /// The token is not valid.
+    #[error("Authorization has a token that is not valid: {0}")]
     Token(TokenError),
-    /// A ticket that is used up, late or made up.
+    /// The ticket is used, too old or unknown.
     #[error(
-        "ticket is not one that is open; allowed: one of POST /v1/tickets that is not used yet and younger than 30 s"
+        "the ticket is unknown, used or too old; allowed: a ticket of POST /v1/tickets, once and within 30 s"
     )]
     UnknownTicket,
-    /// A client with too many tickets.
-    #[error("{whose} has no room for another ticket; allowed at a time: {most} that are not used yet")]
+    /// A client has too many tickets.
+    #[error("{whose} has no room for another ticket; allowed: {most} unused ones")]
     TooManyTickets {
-        /// Whose limit it is.
+        /// The client or all clients.
         whose: &'static str,
-        /// The limit.
+        /// Most unused tickets.
         most: usize,
     },
-    /// A ticket where none is needed.
+    /// A ticket was requested from a server without keys.
     #[error("the server asks for no keys, so a stream needs no ticket")]
     NoTickets,
-    /// A key that allows less.
+    /// The key's role does not allow the call.
     #[error("the key's role is {}; allowed: {}", role.name(), needed.and_above())]
     RoleTooLow {
-        /// What it is.
+        /// Role of the key.
         role: Role,
-        /// What the call needs.
+        /// Lowest role for the call.
         needed: Role,
     },
-    /// A connection beyond the limit.
+    /// The connection is beyond the limit.
     #[error("the server has no room for another connection; try again in a moment")]
     NoConnection,
-    /// No such route or method.
+    /// There is no such path or gRPC method.
     #[error("there is no {0}")]
     UnknownRoute(String),
-    /// A route that exists, under another HTTP method.
+    /// The path has another HTTP method.
     #[error("this path does not answer {0}")]
     WrongMethod(String),
-    /// The time for the request ran out.
+    /// The request was not served in time, in the queue or at the edge.
     #[error("the request was not served {}", in_time(.0))]
     DeadlineExceeded(Duration),
-    /// A feature of gRPC that the server does not speak, such as a compression.
+    /// The server does not support a feature of gRPC, such as a compression.
     #[error("{0}")]
     Unimplemented(String),
-    /// The edge's own fault.
+    /// The edge itself failed.
     #[error("{0}")]
     Internal(String),
 }
 
 impl ApiError {
-    /// What it is to a caller.
+    /// The error's row of the table.
     pub(super) fn row(&self) -> Row<'_> {
         match self {
             Self::Service(error) => error.row(),
@@ -174,7 +172,7 @@ impl ApiError {
             Self::Truncated { limit_bytes, .. } => INVALID
                 .because("MALFORMED_REQUEST")
                 .field("body")
-                .allowed(format!("a whole message of at most {limit_bytes} bytes")),
+                .allowed(format!("a whole one, at most {limit_bytes} bytes")),
             Self::TooLarge { limit_bytes } => TOO_LARGE
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
@@ -217,7 +215,7 @@ impl ApiError {
                 .allowed("a ticket of POST /v1/tickets, once and within 30 s"),
             Self::TooManyTickets { most, .. } => FULL
                 .because("TOO_MANY_TICKETS")
-                .allowed(format!("{most} that are not used yet"))
+                .allowed(format!("{most} unused ones"))
                 .retry_after(RETRY_AFTER),
             Self::NoTickets => NOT_NOW.because("NO_KEYS"),
             Self::RoleTooLow { needed, .. } => FORBIDDEN
@@ -240,10 +238,7 @@ impl Tabled for ServiceError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::Starting => UNAVAILABLE.because("NOT_READY"),
-            Self::TooManyTenants { most } => FULL
-                .because("TOO_MANY_TENANTS")
-                .allowed(format!("at most {most} at a time (max_tenants)")),
-            Self::Tenant => INTERNAL.because("TENANT_NOT_READ"),
+            Self::Space(error) => error.row(),
             Self::Field(error) => error.row(),
             Self::NotFeasible(error) => Row {
                 reason: "NOT_FEASIBLE",
@@ -260,11 +255,10 @@ impl Tabled for ServiceError {
     }
 }
 
-/// What the error says. That an engine has stopped is, to a caller, about the whole server.
+/// The error's text. A stopped engine concerns the whole server.
 fn message(error: &ServiceError) -> String {
     match error {
-        ServiceError::Batch(SubmitError::Engine(EngineError::Stopped))
-        | ServiceError::Session(SessionError::Plan(SubmitError::Engine(EngineError::Stopped))) => {
+        ServiceError::Batch(SubmitError::Engine(EngineError::Stopped)) => {
             "the server is broken: an engine has stopped".to_owned()
         }
         error => error.to_string(),
@@ -272,8 +266,12 @@ fn message(error: &ServiceError) -> String {
 }
 
 impl From<ServiceError> for ApiError {
+    /// A deadline is one error, whether the queue or the edge noticed it.
     fn from(error: ServiceError) -> Self {
-        Self::Service(Box::new(error))
+        match error {
+            ServiceError::Batch(SubmitError::DeadlinePassed { waited }) => Self::DeadlineExceeded(waited),
+            error => Self::Service(Box::new(error)),
+        }
     }
 }
 
@@ -289,7 +287,7 @@ impl From<WorldError> for ApiError {
     }
 }
 
-/// A time limit in words; one below a millisecond, or that is not known, has no number.
+/// A time limit in words. Without a number if it is unknown or below a millisecond.
 fn in_time(limit: &Duration) -> String {
     match limit.as_millis() {
         0 => "in time".to_owned(),
