@@ -30,7 +30,6 @@ RUN scripts/docs.sh build /out
 FROM ${RUST_IMAGE} AS build
 WORKDIR /src
 COPY . .
-COPY --from=docs /out server/site
 RUN --mount=type=cache,id=troupe-cargo,target=/usr/local/cargo/registry \
     --mount=type=cache,id=troupe-target,target=/src/target \
     cargo build --release --locked --timings --package troupe-server \
@@ -42,6 +41,7 @@ RUN --mount=type=cache,id=troupe-cargo,target=/usr/local/cargo/registry \
 FROM ${BASE_IMAGE} AS server
 COPY --from=runtime /out/ /opt/troupe/lib/
 COPY --from=build /out/troupe-server /usr/local/bin/troupe-server
+COPY --from=docs /out/ /opt/troupe/docs/
 COPY LICENSE NOTICE /opt/troupe/
 # The one folder that the server's user may write to: uploads and the cache of accuracy checks. Mount a volume there to keep them.
 COPY --from=build --chown=10001:10001 /out/state/ /var/lib/troupe/
@@ -50,11 +50,12 @@ COPY --from=build --chown=10001:10001 /out/credentials/ /var/lib/troupe-credenti
 # Sessions are kept in /var/lib/troupe/PORT, where that folder can be written.
 # Whoever reaches the port needs a key: the one that the server prints, or one of the file that TROUPE_KEYS names.
 ENV TROUPE_LISTEN=0.0.0.0:8080 \
-    TROUPE_ONE_TIME_KEY=true \
+    TROUPE_WITHOUT_KEYS=one-time-key \
     TROUPE_PACKS=/opt/troupe/models \
     TROUPE_STYLES=/var/lib/troupe/styles \
     TROUPE_SCENES=/var/lib/troupe/scenes \
     TROUPE_OBJECTS=/var/lib/troupe/objects \
+    TROUPE_DOCS=/opt/troupe/docs \
     TROUPE_CACHE=/var/lib/troupe/cache \
     XDG_STATE_HOME=/var/lib \
     ORT_DYLIB_PATH=/opt/troupe/lib/libonnxruntime.so

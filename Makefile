@@ -1,5 +1,5 @@
-# make run   gets ONNX Runtime, builds, starts the server with the packs in models/
-# make docs  builds the site of docs/, which a server that is built after that serves at /docs
+# make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
+# make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
 .PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
@@ -9,9 +9,16 @@ REAL_CLIPS := target/data/bandai-namco
 # The pack that `make styles` and `make eval` are about.
 PACK := human
 
-# The site of the documentation comes first, because the server embeds it. Without it the server says how to build it.
+# The server gets copies of the example scenes and objects, unless the environment names other folders. The site of the documentation
+# is built while the server starts, which shows it at /docs as soon as it is there.
+EXAMPLES := target/run
+run: export TROUPE_SCENES ?= $(EXAMPLES)/scenes
+run: export TROUPE_OBJECTS ?= $(EXAMPLES)/objects
 run: runtime
-	@scripts/docs.sh build || echo "*** /docs WILL BE WITHOUT THE DOCUMENTATION: see above" >&2
+	cargo build --release --package troupe-server
+	@scripts/example-folders.sh $(EXAMPLES)
+	@(scripts/docs.sh build >target/docs.log 2>&1 || \
+		echo "*** /docs IS WITHOUT THE DOCUMENTATION: see target/docs.log" >&2) &
 	cargo run --release --package troupe-server
 
 # The site of docs/: ARGS=check for the references too, ARGS=references to write those
@@ -29,7 +36,7 @@ lint: python-env
 	cargo fmt --all --check
 	scripts/check-layers.sh
 	scripts/check-prometheus.sh
-	cargo clippy --workspace --all-targets --features troupe-cli/evaluator --locked -- -D warnings
+	cargo clippy --workspace --all-targets --locked -- -D warnings
 	scripts/tool.sh cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
 	.venv/bin/ruff format --check
@@ -39,7 +46,7 @@ lint: python-env
 
 # Real clips are used where they are at hand; the tests make their own motion besides. Tests that share a loaded server run as one
 # process, the others as one each.
-CARGO_TEST := --workspace --features troupe-cli/evaluator --locked
+CARGO_TEST := --workspace --locked
 rust-test: runtime real-clips python-env
 	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; \
 	scripts/tool.sh cargo-nextest nextest run $(CARGO_TEST) -E 'not (binary(e2e) or binary(packs))' && \
@@ -127,14 +134,14 @@ skills: runtime
 # models/PACK/evaluator.onnx FID too.
 eval: runtime
 	@[ -d "$(DATA)" ] || { echo "usage: make eval DATA=folder of clips [SPLIT=file] [PACK=g1]" >&2; exit 2; }
-	cargo build --release --package troupe-cli --features evaluator
-	scripts/with-server.sh sh -c 'target/release/troupe eval --pack $(PACK) --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
-		--json target/eval.json $(ARGS) && target/release/troupe eval wander --pack $(PACK) --against target/eval.json'
+	cargo build --release --package troupe-eval --bin troupe-eval
+	scripts/with-server.sh sh -c 'target/release/troupe-eval gaps --pack $(PACK) --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
+		--json target/eval.json $(ARGS) && target/release/troupe-eval wander --pack $(PACK) --against target/eval.json'
 
 # How well live characters obey and move, beside the clips where they are at hand (ARGS="--styles normal" for a short look)
 live-eval: runtime real-clips
-	cargo build --release --package troupe-cli
-	scripts/with-server.sh target/release/troupe eval live $(ARGS) \
+	cargo build --release --package troupe-eval --bin troupe-eval
+	scripts/with-server.sh target/release/troupe-eval live $(ARGS) \
 		$$([ ! -d $(REAL_CLIPS) ] || echo --data $(REAL_CLIPS) --list models/human/styles.toml)
 
 # The skinned body of the human pack, for the viewer: web/src/bodies/human.glb, from the pack's skeleton
@@ -156,16 +163,16 @@ pictures: runtime web
 viewer-figures: runtime
 	cargo build --release --package troupe-server
 	scripts/web.sh measure
-	cargo run --release --package troupe-tests --example viewers -- $(ARGS)
+	cargo run --release --package troupe-eval -- viewers $(ARGS)
 
 # The picture of docs/requests.md, of a clip of the test split, through a running server.
 picture: real-clips
-	cargo run --release --package troupe-cli -- draw --from 40 --to 85 \
+	cargo run --release --package troupe-cli -- film --from 40 --to 85 \
 		--clip $(REAL_CLIPS)/dataset-2_walk-turn-left_active_007.bvh --out docs/images/inbetween.png
 
 # How characters use the objects of examples/objects: the tables of docs/objects.md, about ten minutes (ARGS="--only cup" for one)
 object-eval: runtime
-	cargo run --release --package troupe-server --example object_eval -- $(ARGS)
+	cargo run --release --package troupe-eval -- objects $(ARGS)
 
 # Filmstrips of the scripted paths in examples/paths, through a running server.
 film: runtime
@@ -204,10 +211,10 @@ film-words: runtime
 film-impossible: runtime python-env
 	scripts/with-server.sh .venv/bin/python scripts/draw-impossible.py docs/images/impossible.png
 
-# A hundred characters that wander for a minute on the server's clock (ARGS="--count 200 --seconds 20" for others; see --help)
+# A hundred characters that wander for a minute on the server's clock (ARGS="--characters 200 --duration 20s" for others; see --help)
 crowd: runtime
-	cargo build --release --package troupe-client --example crowd
-	scripts/with-server.sh target/release/examples/crowd --drive $(or $(ARGS),--count 100 --seconds 60)
+	cargo build --release --package troupe-loadtest
+	scripts/with-server.sh target/release/troupe-loadtest run --workload drive $(or $(ARGS),--characters 100 --duration 60s)
 
 # A load test against a running server or one of its own (ARGS="search --workload drive --p99-ms 33"; see docs/loadtest.md)
 load: runtime
@@ -218,7 +225,7 @@ load: runtime
 samples: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh target/release/troupe drive --path examples/paths/walk.toml --out examples/walk.bvh
-	cargo run --package troupe-tests --example sample_request -- models/human examples/walk.bvh >examples/request.json
+	cargo run --package troupe-eval -- sample-request models/human examples/walk.bvh >examples/request.json
 
 # The benchmarks, into bench/figures and docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
 bench: bench-env

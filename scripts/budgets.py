@@ -62,7 +62,9 @@ def lines_of(crate: str) -> int:
 def compile_ratio(reference: list[str]) -> float | None:
     """Seconds of all units of the last timed build, over those of the reference crates in it."""
     file = next((file for file in TIMINGS if file.is_file()), None)
-    found = re.search(r"const UNIT_DATA = (\[.*?\]);\s*\n", file.read_text(encoding="utf-8"), re.DOTALL) if file else None
+    found = (
+        re.search(r"const UNIT_DATA = (\[.*?\]);\s*\n", file.read_text(encoding="utf-8"), re.DOTALL) if file else None
+    )
     units = json.loads(found[1]) if found else []
     beside = sum(unit["duration"] for unit in units if unit["name"] in reference)
     # A build that reused crates says nothing about a first one.
@@ -105,7 +107,9 @@ def main() -> None:
         if figure is not None and figure > limit:
             over.append(name)
     if over:
-        sys.exit(f"over its limit: {', '.join(over)}. Make it smaller, or change budgets.toml and say why in the commit")
+        sys.exit(
+            f"over its limit: {', '.join(over)}. Make it smaller, or change budgets.toml and say why in the commit"
+        )
 
 
 if __name__ == "__main__":

@@ -12,7 +12,9 @@ from pathlib import Path
 COMMENT_COLUMNS = 100
 ENDINGS = (".rs", ".proto", ".py", ".ts", ".md", ".toml", ".sh", ".yaml", ".html", ".css")
 # Made by commands of the repository, or other people's words.
-LEFT_OUT = re.compile(r"^(web/dist/|docs/references/|scripts/check-prose\.py$|typos\.toml$|.*_pb2|training/splits/|LICENSE|.*lock)")
+LEFT_OUT = re.compile(
+    r"^(web/dist/|docs/references/|scripts/check-prose\.py$|typos\.toml$|.*_pb2|training/splits/|LICENSE|.*lock)"
+)
 
 # Each phrase with what to write instead.
 PHRASES = {
@@ -25,10 +27,13 @@ PHRASES = {
     r"\bnext to (none|nothing|never)\b": "almost none",
     r"\bis nothing's\b": "does not exist",
 }
-MARKERS = r"//!|///|//|#"
+MARKERS = r"//!|///|//|#(?!!?\[)"
 COMMENT = re.compile(rf"^\s*(?:{MARKERS})")
 REPEATS = re.compile(r"^\s*/// (?:Its|Their|The|A|An|His) ((?:[A-Za-z]+ ?){1,3})\.$")
-ITEM = re.compile(r"^\s*(?:pub(?:\([^)]*\))? )?(?:const |async |unsafe )*(?:fn |struct |enum |trait |mod |type |static )?(?:r#)?([A-Za-z_]\w*)")
+ITEM = re.compile(
+    r"^\s*(?:pub(?:\([^)]*\))? )?(?:const |async |unsafe )*"
+    r"(?:fn |struct |enum |trait |mod |type |static )?(?:r#)?([A-Za-z_]\w*)"
+)
 
 
 def words(name):

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The site of docs/, which the server serves at /docs:
-#   build [DIR]  builds it into server/site, which the server embeds, or into DIR. A link to nothing is an error.
+#   build [DIR]  builds it into target/site, which the server shows, or into DIR. A link to nothing is an error.
 #   check        the same, and docs/references must be what their sources say
 #   references   writes docs/references
 # Python packages are installed into target/docs-venv: those of docs/site/requirements.txt, and of docs/site/references.txt for the last two.
@@ -30,15 +30,19 @@ references() {
 }
 
 build() {
-    local out=${1:-server/site} made=target/docs/site
+    local out=${1:-target/site} made=target/docs/site
     packages docs/site/requirements.txt
     "$home/bin/python" docs/site/stage.py target/docs
     (cd target/docs && "../../$home/bin/zensical" build --strict)
     [ -f "$made/index.html" ] || { echo "docs.sh: zensical has built no site" >&2; exit 1; }
     "$home/bin/python" docs/site/finish.py "$made"
+    # A server that runs never sees half a site.
+    rm -rf "$out.new" "$out.old"
     mkdir -p "$out"
-    find "$out" -mindepth 1 -not -name .gitignore -delete
-    cp -R "$made/." "$out/"
+    cp -R "$made" "$out.new"
+    mv "$out" "$out.old"
+    mv "$out.new" "$out"
+    rm -rf "$out.old"
 }
 
 [ $# -gt 0 ] || usage

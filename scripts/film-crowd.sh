@@ -6,4 +6,4 @@ set -euo pipefail
 troupe=$1 file=$2
 "$troupe" object put examples/objects/seat.toml
 "$troupe" scene put examples/scenes/plaza.toml
-"$troupe" animate --cast examples/casts/plaza.toml --width 880 --out "$file"
+"$troupe" film --cast examples/casts/plaza.toml --width 880 --out "$file"

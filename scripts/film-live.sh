@@ -3,11 +3,11 @@
 set -euo pipefail
 [ $# -eq 2 ] || { echo "usage: film-live.sh TROUPE FOLDER" >&2; exit 2; }
 troupe=$1 folder=$2
-# Cast, when the picture begins, and how long it is.
-while read -r cast from seconds; do
-    "$troupe" animate --cast "examples/casts/$cast.toml" --from "$from" --seconds "$seconds" --fps 10 --width 520 --out "$folder/live-$cast.png"
+# Cast, and the seconds that the picture shows.
+while read -r cast from to; do
+    "$troupe" film --cast "examples/casts/$cast.toml" --from "$from" --to "$to" --fps 10 --width 520 --out "$folder/live-$cast.png"
 done <<END
-turns 2.5 4
-aside 1 7
-seeds 1 3
+turns 2.5 6.5
+aside 1 8
+seeds 1 4
 END

@@ -3,4 +3,4 @@
 set -euo pipefail
 [ $# -eq 2 ] || { echo "usage: film-words.sh TROUPE FILE" >&2; exit 2; }
 troupe=$1 file=$2
-"$troupe" animate --cast examples/casts/words.toml --from 0.6 --seconds 5 --width 880 --out "$file"
+"$troupe" film --cast examples/casts/words.toml --from 0.6 --to 5.6 --width 880 --out "$file"

@@ -25,7 +25,7 @@ sbom() {
 rm -rf "$tree"
 mkdir -p "$tree/bin" "$tree/lib"
 scripts/get-runtime.sh
-[ -f server/site/index.html ] || scripts/docs.sh build
+scripts/docs.sh build "$tree/docs"
 cargo build --locked --profile "$profile" --package troupe-server --package troupe-cli --package troupe-loadtest
 for program in troupe-server troupe troupe-loadtest; do
     install -s "target/$profile/$program" "$tree/lib/$program"
@@ -41,7 +41,8 @@ sbom
 cat >"$tree/bin/troupe-server" <<'PROGRAM'
 #!/bin/sh
 home=$(dirname "$(dirname "$(readlink -f "$0")")")
-export ORT_DYLIB_PATH="${ORT_DYLIB_PATH:-$home/lib/libonnxruntime.so}" TROUPE_PACKS="${TROUPE_PACKS:-$home/models}"
+export ORT_DYLIB_PATH="${ORT_DYLIB_PATH:-$home/lib/libonnxruntime.so}"
+export TROUPE_PACKS="${TROUPE_PACKS:-$home/models}" TROUPE_DOCS="${TROUPE_DOCS:-$home/docs}"
 exec "$home/lib/troupe-server" "$@"
 PROGRAM
 chmod +x "$tree/bin/troupe-server"

@@ -1,6 +1,6 @@
 """The binary bodies of the Python servers: little-endian numbers, no parsing beyond a header.
 
-A request, as `tests/examples/bench_requests.rs` writes it: ``TBQ1``, then frames, targets and a bit for each allowed token
+A request, as `eval/src/files/requests.rs` writes it: ``TBQ1``, then frames, targets and a bit for each allowed token
 count as 32-bit integers, then 32-bit floats for the context and target keyframes, one column after the other: which parts are
 given ``[keys, 3]``, local root ``[keys, 4]``, global root ``[keys, 5]``, pose ``[keys, joints * 9]``.
 

@@ -20,8 +20,8 @@ from troupe_bench.store import Json
 HOME = ROOT / "target" / "bench"
 RELEASE = ROOT / "target" / "release"
 READY_WITHIN_S = 180
-RAW_LOOP = "engine_throughput"
-RAW_LOOP_JEMALLOC = "engine_throughput_jemalloc"
+RAW_LOOP = "troupe-eval"
+RAW_LOOP_JEMALLOC = "troupe-eval-jemalloc"
 """The same with the allocator of the server."""
 CLIP = ROOT / "examples" / "walk.bvh"
 PYTHON_SERVERS = {"litserve": "troupe_bench.litserve_server", "fastapi": "troupe_bench.fastapi_server"}
@@ -58,8 +58,7 @@ def build() -> None:
     """Builds every Rust program of the benchmarks."""
     release = ("cargo", "build", "--release", "--locked")
     call(*release, "-p", "troupe-server", "-p", "troupe-loadtest", "--bins")
-    call(*release, "-p", "troupe-server", "--example", RAW_LOOP, "--example", RAW_LOOP_JEMALLOC)
-    call(*release, "-p", "troupe-tests", "--example", "bench_requests")
+    call(*release, "-p", "troupe-eval", "--bins")
 
 
 def runtime_library(engine: str) -> Path | None:
@@ -86,8 +85,7 @@ def requests(pack: Path, lengths: str, count: int) -> Path:
     """A set of requests for ``pack``, made if it is not there."""
     folder = HOME / "requests" / f"{pack.name}-{lengths}-{count}"
     if not (folder / "requests.json").exists():
-        program = RELEASE / "examples" / "bench_requests"
-        call(program, pack, CLIP, folder, lengths, str(count))
+        call(RELEASE / "troupe-eval", "requests", pack, CLIP, folder, lengths, str(count))
     return folder
 
 
@@ -215,8 +213,9 @@ def load_report(command: str, url: str, *options: str | Path) -> Json:
 
 def raw_loop(engine: str, *options: str | Path, name: str = RAW_LOOP) -> list[Json]:
     """Rows of the raw ONNX Runtime loop."""
-    program = RELEASE / "examples" / name
-    return json.loads(call(program, "--json", "--engine", engine, *options, env=runtime_of(engine)))["rows"]
+    return json.loads(call(RELEASE / name, "raw-loop", "--json", "--engine", engine, *options, env=runtime_of(engine)))[
+        "rows"
+    ]
 
 
 def say(*words: object) -> None:

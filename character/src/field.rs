@@ -1,15 +1,15 @@
-//! Names of fields in errors: built only when there is an error.
+//! Names of fields for errors. Building one costs nothing until there is an error.
 
 use std::fmt;
 
-/// A value that the server does not accept: where it is, what is wrong, what would be right.
+/// A value that the server does not accept: which field, what is wrong, and what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldError {
     /// Path of the field, for example `characters[0].context[2].pose.rotations[8]`.
     pub field: String,
-    /// What is wrong with it.
+    /// What is wrong, for example `is 200`.
     pub message: String,
-    /// What is allowed instead.
+    /// What is allowed, for example `0 to 100`.
     pub allowed: String,
 }
 
@@ -21,8 +21,8 @@ impl fmt::Display for FieldError {
 
 impl std::error::Error for FieldError {}
 
-/// The place of a value in a request: a chain of steps on the stack, so naming every value costs
-/// nothing until one is wrong.
+/// The place of a value in a request: a chain of steps on the stack. Naming a value costs nothing
+/// until there is an error.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Path<'a> {
     parent: Option<&'a Path<'a>>,
@@ -31,7 +31,7 @@ pub struct Path<'a> {
 }
 
 impl<'a> Path<'a> {
-    /// The request itself.
+    /// The whole request, or the whole document.
     pub fn root() -> Self {
         Self::default()
     }
@@ -45,7 +45,7 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// An element of a repeated field of this message.
+    /// An element of a repeated field of this message; indices count from 0.
     pub fn element(&'a self, name: &'static str, index: usize) -> Path<'a> {
         Path {
             parent: Some(self),
@@ -54,7 +54,7 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// The error of the value at this place.
+    /// An error of the value at this place.
     pub fn error(&self, message: impl Into<String>, allowed: impl Into<String>) -> FieldError {
         FieldError {
             field: self.to_string(),
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_read_like_the_request() {
+    fn paths_are_written_as_in_the_request() {
         let root = Path::root();
         let character = root.element("characters", 3);
         let pose = character.field("pose");

@@ -1,4 +1,4 @@
-//! Keyframes whose values were checked, and their tensors in the segment frame.
+//! Checked keyframes, and their tensors in the segment frame.
 
 use troupe_motion::feasibility::Key;
 use troupe_motion::features::pose_features_from_world;
@@ -7,23 +7,23 @@ use troupe_motion::model::{KeyTensors, POSE_FEATURES};
 use troupe_motion::root::wrap_angle;
 use troupe_motion::{GlobalRoot, LocalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 
-/// A keyframe with every value checked on its own, still in the world.
+/// A keyframe whose values were each checked, still in world coordinates.
 #[derive(Debug, Clone)]
 pub struct Checked {
-    /// Where the root is and faces.
+    /// Position in metres and heading in radians.
     pub root: Option<GlobalRoot>,
-    /// Height of the root joint, wherever it was given.
+    /// Height of the root joint, metres, from whichever part gives it.
     pub height: Option<f32>,
-    /// Velocity over the ground, turning, and height.
+    /// Velocity over the ground, m/s, turning rate, rad/s, and height, metres.
     pub velocity: Option<LocalRoot>,
-    /// The pose.
+    /// Rotations of all joints, with their own height.
     pub pose: Option<CheckedPose>,
 }
 
 impl Checked {
-    /// A keyframe of parts that need no checks: rotations of unit length, joint 0 in the world, and
-    /// everything finite. A pose needs a height, from `height`, the root or the velocity, and is
-    /// left out without one.
+    /// A keyframe whose parts need no checks: finite numbers, rotations of unit length, joint 0 in
+    /// the world. A pose needs a height, from `height`, the root or the velocity. Without one it is
+    /// dropped.
     pub fn of(
         root: Option<GlobalRoot>,
         height: Option<f32>,
@@ -44,7 +44,7 @@ impl Checked {
         }
     }
 
-    /// As what is judged.
+    /// The form in which feasibility is judged.
     pub fn key(&self) -> Key<'_> {
         Key {
             root: self.root,
@@ -54,7 +54,7 @@ impl Checked {
         }
     }
 
-    /// What the keyframe fixes, in the segment frame.
+    /// What the keyframe prescribes, in the segment frame.
     pub fn given(&self, frame: &SegmentFrame) -> Given {
         let rotations = self.pose.as_ref().map(|pose| {
             let mut rotations = pose.rotations.clone();
@@ -78,27 +78,27 @@ impl Checked {
 /// The pose of a checked keyframe.
 #[derive(Debug, Clone)]
 pub struct CheckedPose {
-    /// Unit length; joint 0 in the world, others parent-relative.
+    /// Unit quaternions: joint 0 in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
     /// Height of the root joint, metres.
     pub height: f32,
 }
 
-/// What a keyframe fixes, in the segment frame.
+/// What a keyframe prescribes, in the segment frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Given {
-    /// Where the root is and faces.
+    /// Position in metres and heading in radians.
     pub root: Option<GlobalRoot>,
-    /// How high the root is, metres; given without a root too.
+    /// Height of the root, metres. May be given without a root.
     pub height: Option<f32>,
-    /// How it is asked to move.
+    /// Velocity that was asked for.
     pub velocity: Option<LocalRoot>,
-    /// One rotation for each joint: joint 0 in the segment, others parent-relative.
+    /// One rotation a joint: joint 0 in the segment frame, others relative to their parents.
     pub rotations: Option<Vec<Quat>>,
 }
 
 impl Given {
-    /// As what is judged.
+    /// The form in which feasibility is judged.
     pub fn key(&self) -> Key<'_> {
         Key {
             root: self.root,
@@ -109,7 +109,7 @@ impl Given {
     }
 }
 
-/// Makes keyframe tensors in a segment frame; keeps its scratch memory between keyframes.
+/// Makes keyframe tensors in a segment frame. Keeps its scratch memory between keyframes.
 pub struct KeyWriter<'a> {
     skeleton: &'a Skeleton,
     fps: f32,
@@ -119,7 +119,7 @@ pub struct KeyWriter<'a> {
 }
 
 impl<'a> KeyWriter<'a> {
-    /// For keyframes of `skeleton`.
+    /// A writer for keyframes of `skeleton` at `fps` frames a second.
     pub fn new(skeleton: &'a Skeleton, fps: f32) -> Self {
         let joints = skeleton.joint_count();
         Self {
@@ -131,8 +131,8 @@ impl<'a> KeyWriter<'a> {
         }
     }
 
-    /// Tensors of consecutive keyframes. A velocity that is not given follows from the root of the
-    /// keyframe before it; the first keyframe takes that of the second, as in training.
+    /// Tensors of consecutive keyframes. A missing velocity follows from the root of the keyframe
+    /// before; the first keyframe takes the velocity of the second, as in training.
     pub fn write(&mut self, frame: &SegmentFrame, keys: &[Checked]) -> Vec<KeyTensors> {
         let roots: Vec<Option<GlobalRoot>> = keys
             .iter()
@@ -181,8 +181,7 @@ impl<'a> KeyWriter<'a> {
     fn pose(&mut self, frame: &SegmentFrame, pose: &CheckedPose) -> Box<[f32]> {
         self.local.copy_from_slice(&pose.rotations);
         self.local[0] = frame.to_segment_rotation(self.local[0]);
-        // Features are relative to the projected root, so the root stands above the origin whatever
-        // its place.
+        // Features are relative to the projected root, so the root always stands above the origin.
         let root = Vec3::new(0.0, pose.height, 0.0);
         world_transforms(
             self.skeleton,

@@ -1,10 +1,12 @@
-//! Live characters, pure: no clock, thread, network or file handle is kept here, and nothing waits.
+//! Live characters without side effects: this crate has no clock, thread, network or open file, and
+//! nothing in it waits.
 //!
-//! Commands change what a character wants ([`primitives`], [`style`]); whenever it needs a plan it
-//! asks for one, and what the generator made is cross-faded into its motion buffer ([`live`],
-//! [`post`]). A [`scene`] has ground, colliders and objects; an [`object`] definition says what
-//! characters can do with a thing, and a [`skill`] what they can do where they stand. All are read
-//! from TOML or JSON by [`document`], whose errors name line and field.
+//! A command changes what a character wants ([`primitives`], [`style`]). The character then asks
+//! for a plan. What the generator makes of it is cross-faded into the character's motion buffer
+//! ([`live`], [`post`]). A [`scene`] has ground, colliders and objects. An [`object`] definition
+//! says what characters can do with a thing, a [`skill`] what they can do on the spot. [`document`]
+//! reads all of these from TOML or JSON; its errors name line and field.
+//! A [`take`] is a motion of any length that is made at once, along a path or through keyframes.
 
 pub mod document;
 pub mod field;
@@ -18,6 +20,7 @@ pub mod saved;
 pub mod scene;
 pub mod skill;
 pub mod style;
+pub mod take;
 #[cfg(any(test, feature = "testing"))]
 #[allow(clippy::unwrap_used, reason = "for tests")]
 pub mod testing;

@@ -1,8 +1,8 @@
-//! Characters as bytes, and back: what a server keeps, so that they outlive it.
+//! Saves characters as bytes and restores them, so that they survive a restart of their server.
 //!
-//! A saved character is its whole state. What it shares with others is not in it: styles and
-//! definitions are there by name, and its rig and scene are those that it is restored with
-//! ([`Surroundings`]). A plan on its way is not saved; a restored character asks for another.
+//! Saved is the whole state of a character. What it shares with others is not: styles and
+//! definitions are saved by name, and rig and scene come from the [`Surroundings`] at the restore.
+//! A plan on its way is not saved; a restored character asks for another.
 
 use std::sync::Arc;
 
@@ -16,25 +16,25 @@ use crate::object::Definition;
 use crate::skill::Skills;
 use crate::style::Style;
 
-/// Changes with what a saved character is. Bytes of another format are not read.
-pub const FORMAT: u32 = 5;
+/// Rises with every change of what is saved. Bytes of another format are not read.
+pub const FORMAT: u32 = 6;
 
-/// What a restored character finds around it.
+/// What a character needs at its restore, because it is not saved with it.
 #[derive(Debug, Clone)]
 pub struct Surroundings {
-    /// Its skeleton, and how it is planned for.
+    /// The skeleton of its pack, and how that pack plans.
     pub rig: Arc<Rig>,
-    /// The styles that there are.
+    /// The styles of the server, by name.
     pub styles: Arc<dyn Styles>,
-    /// What it can do where it stands.
+    /// The skills of its pack.
     pub skills: Arc<Skills>,
-    /// Its scene, where it lives in one.
+    /// Its scene; none in a session without one.
     pub world: Option<World>,
 }
 
 /// Styles by name.
 pub trait Styles: Send + Sync + std::fmt::Debug {
-    /// The style of this name.
+    /// The style of this name; none if it no longer exists.
     fn find(&self, name: &str) -> Option<Arc<Style>>;
 }
 
@@ -42,43 +42,43 @@ pub trait Styles: Send + Sync + std::fmt::Debug {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RestoreError {
-    /// Another version of the server saved it.
+    /// Another version of the server saved the character.
     #[error("it was saved in format {found}; allowed: format {FORMAT}")]
     Format {
         /// The format that it was saved in.
         found: u32,
     },
-    /// The bytes are not what was written.
+    /// The bytes are not those that were written.
     #[error("its bytes are damaged")]
     Damaged,
-    /// Something that it names is gone, or its skeleton is another.
+    /// The character refers to something that no longer exists, or its skeleton has changed.
     #[error("it does not fit: {0}")]
     Unfit(String),
 }
 
 scoped_thread_local!(static AROUND: Surroundings);
 
-/// The bytes of a character, which [`restore`] reads.
+/// Appends the bytes of a character to `into`.
 pub fn save(character: &Character, into: &mut Vec<u8>) {
     let start = into.len();
     into.extend_from_slice(&FORMAT.to_le_bytes());
     into.extend_from_slice(&[0; 4]);
     match postcard::to_extend(character, std::mem::take(into)) {
         Ok(bytes) => *into = bytes,
-        // Every part of a character can be written, and a vector takes all of it.
+        // A character can always be written, and a vector takes any number of bytes.
         Err(error) => unreachable!("a character cannot be written: {error}"),
     }
     let sum = crc32fast::hash(&into[start + HEAD_BYTES..]);
     into[start + 4..start + HEAD_BYTES].copy_from_slice(&sum.to_le_bytes());
 }
 
-/// Format and checksum.
+/// Bytes of format and checksum.
 const HEAD_BYTES: usize = 8;
 
-/// The character that [`save`] wrote.
+/// Restores the character that [`save`] wrote.
 ///
 /// # Errors
-/// [`RestoreError`].
+/// [`RestoreError`] for bytes of another format, damaged ones, or missing surroundings.
 pub fn restore(bytes: &[u8], around: &Surroundings) -> Result<Character, RestoreError> {
     let (head, body) = bytes.split_at_checked(HEAD_BYTES).ok_or(RestoreError::Damaged)?;
     let word = |at: usize| head[at..].first_chunk().map(|word| u32::from_le_bytes(*word));
@@ -100,13 +100,13 @@ fn read(body: &[u8], around: &Surroundings) -> Result<Character, RestoreError> {
     Ok(character)
 }
 
-/// What is around the character that is being restored.
+/// Finds something in the surroundings of the character that is being restored.
 fn around<T, E: serde::de::Error>(find: impl FnOnce(&Surroundings) -> Option<T>, what: &str) -> Result<T, E> {
     let found = AROUND.is_set().then(|| AROUND.with(find)).flatten();
     found.ok_or_else(|| E::custom(format_args!("there is no {what}")))
 }
 
-/// A style by its name.
+/// Writes a style as its name.
 pub(crate) mod style {
     use super::*;
 
@@ -120,7 +120,7 @@ pub(crate) mod style {
     }
 }
 
-/// An object definition or a skill by its name.
+/// Writes an object definition or a skill as its name.
 pub(crate) mod definition {
     use super::*;
 
@@ -142,7 +142,7 @@ pub(crate) mod definition {
     }
 }
 
-/// The skills of the pack.
+/// Writes nothing for the pack's skills.
 pub(crate) mod skills {
     use super::*;
 
@@ -156,7 +156,7 @@ pub(crate) mod skills {
     }
 }
 
-/// The scene that is around the character; level ground where it lives in none.
+/// Writes nothing for the scene. A character without one gets level ground.
 pub(crate) mod world {
     use super::*;
 
@@ -171,7 +171,7 @@ pub(crate) mod world {
     }
 }
 
-/// The rig, as far as to tell whether it is the same.
+/// Writes only the number of the rig's joints, to notice another skeleton.
 pub(crate) mod rig {
     use super::*;
 
@@ -185,13 +185,13 @@ pub(crate) mod rig {
         match rig.skeleton.joint_count() {
             count if count == joints => Ok(rig),
             count => Err(D::Error::custom(format_args!(
-                "it has {joints} joints, and the pack {count}"
+                "the character has {joints} joints, and the pack {count}"
             ))),
         }
     }
 }
 
-/// The legs of the rig.
+/// Writes nothing for the rig's legs.
 pub(crate) mod legs {
     use super::*;
 

@@ -29,7 +29,7 @@ fn around(rig: &Harness) -> Surroundings {
     }
 }
 
-/// Its character goes through bytes.
+/// Saves and restores the harness's character.
 fn through_bytes(rig: &mut Harness) {
     let mut bytes = Vec::new();
     save(&rig.character, &mut bytes);
@@ -39,10 +39,10 @@ fn through_bytes(rig: &mut Harness) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A clock that waits has a plan in flight at its end now and then, which a restored character
-    /// asks for again.
+    /// On a clock that waits, a plan may be in flight at the end. A restored character asks for it
+    /// again.
     #[test]
-    fn a_restored_character_goes_on_as_if_nothing_had_been(
+    fn a_restored_character_goes_on_unchanged(
         events in prop::collection::vec(event(), 1..30),
         every in 1usize..5,
     ) {
@@ -64,7 +64,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_it_waited_for_it_goes_on_without_a_jump(
+    fn a_restored_character_makes_no_jump(
         events in prop::collection::vec(event(), 1..30),
         runs: bool,
     ) {
@@ -84,7 +84,7 @@ proptest! {
     }
 
     #[test]
-    fn bytes_that_nobody_wrote_are_refused(cut in 0usize..4000, flip in 0usize..4000) {
+    fn damaged_bytes_are_refused(cut in 0usize..4000, flip in 0usize..4000) {
         let mut rig = Harness::new();
         rig.interact("bench", "").unwrap();
         rig.run(50);
@@ -96,13 +96,13 @@ proptest! {
         let at = flip % bytes.len();
         flipped[at] ^= 1 << (flip % 8);
         prop_assert!(restore(&flipped, &around).is_err());
-        // Without the checksum it may be read or not, but nothing breaks.
+        // Without the checksum it may be read or not, but nothing panics.
         let _ = read(&flipped[HEAD_BYTES..], &around);
     }
 }
 
 #[test]
-fn what_it_names_must_be_there() {
+fn what_a_saved_character_names_must_exist() {
     let mut rig = Harness::new();
     rig.interact("bench", "").unwrap();
     rig.run(5);
@@ -121,24 +121,24 @@ fn what_it_names_must_be_there() {
     let mut old = bytes.to_vec();
     old[0] = 9;
     let error = restore(&old, &around(&rig)).unwrap_err().to_string();
-    assert_eq!(error, "it was saved in format 9; allowed: format 5");
+    assert_eq!(error, "it was saved in format 9; allowed: format 6");
 }
 
 #[test]
-fn it_goes_on_from_what_its_client_saw() {
+fn a_restored_character_goes_on_from_what_its_client_saw() {
     for lost in [6, 8, 10, 14] {
         goes_on_from_what_was_seen(lost);
     }
 }
 
-/// Its client saw `lost` frames more than it remembers.
+/// The client has seen `lost` frames more than were saved.
 fn goes_on_from_what_was_seen(lost: u64) {
     let mut rig = Harness::new();
     rig.walk(0.0, 1.2);
     rig.run(40);
     let mut bytes = Vec::new();
     save(&rig.character, &mut bytes);
-    // A command comes that is lost, and the client sees what it leads to.
+    // A command is lost, after the client has seen its effect.
     rig.walk(1.2, 0.0);
     rig.run(lost as usize);
     let last = rig.frames.last().unwrap().clone();
@@ -155,13 +155,13 @@ fn goes_on_from_what_was_seen(lost: u64) {
     rig.run(CROSSFADE_FRAMES + 2);
     assert_eq!(rig.frames[from + 4].frame, last.frame + 1);
     let (acceleration, step) = rig.roughness(from);
-    // A pose says nothing of velocities: they change at the seam by as much as the lost command had
-    // changed them.
+    // A pose has no velocities. At the seam they change by as much as the lost command had changed
+    // them.
     assert!(
         acceleration < 100.0 && step < 0.1,
         "{lost} frames: {acceleration} m/s\u{b2}, {step} m"
     );
-    // Nor does it go back where the client saw less.
+    // A client that has seen less does not move the character back.
     let frame = rig.character.frame();
     rig.character.rejoin(&seen).unwrap();
     assert_eq!(rig.character.frame(), frame);
@@ -182,7 +182,7 @@ fn goes_on_from_what_was_seen(lost: u64) {
 }
 
 #[test]
-fn a_pose_that_was_seen_is_met_exactly() {
+fn a_seen_pose_is_shown_exactly() {
     let mut rig = Harness::new();
     rig.run(20);
     let frame = rig.frames.last().unwrap().clone();
@@ -207,7 +207,7 @@ fn a_pose_that_was_seen_is_met_exactly() {
 }
 
 #[test]
-fn one_that_lies_in_no_scene_goes_on_to_lie_and_gets_up() {
+fn a_restored_character_without_a_scene_still_lies_and_gets_up() {
     let mut rig = Harness::nowhere();
     rig.skill("lie", "").unwrap();
     rig.run(80);

@@ -1,9 +1,9 @@
-//! Skills: what the characters of a pack can do where they stand, such as lying down, getting up
-//! and jumping.
+//! Skills: what the characters of a pack can do on the spot, such as lying down, getting up and
+//! jumping.
 //!
-//! A skill is written as the sets of a smart object are ([`crate::object`]), without an object:
-//! each set's keyframes are given from where the character is as the set begins. A pack has its
-//! skills in the folder `skills`, a TOML or JSON file each.
+//! A skill is written like the sets of a smart object ([`crate::object`]), but without an object:
+//! the keyframes of each set are relative to where the character is when the set begins. A pack has
+//! its skills in the folder `skills`, one TOML or JSON file each.
 
 use std::collections::BTreeMap;
 use std::path::Path as FilePath;
@@ -16,7 +16,7 @@ use crate::document::{Document, DocumentError, Format, read, read_folder};
 use crate::object::{Definition, Hold, MAX_BYTES};
 use crate::{FieldError, Path};
 
-/// Folder of a pack's skills inside the pack.
+/// Folder of a pack's skills inside the pack's folder.
 const FOLDER: &str = "skills";
 
 impl Document for SkillDoc {
@@ -31,11 +31,11 @@ pub struct Skills {
 }
 
 impl Skills {
-    /// Those in the folder `skills` of a pack, which it need not have.
+    /// The skills in the folder `skills` of a pack. The folder may be missing.
     ///
     /// # Errors
-    /// [`DocumentError`] for the first file that is not a skill of this pack, or has the name of
-    /// another.
+    /// [`DocumentError`] for the first file that is not a skill of this pack, or has the same name
+    /// as another.
     pub fn load(pack_folder: &FilePath, rig: &Rig) -> Result<Self, DocumentError> {
         let skills = read_folder(
             &pack_folder.join(FOLDER),
@@ -45,7 +45,7 @@ impl Skills {
         Ok(Self::new(skills))
     }
 
-    /// These, of which no two have one name.
+    /// A table of these skills, whose names must differ.
     pub fn new(skills: impl IntoIterator<Item = Definition>) -> Self {
         let by_name = (skills.into_iter()).map(|skill| (skill.name.clone(), Arc::new(skill)));
         Self {
@@ -58,7 +58,7 @@ impl Skills {
         self.by_name.get(name)
     }
 
-    /// All of them, sorted by name.
+    /// All skills, sorted by name.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &Arc<Definition>> {
         self.by_name.values()
     }
@@ -70,10 +70,10 @@ impl Skills {
 }
 
 impl Definition {
-    /// Reads and checks the TOML text of a skill for `rig`.
+    /// Reads the TOML text of a skill and checks it for `rig`.
     ///
     /// # Errors
-    /// [`DocumentError`] for the first thing that is wrong.
+    /// [`DocumentError`] for the first error.
     pub fn skill_from_toml(text: &str, rig: &Rig) -> Result<Self, DocumentError> {
         read(text, Format::Toml, |doc| of_doc(doc, rig))
     }

@@ -3,7 +3,7 @@
 use troupe_motion::model::{Dims, Rig};
 use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
 
-/// Sizes of a rig for tests: segments of 12 to 64 frames, as those of the packs that ship.
+/// Sizes of a test rig: segments of 12 to 64 frames, as in the packs that ship.
 pub fn dims(skeleton: &Skeleton) -> Dims {
     Dims {
         joints: skeleton.joint_count(),
@@ -22,12 +22,12 @@ pub fn dims(skeleton: &Skeleton) -> Dims {
     }
 }
 
-/// A rig of that skeleton.
+/// A rig of this skeleton.
 pub fn rig_of(name: &str, skeleton: Skeleton) -> Rig {
     Rig::new(name, 30.0, dims(&skeleton), skeleton)
 }
 
-/// Two joints: a pelvis whose left is its +X, and a foot below it.
+/// Two joints: a pelvis whose left is +X, and a foot below it.
 pub fn toy_rig() -> Rig {
     let joint = |name: &str, parent, y| Joint {
         name: name.into(),

@@ -1,4 +1,4 @@
-//! What every command shares.
+//! What every command works with: a server, and where notes go.
 
 use troupe_client::{Client, ConnectOptions, Pack};
 
@@ -6,19 +6,28 @@ use crate::failure::Failure;
 use crate::term::Term;
 
 /// Which server to ask, how, and where notes go.
-pub(crate) struct Context {
+pub struct Context {
+    /// Address of the server.
     pub(crate) url: String,
     pub(crate) options: ConnectOptions,
-    pub(crate) term: Term,
+    /// Takes notes and progress.
+    pub term: Term,
 }
 
 impl Context {
-    pub(crate) async fn connect(&self) -> Result<Client, Failure> {
+    /// Connects to the server.
+    ///
+    /// # Errors
+    /// [`Failure::Client`] if it does not answer, or not to this key.
+    pub async fn connect(&self) -> Result<Client, Failure> {
         Ok(Client::connect_with(&self.url, self.options.clone()).await?)
     }
 
     /// Connects and fetches a pack; an empty name stands for the server's default pack.
-    pub(crate) async fn connect_to_pack(&self, name: &str) -> Result<(Client, Pack), Failure> {
+    ///
+    /// # Errors
+    /// [`Failure::Client`] if the server does not answer or has no such pack.
+    pub async fn connect_to_pack(&self, name: &str) -> Result<(Client, Pack), Failure> {
         let client = self.connect().await?;
         let pack = client.pack(name).await?;
         Ok((client, pack))

@@ -5,20 +5,19 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use troupe_client::{Describe as Motion, Describing, Told};
+use troupe_client::{Describe as Motion, Describing, DescriptionPart};
 use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::{Scale, read_clip};
 use crate::output::print;
-use crate::tokens::Tokens;
 
 /// Put a clip into words.
 ///
 /// For packs with the capability `describe`. The words are printed as they are found. A pack reads
-/// some seconds at a time (`troupe packs` has its longest segment); --from and --to name a part of
-/// a longer clip.
+/// some seconds at a time (`troupe packs` prints its longest segment). --from and --to name a part
+/// of a longer clip.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -35,21 +34,22 @@ pub(crate) struct Describe {
     #[arg(long, default_value_t = 0, value_name = "FRAME")]
     pub(crate) from: usize,
 
-    /// Last frame to describe. Without it the clip's last.
+    /// Last frame to describe. Default: the last of the clip.
     #[arg(long, value_name = "FRAME")]
     pub(crate) to: Option<usize>,
 
-    /// Model pack; without it the first that puts motion into words.
+    /// Model pack. Default: the first that puts motion into words.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
-    #[command(flatten)]
-    pub(crate) tokens: Tokens,
+    /// The same seed, clip and pack give the same words.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
 
     #[command(flatten)]
     pub(crate) scale: Scale,
 
-    /// Print words and notes as JSON, once they are all there.
+    /// Print words and notes as JSON, once all are found.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -59,30 +59,28 @@ pub(super) async fn run(context: &Context, command: &Describe) -> Result<(), Fai
     let clip = read_clip(&command.clip, &pack, command.scale, &context.term)?;
     let clip = part(clip, command)?;
     let frames = clip.frames();
-    let motion = Motion::new(clip)
-        .seed(command.tokens.seed)
-        .sampling(command.tokens.sampling());
+    let motion = Motion::new(clip).seed(command.seed);
     let asked = std::time::Instant::now();
-    let telling = client.describe(&pack, &motion).await?;
+    let describing = client.describe(&pack, &motion).await?;
     if !command.json {
-        return print_as_told(context, telling).await;
+        return print_as_found(context, describing).await;
     }
-    let told = telling.whole().await?;
+    let found = describing.whole().await?;
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
     print(&format!(
         "{:#}",
         json!({
-            "text": told.text,
+            "text": found.text,
             "frames": frames,
             "pack": pack.name(),
             "pack_version": pack.description().version,
-            "notes": told.notes,
+            "notes": found.notes,
             "took_ms": took_ms,
         })
     ))
 }
 
-/// The frames of a clip that are to be described.
+/// The frames of a clip to describe.
 fn part(clip: Clip, command: &Describe) -> Result<Clip, Failure> {
     let last = clip.frames().saturating_sub(1);
     let to = command.to.unwrap_or(last);
@@ -97,20 +95,20 @@ fn part(clip: Clip, command: &Describe) -> Result<Clip, Failure> {
 }
 
 /// Prints words as they come.
-async fn print_as_told(context: &Context, mut telling: Describing) -> Result<(), Failure> {
-    while let Some(part) = telling.next().await? {
-        if let Told::Words(words) = part {
+async fn print_as_found(context: &Context, mut describing: Describing) -> Result<(), Failure> {
+    while let Some(part) = describing.next().await? {
+        if let DescriptionPart::Words(words) = part {
             write(&words)?;
         }
     }
     write("\n")?;
-    for note in &telling.notes {
+    for note in &describing.notes {
         context.term.note(format_args!("note: {note}"));
     }
     Ok(())
 }
 
-/// Writes at once. A reader that has had enough is no error.
+/// Writes at once. A reader that closes the pipe is no error.
 fn write(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

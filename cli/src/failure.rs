@@ -7,7 +7,7 @@ use troupe_client::{ClientError, RequestError};
 
 /// A failed command.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum Failure {
+pub enum Failure {
     /// The arguments or files given do not work.
     #[error("{0}")]
     Input(String),
@@ -21,17 +21,17 @@ pub(super) enum Failure {
 
 impl Failure {
     /// A file that cannot be used, and why.
-    pub(super) fn file(path: &Path, why: impl std::fmt::Display) -> Self {
+    pub fn file(path: &Path, why: impl std::fmt::Display) -> Self {
         Self::Input(format!("{}: {why}", path.display()))
     }
 
     /// A file that cannot be written, and why.
-    pub(super) fn output(path: &Path, why: impl std::fmt::Display) -> Self {
+    pub fn output(path: &Path, why: impl std::fmt::Display) -> Self {
         Self::Other(format!("cannot write {}: {why}", path.display()))
     }
 
     /// The exit code, as `troupe --help` documents it.
-    pub(super) fn exit_code(&self) -> ExitCode {
+    pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
             Self::Input(_)
             | Self::Client(

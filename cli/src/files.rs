@@ -21,20 +21,30 @@ const CLIPS: &str = "Clip files";
 
 /// How clip files relate to the pack's skeleton.
 #[derive(Debug, Clone, Copy, Args)]
-pub(crate) struct Scale {
+pub struct Scale {
     /// Length unit of BVH files. All other formats are in metres.
     #[arg(long, help_heading = CLIPS, value_enum, default_value_t = Unit::Cm)]
-    pub(crate) unit: Unit,
+    pub unit: Unit,
 
-    /// Also take clips whose bones have other lengths; their rotations are played on the pack's
+    /// Also take clips whose bones have other lengths. Their rotations are played on the pack's
     /// bones.
     #[arg(long, help_heading = CLIPS)]
-    pub(crate) other_bones: bool,
+    pub other_bones: bool,
+}
+
+impl Default for Scale {
+    /// Centimetres, and only clips with the pack's bones.
+    fn default() -> Self {
+        Self {
+            unit: Unit::Cm,
+            other_bones: false,
+        }
+    }
 }
 
 /// A length unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Unit {
+pub enum Unit {
     /// Millimetres.
     Mm,
     /// Centimetres.
@@ -47,7 +57,7 @@ pub(crate) enum Unit {
 
 impl Unit {
     /// Metres in one unit.
-    pub(crate) fn metres(self) -> f32 {
+    pub fn metres(self) -> f32 {
         match self {
             Self::Mm => 0.001,
             Self::Cm => 0.01,
@@ -57,10 +67,10 @@ impl Unit {
     }
 }
 
-/// The file of a clip that is named without its ending: the first that is there, of those that
-/// [`read_clip`] takes. Where none is, that of the pack's own clips: CSV of robots, BVH of all
-/// others.
-pub(super) fn clip_in(folder: &Path, name: &str, pack: &Pack) -> PathBuf {
+/// The file of a clip that is named without its ending: the first existing file of a format that
+/// [`read_clip`] takes. If none exists, the name in the format of the pack's own clips: CSV of a
+/// robot, else BVH.
+pub fn clip_in(folder: &Path, name: &str, pack: &Pack) -> PathBuf {
     let first = match pack.robot() {
         Some(_) => files::Format::Csv,
         None => files::Format::Bvh,
@@ -78,8 +88,11 @@ pub(super) fn clip_in(folder: &Path, name: &str, pack: &Pack) -> PathBuf {
     path.into()
 }
 
-/// Reads a clip onto a pack's skeleton and at its rate, of any format.
-pub(super) fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> Result<Clip, Failure> {
+/// Reads a clip of any format onto a pack's skeleton and at its rate.
+///
+/// # Errors
+/// [`Failure::Input`] with the file and what is wrong with it.
+pub fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> Result<Clip, Failure> {
     let clip = read_clip_on(path, pack.skeleton(), scale, Some(pack.fps()))
         .map_err(|why| Failure::file(path, why))?;
     if (clip.fps - pack.fps()).abs() < 1e-2 {
@@ -100,12 +113,12 @@ pub(super) fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> 
 }
 
 /// Reads a clip onto a skeleton at the file's own rate, joints by name or by the hinges of the
-/// skeleton's robot. A glb's animation is sampled at `glb_fps`; which one, the path says behind a
-/// `#` where there are several.
+/// skeleton's robot. The animation of a glb is sampled at `glb_fps`. The path may end with `#` and
+/// the name of one animation of several.
 ///
 /// # Errors
 /// A sentence that says what is wrong with the file.
-pub(super) fn read_clip_on(
+pub fn read_clip_on(
     path: &Path,
     skeleton: &Arc<Skeleton>,
     scale: Scale,
@@ -133,8 +146,8 @@ pub(super) fn read_clip_on(
     })
 }
 
-/// `horse.glb#Walk` as a file and the name of an animation in it. A file of the whole name comes
-/// first.
+/// Splits `horse.glb#Walk` into a file and the name of an animation in it, unless a file of the
+/// whole name exists.
 fn split_animation(path: &Path) -> (PathBuf, Option<String>) {
     let whole = path.to_string_lossy();
     match whole.rsplit_once('#') {
@@ -143,7 +156,7 @@ fn split_animation(path: &Path) -> (PathBuf, Option<String>) {
     }
 }
 
-/// Reads a scene or an object definition, as the server is to read it.
+/// Reads the document of a scene or an object definition.
 pub(super) fn read_document(path: &Path) -> Result<v1::Document, Failure> {
     let format = match ending(path).as_deref() {
         Some("toml") => v1::DocumentFormat::Toml,
@@ -159,8 +172,8 @@ pub(super) fn read_document(path: &Path) -> Result<v1::Document, Failure> {
     })
 }
 
-/// The failure of a call that was given the document in `path`: what is wrong with the document is
-/// wrong with the file.
+/// The failure of a call with the document in `path`. If the server refuses the document, the
+/// failure names the file.
 pub(super) fn document_failure(path: &Path, error: ClientError) -> Failure {
     match error {
         ClientError::Refused(refusal) if refusal.reason.as_deref() == Some("INVALID_DOCUMENT") => {
@@ -175,7 +188,7 @@ fn ending(path: &Path) -> Option<String> {
     path.extension().map(|e| e.to_string_lossy().to_lowercase())
 }
 
-/// A format to write motion in, told by a file's ending.
+/// A format to write motion in, which follows from a file's ending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Format(files::Format);
 
@@ -192,7 +205,7 @@ impl Format {
         })
     }
 
-    /// Checks that clips of a server's pack can be written so, before any are made for nothing.
+    /// Checks that clips of a server's pack can be written in this format, before any work on them.
     pub(super) async fn check(self, context: &Context, pack: &str, path: &Path) -> Result<(), Failure> {
         if !self.0.is_for_robots() {
             return Ok(());
@@ -201,7 +214,7 @@ impl Format {
         self.fits(&pack, path)
     }
 
-    /// The same for a pack that is known.
+    /// The same for a known pack.
     pub(super) fn fits(self, pack: &Pack, path: &Path) -> Result<(), Failure> {
         if !self.0.is_for_robots() || pack.robot().is_some() {
             return Ok(());
@@ -220,8 +233,8 @@ impl Format {
         ))
     }
 
-    /// Writes a clip; BVH in the unit of `scale`, all others in metres as they must be. CSV and
-    /// `qpos` have 30 rows a second.
+    /// Writes a clip: BVH in the unit of `scale`, all other formats in metres. CSV and `qpos` have
+    /// 30 rows a second.
     pub(super) fn write(self, clip: &Clip, path: &Path, scale: Scale) -> Result<(), Failure> {
         let bytes = self
             .bytes(clip, scale)
@@ -306,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_is_found_whatever_its_format() {
+    fn a_clip_is_found_in_any_format() {
         let pack = Pack::try_from(crate::testing::pair()).unwrap();
         let robot = Pack::try_from(crate::testing::hopper()).unwrap();
         let folder = std::env::temp_dir().join(format!("troupe-clip-in-{}", std::process::id()));

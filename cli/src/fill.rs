@@ -14,7 +14,7 @@ use crate::splice::gap_of;
 
 const SAMPLING: &str = "Pack and sampling";
 
-/// Which gap of which clip to fill, and how.
+/// A gap of a clip, and how to fill it.
 #[derive(Debug, Args)]
 pub(crate) struct Gap {
     /// Motion clip: .bvh, .glb or .npz, or a robot's .csv (root x y z qx qy qz qw, then the hinges'
@@ -30,17 +30,17 @@ pub(crate) struct Gap {
     #[arg(long, value_name = "FRAME")]
     pub(crate) to: usize,
 
-    /// How many consecutive frames from TO on are target keyframes.
+    /// Number of target keyframes: consecutive frames from TO on.
     #[arg(long, default_value_t = 1, value_name = "1-4", value_parser = clap::value_parser!(u8).range(1..=4))]
     pub(crate) target_frames: u8,
 
-    /// TOML file of roots that the motion is to pass: [[root]] with a `frame`, counted as FROM and
+    /// TOML file of roots that the motion must pass: [[root]] with a `frame`, counted like FROM and
     /// TO, and any of `at` ([x, z] in metres), `height_m` and `heading_deg`.
     #[arg(long, value_name = "FILE")]
     pub(crate) roots: Option<PathBuf>,
 
-    /// Refuse a gap that cannot be filled with motion as the pack's data shows, and say what would
-    /// be possible.
+    /// Refuse a gap that no motion like that in the pack's data can fill, and print what would be
+    /// possible.
     #[arg(long)]
     pub(crate) strict: bool,
 
@@ -53,26 +53,38 @@ pub(crate) struct Gap {
 
 /// Pack and sampling.
 #[derive(Debug, Args)]
-pub(crate) struct Sampling {
-    /// Model pack; without it the server's default.
+pub struct Sampling {
+    /// Model pack. Default: the server's default pack.
     #[arg(long, help_heading = SAMPLING, default_value = "", hide_default_value = true, value_name = "NAME")]
-    pub(crate) pack: String,
+    pub pack: String,
 
     /// The same seed, clip and pack give the same frames.
     #[arg(long, help_heading = SAMPLING, default_value_t = 0)]
-    pub(crate) seed: u64,
+    pub seed: u64,
 
-    /// 0 takes the most likely motion; above, up to 2, motion is sampled with the seed.
+    /// 0 takes the most likely motion. Above 0 motion is sampled with the seed.
     #[arg(long, help_heading = SAMPLING, default_value_t = 0.0, value_name = "0-2")]
-    pub(crate) temperature: f32,
+    pub temperature: f32,
 
     /// Passes of the pose module, 1 to 10.
     #[arg(long, help_heading = SAMPLING, default_value_t = 1, value_name = "1-10")]
-    pub(crate) pose_steps: u32,
+    pub pose_steps: u32,
 
-    /// Leave feet as the networks make them; those that stand are held still otherwise.
+    /// Leave feet as the networks make them. Without it feet that stand are held still.
     #[arg(long, help_heading = SAMPLING)]
-    pub(crate) free_feet: bool,
+    pub free_feet: bool,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self {
+            pack: String::new(),
+            seed: 0,
+            temperature: 0.0,
+            pose_steps: 1,
+            free_feet: false,
+        }
+    }
 }
 
 /// A clip and the answer for its gap.
@@ -89,14 +101,13 @@ pub(super) struct Filled {
     pub(super) answers: InBetweenAnswers,
 }
 
-/// Reads the clip and has the server fill its gap; `length` is the clip's own where it is not
-/// given.
+/// Reads the clip and has the server fill its gap. Without `length` the gap keeps its length.
 pub(super) async fn fill(
     context: &Context,
     gap: &Gap,
     length: Option<SegmentLength>,
 ) -> Result<Filled, Failure> {
-    // Before any work is done for nothing.
+    // Checked first, so that no work is lost.
     let roots = gap
         .roots
         .as_deref()

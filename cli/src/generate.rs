@@ -18,14 +18,11 @@ use crate::output::print;
 use crate::path::Path;
 
 const SAMPLING: &str = "Style and sampling";
-/// Width of a picture, pixels.
-const PICTURE_WIDTH: u32 = 1600;
-
 /// Have a body follow a path.
 ///
 /// For packs with the capability `path`, whose one network moves many bodies. The path is a file as
-/// `drive` takes it: its start and its waypoints count, with their speeds and waits, where they say
-/// so with headings. What it says of commands and styles does not.
+/// for `drive`. Its start and its waypoints count, with their speeds, waits and headings. Its
+/// commands and styles do not.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -43,11 +40,11 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
-    /// Model pack; without it the first that follows paths.
+    /// Model pack. Default: the first that follows paths.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
-    /// Body that moves: one of the pack's. Without it the pack's default one.
+    /// Body of the pack that moves. Default: the pack's default body.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) skeleton: String,
 
@@ -55,27 +52,19 @@ pub(crate) struct Generate {
     #[arg(long, help_heading = SAMPLING, value_name = "WORD[=WEIGHT]")]
     pub(crate) style: Vec<Word>,
 
-    /// How fast to go, in metres a second, in the place of the speeds of the path.
+    /// Speed, in metres a second, instead of the speeds of the path.
     #[arg(long, help_heading = SAMPLING, value_name = "0.05-15")]
     pub(crate) speed: Option<f32>,
 
-    /// How long the motion is, in seconds. Without it, as long as the path takes.
+    /// Length of the motion, in seconds. Default: the time of the path.
     #[arg(long, help_heading = SAMPLING, value_name = "SECONDS")]
     pub(crate) seconds: Option<f32>,
-
-    /// Steps of the sampler; without it the pack's usual ones.
-    #[arg(long, help_heading = SAMPLING, value_name = "COUNT")]
-    pub(crate) steps: Option<u32>,
-
-    /// How much the style counts: 1 as it was trained, more exaggerates it.
-    #[arg(long, help_heading = SAMPLING, default_value_t = 1.0, value_name = "0-8")]
-    pub(crate) guidance: f32,
 
     /// The same seed, path and pack give the same motion.
     #[arg(long, help_heading = SAMPLING, default_value_t = 0)]
     pub(crate) seed: u64,
 
-    /// Refuse a path that the body cannot follow as its data shows.
+    /// Refuse a path that is not feasible for the body, judged by its data.
     #[arg(long)]
     pub(crate) strict: bool,
 
@@ -83,15 +72,12 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 
-    #[command(flatten)]
-    pub(crate) scale: Scale,
-
     /// Print what was done as JSON.
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// A word and how much of it.
+/// A word and its weight.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Word {
     word: String,
@@ -129,7 +115,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
     let making = client.follow(&pack, &request(&path, command)).await?;
     let made = making.whole().await?;
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
-    format.write(&made.clip, &command.out, command.scale)?;
+    format.write(&made.clip, &command.out, Scale::default())?;
     if let Some(file) = &command.picture {
         let png = draw(&path, &pack, &made.clip, command).map_err(Failure::Other)?;
         std::fs::write(file, png).map_err(|e| Failure::output(file, e))?;
@@ -188,15 +174,15 @@ fn draw(path: &Path, pack: &Pack, clip: &Clip, command: &Generate) -> Result<Vec
         pack.description().version,
         clip.duration_s()
     );
-    draw_motion(clip, &way, &words.join(" "), (title, about), PICTURE_WIDTH)
+    draw_motion(clip, &way, &words.join(" "), (title, about))
 }
 
-/// What the path and the options ask for.
+/// The request for the path with the options.
 fn request(path: &Path, command: &Generate) -> FollowPath {
     let place = |at: Vec2| Vec3::new(at.x, 0.0, at.y);
     let (mut time_s, mut from, mut facing) = (0.0, path.start, None);
     let mut points = vec![(place(path.start), Some(path.heading), Some(0.0))];
-    // Headings count where a waypoint says one; else the body heads along its way.
+    // Headings count only if a waypoint has one. Else the body heads along its way.
     let says = path.waypoints.iter().any(|point| point.manner.facing.is_some());
     for point in &path.waypoints {
         let speed = command.speed.unwrap_or(point.speed_mps);
@@ -213,7 +199,6 @@ fn request(path: &Path, command: &Generate) -> FollowPath {
         points.iter_mut().for_each(|point| point.1 = None);
     }
     let mut asked = FollowPath::through(points)
-        .guidance(command.guidance)
         .strict(command.strict)
         .seed(command.seed);
     for Word { word, weight } in &command.style {
@@ -222,10 +207,7 @@ fn request(path: &Path, command: &Generate) -> FollowPath {
     if let Some(seconds) = command.seconds.or(path.seconds) {
         asked = asked.seconds(seconds);
     }
-    match command.steps {
-        Some(steps) => asked.steps(steps),
-        None => asked,
-    }
+    asked
 }
 
 #[cfg(test)]

@@ -14,12 +14,12 @@ use crate::fill::{Gap, fill};
 use crate::output::print;
 use crate::splice::splice;
 
-/// Replace what lies between two frames of a clip by generated motion.
+/// Replace the frames between two frames of a clip by generated motion.
 ///
-/// FROM and the three frames in front of it are the context, TO is the target keyframe. Both stay
-/// as they are; the frames between them are generated. Joints are mapped by name onto the pack's
-/// skeleton, and a clip at another rate is resampled to the pack's first, so FROM and TO count
-/// frames at the pack's rate.
+/// FROM and the three frames before it are the context, TO is the target keyframe. Both stay as
+/// they are; the frames between them are generated. Joints are mapped by name onto the pack's
+/// skeleton. A clip at another rate is first resampled to the pack's rate, and FROM and TO count
+/// its frames then.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -36,12 +36,12 @@ pub(crate) struct Inbetween {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
-    /// Frames from the first context frame to the last target keyframe, where the gap is to be
-    /// filled faster or slower than in the clip.
+    /// Frames from the first context frame to the last target keyframe. Default: as many as in the
+    /// clip.
     #[arg(long, value_name = "FRAMES", conflicts_with = "free_timing")]
     pub(crate) frame_count: Option<u32>,
 
-    /// Let the model choose how many frames the gap takes.
+    /// Let the model choose the number of frames of the gap.
     #[arg(long, conflicts_with = "roots")]
     pub(crate) free_timing: bool,
 
@@ -55,7 +55,7 @@ pub(crate) struct Inbetween {
 }
 
 pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Failure> {
-    // Before any work is done for nothing.
+    // Checked first, so that no work is lost.
     let format = Format::of(&command.out)?;
     (format.check(context, &command.gap.sampling.pack, &command.out)).await?;
     let length = if command.free_timing {

@@ -1,13 +1,11 @@
-//! The `troupe` command line, as a function, so that its binary is one line and tests can run the
-//! very same code.
+//! The `troupe` command line as a function, so that its binary is one line and tests run the same
+//! code; and what `troupe-eval` shares with it: how to connect, read clips and print.
 
-mod animate;
 mod args;
+mod connection;
 mod context;
 mod describe;
-mod draw;
 mod drive;
-mod eval;
 mod failure;
 mod feasibility;
 mod files;
@@ -25,10 +23,10 @@ mod rebuild;
 mod roots;
 mod say;
 mod scene;
+mod scenery;
 mod sessions;
 mod shell;
 mod splice;
-mod stage;
 mod style;
 mod take;
 mod term;
@@ -44,12 +42,18 @@ mod tests;
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use troupe_client::ConnectOptions;
 
 use self::args::{Arguments, Command};
-use self::context::Context;
-use self::failure::Failure;
-use self::term::Term;
+
+pub use self::connection::Connection;
+pub use self::context::Context;
+pub use self::failure::Failure;
+pub use self::files::{Scale, Unit, clip_in, read_clip, read_clip_on};
+pub use self::fill::Sampling;
+pub use self::output::print;
+pub use self::style::list::{ClipPart, GaitClips, StyleEntry, StyleList};
+pub use self::term::Term;
+pub use self::values::positive;
 
 /// Reads the process's arguments, runs the command, and gives its exit code (see `troupe --help`).
 pub fn main() -> ExitCode {
@@ -69,26 +73,14 @@ pub fn main() -> ExitCode {
 }
 
 async fn run(arguments: Arguments) -> Result<(), Failure> {
-    let context = Context {
-        url: arguments.server,
-        options: ConnectOptions {
-            request_timeout: arguments.timeout.into(),
-            key: arguments.key,
-            tls: arguments.tls.into(),
-            ..ConnectOptions::default()
-        },
-        term: Term::new(arguments.quiet),
-    };
+    let context = Context::from(arguments.connection);
     match arguments.command {
         Command::Inbetween(command) => inbetween::run(&context, &command).await,
         Command::Generate(command) => generate::run(&context, &command).await,
         Command::Say(command) => say::run(&context, &command).await,
         Command::Describe(command) => describe::run(&context, &command).await,
         Command::Packs(command) => packs::run(&context, &command).await,
-        Command::Eval(command) => eval::run(&context, &command).await,
-        Command::Draw(command) => draw::run(&context, &command).await,
         Command::Drive(command) => drive::run(&context, &command).await,
-        Command::Animate(command) => animate::run(&context, &command).await,
         Command::Film(command) => film::run(&context, &command).await,
         Command::Sessions(command) => sessions::run(&context, &command).await,
         Command::Style(command) => style::run(&context, &command).await,

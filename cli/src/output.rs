@@ -6,8 +6,11 @@ use comfy_table::{ContentArrangement, Table, presets};
 
 use crate::failure::Failure;
 
-/// Prints a command's answer. A reader that has had enough, such as `head`, is no error.
-pub(crate) fn print(text: &str) -> Result<(), Failure> {
+/// Prints a command's answer. A reader that closes the pipe, such as `head`, is no error.
+///
+/// # Errors
+/// [`Failure::Other`] if standard output cannot be written.
+pub fn print(text: &str) -> Result<(), Failure> {
     match writeln!(std::io::stdout(), "{text}") {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Failure::Other(format!("cannot print: {e}"))),
         _ => Ok(()),

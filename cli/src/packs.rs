@@ -53,7 +53,7 @@ fn pretty(value: &Value) -> String {
     format!("{value:#}")
 }
 
-/// The figures as they are in the manifest; nothing where they are not JSON.
+/// The figures as in the manifest. Nothing if they are not JSON.
 fn figures(pack: &Pack) -> Value {
     serde_json::from_str(&pack.description().figures_json).unwrap_or_default()
 }
@@ -93,7 +93,7 @@ fn skill_json(skill: &v1::PackSkill) -> Value {
     })
 }
 
-/// What characters can do where they stand, a skill a line.
+/// The skills of characters, one a line.
 fn skills_in_words(skills: &[v1::PackSkill]) -> String {
     let skill = |skill: &v1::PackSkill| {
         let held = if skill.held { ", held until ended" } else { "" };

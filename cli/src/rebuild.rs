@@ -1,4 +1,4 @@
-//! Poses of a clip as a pack's own networks make them from the motion around.
+//! Poses of a clip as a pack's networks make them from the motion around them.
 
 use glam::{Quat, Vec3};
 use troupe_client::{CONTEXT_FRAMES, Client, InBetween, Pack, RequestError};
@@ -9,11 +9,10 @@ use troupe_motion::skeleton::ContactParams;
 
 use crate::failure::Failure;
 
-/// Generated frames on either side of a key: as many as the server takes to fade a given pose out,
-/// so that the key is the networks' own.
+/// Generated frames on either side of a key. The server fades a given pose out over as many, so the
+/// key is the networks' own.
 const MARGIN: usize = 8;
-/// Consecutive target keyframes: as many as context frames, so that both ends say where the motion
-/// goes.
+/// Consecutive target keyframes: as many as context frames, so that both ends fix the motion.
 const TARGETS: usize = 4;
 /// The generated frame that becomes the key.
 pub(crate) const KEY: usize = CONTEXT_FRAMES - 1 + MARGIN;

@@ -102,7 +102,7 @@ mod tests {
             early,
             "line 2: frame 26 is before the segment; allowed: 27 and more"
         );
-        for (text, told) in [
+        for (text, wanted) in [
             ("[[root]]\nat = [0, 0]", "missing field `frame`"),
             ("[[root]]\nframe = -1\nat = [0, 0]", "line 2"),
             ("[[root]]\nframe = 40\nat = [0, 0, 0]", "line 3"),
@@ -112,7 +112,7 @@ mod tests {
             ),
         ] {
             let why = parse(text, 30).unwrap_err();
-            assert!(why.contains(told), "{why}");
+            assert!(why.contains(wanted), "{why}");
         }
     }
 

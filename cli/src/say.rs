@@ -15,14 +15,11 @@ use crate::output::print;
 use crate::tokens::Tokens;
 use crate::values::Seconds;
 
-/// Width of a picture, pixels.
-const PICTURE_WIDTH: u32 = 1600;
-
-/// Make motion of words.
+/// Make motion from words.
 ///
-/// For packs with the capability `text`. What the model may not do well, such as words that its
-/// training did not use, is said as a note. With --past the motion goes on from the end of a clip;
-/// the file has what follows it.
+/// For packs with the capability `text`. Notes name what the model may not do well, such as words
+/// that its training did not use. With --past the motion goes on from the end of a clip, and the
+/// file has the new frames alone.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -31,7 +28,7 @@ Examples:
   troupe say \"he sits down\" --past walk.bvh --out sit.glb --temperature 0.8 --top-p 0.9
   troupe say \"a person waves\" --beside \"a person bows\" --out meeting.glb")]
 pub(crate) struct Say {
-    /// What to do.
+    /// A sentence for the character.
     #[arg(value_name = "WORDS")]
     pub(crate) text: String,
 
@@ -40,11 +37,11 @@ pub(crate) struct Say {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
-    /// Model pack; without it the first that acts out words.
+    /// Model pack. Default: the first that acts out words.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
-    /// How long the motion is. Without it the model decides.
+    /// Length of the motion. Default: the model decides.
     #[arg(long, value_name = "SECONDS")]
     pub(crate) seconds: Option<Seconds>,
 
@@ -53,15 +50,15 @@ pub(crate) struct Say {
     #[arg(long, value_name = "FILE")]
     pub(crate) past: Option<PathBuf>,
 
-    /// What another character does in the same motion; again for a third one. Each has a file of
-    /// its own: wave.glb, wave-2.glb. For packs with the capability `agents`.
+    /// A sentence for another character in the same motion. May be given again. Each character gets
+    /// its own file: wave.glb, wave-2.glb. For packs with the capability `agents`.
     #[arg(long, value_name = "WORDS", conflicts_with = "past")]
     pub(crate) beside: Vec<String>,
 
     #[command(flatten)]
     pub(crate) tokens: Tokens,
 
-    /// Also draw the motion: where it goes, and poses of it (PNG).
+    /// Also draw the motion: its path, and poses (PNG).
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 
@@ -119,8 +116,7 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
     Ok(())
 }
 
-/// A file for each character: the first has the name that was given, others have their number in
-/// it.
+/// A file for each character: the first has the given name, others have their number in it.
 fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
     let ending = out.extension().unwrap_or_default().to_string_lossy();
@@ -128,7 +124,7 @@ fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
     std::iter::once(out.to_owned()).chain(numbered).collect()
 }
 
-/// What the options ask for.
+/// The request with the options.
 fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failure> {
     let mut prompt = Prompt::new(&*command.text)
         .seed(command.tokens.seed)
@@ -147,7 +143,7 @@ fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failu
     Ok(prompt)
 }
 
-/// Most frames that go before words.
+/// Most frames of the past that a request may have.
 fn most_past(pack: &Pack) -> usize {
     let of = pack.description();
     match &of.language {
@@ -164,7 +160,7 @@ fn draw(command: &Say, pack: &Pack, clip: &Clip) -> Result<Vec<u8>, String> {
         command.tokens.seed,
         clip.duration_s()
     );
-    draw_motion(clip, &[], "", (command.text.clone(), about), PICTURE_WIDTH)
+    draw_motion(clip, &[], "", (command.text.clone(), about))
 }
 
 #[cfg(test)]

@@ -43,7 +43,7 @@ struct Put {
     files: Vec<PathBuf>,
 }
 
-/// Show a scene: its objects, where they are and whose.
+/// Show a scene: its objects, their places and their users.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -186,15 +186,15 @@ mod tests {
             sessions: 3,
             ..v1::Scene::default()
         };
-        let told = describe(&scene);
+        let text = describe(&scene);
         assert!(
-            told.starts_with("yard: ground at 0.50 m, 0 colliders, 3 sessions in it"),
-            "{told}"
+            text.starts_with("yard: ground at 0.50 m, 0 colliders, 3 sessions in it"),
+            "{text}"
         );
-        let line = |id: &str| told.lines().find(|line| line.contains(id)).unwrap();
+        let line = |id: &str| text.lines().find(|line| line.contains(id)).unwrap();
         assert!(
             line("one").contains("free") && line("two").contains("held by guard"),
-            "{told}"
+            "{text}"
         );
     }
 }

@@ -91,7 +91,7 @@ fn list(sessions: &[v1::Session]) -> Table {
         let stats = of.stats.unwrap_or_default();
         let place = of.position.unwrap_or_default();
         let clock = match of.clock() {
-            v1::Clock::Free => "nobody",
+            v1::Clock::Free => "–",
             v1::Clock::Step => "a step",
             v1::Clock::Drive => "a stream",
         };
@@ -135,8 +135,8 @@ mod tests {
         let mut table = list(&[session]);
         table.set_width(200);
         let row = table.to_string();
-        for told in ["guard", "1.5 s", "1.30 m/s", "a stream", "60 s", "7", "1"] {
-            assert!(row.contains(told), "{told}: {row}");
+        for wanted in ["guard", "1.5 s", "1.30 m/s", "a stream", "60 s", "7", "1"] {
+            assert!(row.contains(wanted), "{wanted}: {row}");
         }
     }
 }

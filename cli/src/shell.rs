@@ -10,10 +10,10 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::print;
 
-/// Name of the command that is completed.
+/// Name of the command.
 const NAME: &str = "troupe";
 
-/// Print what a shell needs to complete the command line.
+/// Print the completion script of a shell.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -21,7 +21,7 @@ Examples:
   troupe completions zsh > ~/.zfunc/_troupe
   troupe completions fish > ~/.config/fish/completions/troupe.fish")]
 pub(crate) struct Completions {
-    /// The shell.
+    /// Shell to write the script for.
     pub(crate) shell: Shell,
 }
 
@@ -32,7 +32,7 @@ Examples:
   troupe man --out ~/.local/share/man/man1
   troupe man --out man && man man/troupe-inbetween.1")]
 pub(crate) struct Man {
-    /// Folder to write them to. It is made where it is not there.
+    /// Folder to write them to. It is created if needed.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: PathBuf,
 }

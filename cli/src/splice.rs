@@ -14,7 +14,7 @@ pub(super) fn gap_of(segment: &Clip, target_frames: usize) -> Range<usize> {
 /// stay as they are.
 ///
 /// # Errors
-/// [`ClipError`] where `from` or `to` is outside the clip.
+/// [`ClipError`] if `from` or `to` is outside the clip.
 pub(super) fn splice(clip: &Clip, from: usize, to: usize, generated: &Clip) -> Result<Clip, ClipError> {
     let mut whole = clip.slice(0..from + 1)?;
     let after = clip.slice(to..clip.frames())?;

@@ -6,24 +6,25 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 /// Notes and progress bars: notes unless quiet, bars only on a terminal.
-pub(super) struct Term {
+pub struct Term {
     quiet: bool,
 }
 
 impl Term {
-    pub(super) fn new(quiet: bool) -> Self {
+    /// Notes and bars, or neither if `quiet`.
+    pub fn new(quiet: bool) -> Self {
         Self { quiet }
     }
 
     /// Says something worth knowing that is not the command's answer.
-    pub(super) fn note(&self, text: impl std::fmt::Display) {
+    pub fn note(&self, text: impl std::fmt::Display) {
         if !self.quiet {
             eprintln!("{text}");
         }
     }
 
     /// A bar over a known number of steps.
-    pub(super) fn bar(&self, steps: usize, what: &'static str) -> ProgressBar {
+    pub fn bar(&self, steps: usize, what: &'static str) -> ProgressBar {
         if self.quiet || !std::io::stderr().is_terminal() {
             return ProgressBar::hidden();
         }

@@ -28,7 +28,7 @@ impl FromStr for Seconds {
 }
 
 /// A number of things, at least one.
-pub(crate) fn positive(text: &str) -> Result<usize, String> {
+pub fn positive(text: &str) -> Result<usize, String> {
     match text.parse::<usize>() {
         Ok(0) => Err("must be 1 or more".to_owned()),
         Ok(number) => Ok(number),

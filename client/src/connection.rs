@@ -22,11 +22,11 @@ use crate::tls::{TlsOptions, with_tls};
 pub struct ConnectOptions {
     /// Time to open the connection.
     pub connect_timeout: Duration,
-    /// Time for one call, from its first byte to the answer's last.
+    /// Time for one call, from its first byte to the last of the answer.
     pub request_timeout: Duration,
-    /// Largest message sent or taken, in bytes.
+    /// Largest message in either direction, bytes.
     pub max_message_bytes: usize,
-    /// The API key, where the server asks for one.
+    /// The API key, if the server asks for one.
     pub key: Option<ApiKey>,
     /// Certificates, for https:// addresses. These need the feature `tls`.
     pub tls: TlsOptions,
@@ -130,7 +130,7 @@ pub struct InBetweenAnswers {
     pub pack_version: String,
     /// One for each character, in the order of the request.
     pub characters: Vec<InBetweenAnswer>,
-    /// Where the server's time went.
+    /// Times of the parts of the call on the server.
     pub timing: Timing,
 }
 
@@ -189,10 +189,11 @@ impl Client {
         Ok(packs.into_iter().map(Pack::try_from).collect::<Result<_, _>>()?)
     }
 
-    /// One pack by its name; an empty name stands for the server's default pack.
+    /// A pack by its name. The empty name stands for the server's default pack.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Refused`] with `NotFound` where there is no such pack.
+    /// See [`ClientError`]; [`ClientError::Refused`] with `NotFound` if the server has no such
+    /// pack.
     pub async fn pack(&self, name: &str) -> Result<Pack, ClientError> {
         if name.is_empty() {
             return self.default_pack().await;
@@ -276,7 +277,7 @@ impl Client {
         self.options.request_timeout
     }
 
-    /// The connection itself, for what is no call of gRPC.
+    /// The connection itself, for requests that are no gRPC calls.
     pub(crate) fn channel(&self) -> KeyedChannel {
         self.channel.clone()
     }
@@ -366,7 +367,7 @@ mod tests {
 
     #[tokio::test]
     async fn where_no_server_is_the_address_and_the_cause_are_told() {
-        // A port that was free a moment ago.
+        // No server listens at a port that was free a moment ago.
         let port = std::net::TcpListener::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()
@@ -375,7 +376,7 @@ mod tests {
         let url = format!("http://127.0.0.1:{port}");
         let error = error(&url).await;
         assert!(
-            matches!(&error, ClientError::Unreachable { url: told, .. } if *told == url),
+            matches!(&error, ClientError::Unreachable { url: named, .. } if *named == url),
             "{error:?}"
         );
         assert!(error.to_string().contains("refused"), "{error}");
@@ -383,7 +384,7 @@ mod tests {
 
     #[tokio::test]
     async fn what_is_no_address_is_told_apart() {
-        for (url, told) in [
+        for (url, wanted) in [
             ("127.0.0.1:8080", "http://"),
             ("localhost", "http://"),
             ("ftp://127.0.0.1:8080", "ftp"),
@@ -392,7 +393,7 @@ mod tests {
         ] {
             let error = error(url).await;
             assert!(matches!(error, ClientError::Address { .. }), "{url}: {error:?}");
-            assert!(error.to_string().contains(told), "{url}: {error}");
+            assert!(error.to_string().contains(wanted), "{url}: {error}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! What can go wrong, told so that the caller knows which field to change.
+//! Errors of calls. They name the field at fault, so that the caller knows what to change.
 
 use std::fmt;
 use std::time::Duration;
@@ -9,13 +9,13 @@ use troupe_motion::clip::ClipError;
 
 use crate::problem::{Problem, ProblemKind, SessionError};
 
-/// Why a call did not give an answer.
+/// Why a call has no answer.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// The address is not one that a client can connect to.
+    /// The address cannot be used.
     #[error("`{url}` is not a server address ({reason}); an address looks like http://127.0.0.1:8080")]
     Address {
-        /// The address as given.
+        /// The address that the caller gave.
         url: String,
         /// What is wrong with it.
         reason: String,
@@ -23,7 +23,7 @@ pub enum ClientError {
     /// A certificate or its key cannot be read.
     #[error("{}: {reason}", path.display())]
     Certificate {
-        /// The file.
+        /// Path of the file.
         path: std::path::PathBuf,
         /// What is wrong with it.
         reason: String,
@@ -33,7 +33,7 @@ pub enum ClientError {
     Unreachable {
         /// The server's address.
         url: String,
-        /// The transport's words.
+        /// Message of the transport.
         reason: String,
     },
     /// The server did not answer within
@@ -47,14 +47,14 @@ pub enum ClientError {
     },
     /// The server answered with an error.
     #[error("the server refused: {0}")]
-    Refused(#[from] Box<Refusal>),
-    /// The server cannot serve this session: it expired, is not known, or is in another's hands.
+    Refused(#[from] Box<RefusedCall>),
+    /// The server cannot serve this session: it expired, is unknown, or another client advances it.
     #[error("{0}")]
     Session(#[from] Box<SessionError>),
     /// The server ended the stream.
     #[error("the server ended the stream: {0}")]
     StreamEnded(Box<Problem>),
-    /// The request cannot be built from what was given.
+    /// The request cannot be built.
     #[error(transparent)]
     Request(#[from] RequestError),
     /// The answer breaks the contract.
@@ -62,12 +62,12 @@ pub enum ClientError {
     Answer(#[from] AnswerError),
 }
 
-/// An error answer of the server: its code, its words, and the fields at fault.
+/// An error answer of the server: its code, its message, and the fields at fault.
 #[derive(Debug, Clone)]
-pub struct Refusal {
+pub struct RefusedCall {
     /// The gRPC status code.
     pub code: Code,
-    /// The server's words.
+    /// Message of the server.
     pub message: String,
     /// The fields at fault, from `google.rpc.BadRequest`.
     pub violations: Vec<Violation>,
@@ -77,15 +77,14 @@ pub struct Refusal {
     pub request_id: Option<String>,
 }
 
-/// One field of a request that the server did not accept.
+/// A field of a request that the server did not accept.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Violation {
     /// Path of the field, such as `characters[0].frame_count`.
     pub field: String,
-    /// What is wrong and what would be right.
+    /// What is wrong, and what is allowed.
     pub description: String,
-    /// What the field may be, such as `12 to 64`, where the server tells it apart from the
-    /// description.
+    /// The allowed values, such as `12 to 64`, if the server sends them apart from the description.
     pub allowed: Option<String>,
 }
 
@@ -95,29 +94,29 @@ pub enum RequestError {
     /// A body that the pack does not have.
     #[error("pack {pack} has no body {body:?}; it has: {}", if bodies.is_empty() { "one skeleton alone".to_owned() } else { bodies.join(", ") })]
     UnknownBody {
-        /// The pack.
+        /// Name of the pack.
         pack: String,
-        /// The name that was given.
+        /// The unknown name.
         body: String,
-        /// The names that there are.
+        /// Names of the pack's bodies.
         bodies: Vec<String>,
     },
     /// A frame that the clip does not have.
     #[error("{what} {frame} is outside the clip, whose frames are 0 to {last}")]
     FrameOutside {
-        /// What was asked for, such as `from` or `to`.
+        /// The argument, such as `from` or `to`.
         what: &'static str,
-        /// The frame.
+        /// Number of the frame, from 0.
         frame: usize,
         /// The clip's last frame.
         last: usize,
     },
-    /// Too few frames in front of the gap.
+    /// Too few frames before the gap.
     #[error(
         "from is {from}, but must be {least} or more: it and the {least} frames in front of it are the context"
     )]
     ContextCut {
-        /// The frame asked for.
+        /// The last context frame of the request.
         from: usize,
         /// The smallest frame that works.
         least: usize,
@@ -183,9 +182,9 @@ pub enum AnswerError {
     #[error("`{0}` is missing")]
     Missing(&'static str),
     /// An array of the wrong length.
-    #[error("`{field}` has {got} numbers where {expected} belong")]
+    #[error("`{field}` has {got} numbers instead of {expected}")]
     Length {
-        /// The field.
+        /// Path of the field.
         field: &'static str,
         /// Numbers that came.
         got: usize,
@@ -206,7 +205,7 @@ pub enum AnswerError {
 }
 
 impl ClientError {
-    /// The fields that the server found at fault; empty for every other error.
+    /// The fields at fault, if the server refused the call; empty for all other errors.
     pub fn violations(&self) -> &[Violation] {
         match self {
             Self::Refused(refusal) => &refusal.violations,
@@ -214,7 +213,7 @@ impl ClientError {
         }
     }
 
-    /// What is wrong with a session, where that is the error.
+    /// The problem of a session, if that is the error.
     pub fn session_problem(&self) -> Option<&Problem> {
         match self {
             Self::Session(error) => Some(&error.problem),
@@ -222,8 +221,8 @@ impl ClientError {
         }
     }
 
-    /// Whether the session expired: nobody touched it for its time to live. A new one can be opened
-    /// in its place.
+    /// Whether the session expired, because no call used it within its time to live. A new one can
+    /// take its place.
     pub fn is_session_expired(&self) -> bool {
         self.session_problem()
             .is_some_and(|problem| problem.kind == ProblemKind::SessionExpired)
@@ -243,10 +242,10 @@ impl ClientError {
         let source_is_transport = std::error::Error::source(status).is_some_and(|source| {
             source.is::<tonic::transport::Error>() || source.is::<tonic::ConnectError>()
         });
-        // Unknown: the connection broke under the call, as where a server asks for a certificate
-        // that does not come. Under a stream, as where the server is killed, the status has no
-        // source; one of a server would have metadata. Cancelled: it broke before the call was on
-        // its way.
+        // Unknown: the connection broke during the call, for instance because the client showed no
+        // certificate. If it breaks under a stream, such as when the server is killed, the status
+        // has no source, while one from a server would have metadata. Cancelled: it broke before
+        // the call was sent.
         let timed_out = std::error::Error::source(status).is_some_and(|s| s.is::<tonic::TimeoutExpired>())
             || (status.code() == Code::Cancelled && status.message() == "Timeout expired");
         let broken = match status.code() {
@@ -267,7 +266,7 @@ impl ClientError {
                 after: timeout,
             };
         }
-        let refusal = Refusal::from_status(status);
+        let refusal = RefusedCall::from_status(status);
         match refusal.session_error(status) {
             Some(error) => Self::Session(Box::new(error)),
             None => Self::Refused(Box::new(refusal)),
@@ -281,7 +280,7 @@ fn request_id(status: &tonic::Status) -> Option<String> {
     sent.to_str().ok().map(str::to_owned)
 }
 
-/// The innermost cause, which says "connection refused" where the outer ones say "transport error".
+/// The innermost cause. It says "connection refused" while the outer ones say "transport error".
 pub(crate) fn deepest(error: &dyn std::error::Error) -> String {
     let mut cause = error;
     while let Some(inner) = cause.source() {
@@ -290,7 +289,7 @@ pub(crate) fn deepest(error: &dyn std::error::Error) -> String {
     cause.to_string()
 }
 
-impl Refusal {
+impl RefusedCall {
     /// Reads a status and its `google.rpc` details.
     fn from_status(status: &tonic::Status) -> Self {
         let details = status.get_error_details();
@@ -308,8 +307,8 @@ impl Refusal {
                 allowed: about("allowed").filter(|_| about("field").as_ref() == Some(&of.field)),
             })
             .collect::<Vec<_>>();
-        // Only invalid arguments come with a bad request; other errors may be about a field as
-        // well.
+        // Only invalid arguments come with a bad request, but other errors may be about a field
+        // too.
         if let (true, Some(field)) = (violations.is_empty(), about("field")) {
             let description = status.message().to_owned();
             violations.push(Violation {
@@ -327,7 +326,7 @@ impl Refusal {
         }
     }
 
-    /// The same as a session's problem, where its kind is one.
+    /// The refusal as the problem of a session, if it is of such a kind.
     fn session_error(&self, status: &tonic::Status) -> Option<SessionError> {
         let kind = ProblemKind::from_reason(self.reason.as_deref()?);
         if !kind.is_about_a_session() {
@@ -352,14 +351,14 @@ impl Refusal {
     }
 }
 
-impl fmt::Display for Refusal {
+impl fmt::Display for RefusedCall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({:?}", self.message, self.code)?;
         if let Some(id) = &self.request_id {
             write!(f, ", request {id}")?;
         }
         f.write_str(")")?;
-        // The message mostly names the field already, or is all that is said of it.
+        // Mostly the message names the field already.
         for violation in self
             .violations
             .iter()
@@ -371,7 +370,7 @@ impl fmt::Display for Refusal {
     }
 }
 
-impl std::error::Error for Refusal {}
+impl std::error::Error for RefusedCall {}
 
 #[cfg(test)]
 mod tests {
@@ -425,19 +424,19 @@ mod tests {
 
     #[test]
     fn an_expired_session_is_told_apart() {
-        let told = |reason: &str| {
+        let failed = |reason: &str| {
             let mut details = ErrorDetails::new();
             details.set_error_info(reason, "troupe", HashMap::new());
             refused(details)
         };
-        let error = told("SESSION_EXPIRED");
+        let error = failed("SESSION_EXPIRED");
         assert!(error.is_session_expired(), "{error:?}");
-        let busy = told("SESSION_BUSY");
+        let busy = failed("SESSION_BUSY");
         assert_eq!(busy.session_problem().unwrap().kind, ProblemKind::SessionBusy);
         assert!(!busy.is_session_expired());
-        // What is about the request stays a refusal with its fields.
+        // An error of the request stays a refusal with its fields.
         for reason in ["INVALID_FIELD", "UNKNOWN_STYLE", "TOO_MANY_SESSIONS"] {
-            assert!(matches!(told(reason), ClientError::Refused(_)), "{reason}");
+            assert!(matches!(failed(reason), ClientError::Refused(_)), "{reason}");
         }
     }
 

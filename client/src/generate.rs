@@ -30,14 +30,14 @@ pub struct FollowPath {
 }
 
 impl FollowPath {
-    /// Through these places, at the walk of the body's size.
+    /// Through these places, at the usual speed of the body.
     pub fn along(places: impl IntoIterator<Item = Vec3>) -> Self {
         let points = places.into_iter().map(|place| (place, None, None));
         Self::through(points)
     }
 
-    /// Through places, each with its heading (radians) and time (seconds from the begin), where
-    /// these are given. All have times, or none has.
+    /// Through places, each optionally with a heading (radians) and a time (seconds from the
+    /// start). All of them have times, or none has.
     pub fn through(points: impl IntoIterator<Item = (Vec3, Option<f32>, Option<f32>)>) -> Self {
         let point = |(place, heading, time): (Vec3, Option<f32>, Option<f32>)| v1::PathPoint {
             position: Some(v1::Vec3 {
@@ -58,28 +58,28 @@ impl FollowPath {
         }
     }
 
-    /// Has it walked by a body of the caller's own.
+    /// Uses a body of the caller's own.
     #[must_use]
     pub fn skeleton(mut self, skeleton: v1::BodySkeleton) -> Self {
         self.goal.skeleton = Some(skeleton);
         self
     }
 
-    /// How long the motion is, seconds.
+    /// Sets the length of the motion, seconds.
     #[must_use]
     pub fn seconds(mut self, seconds: f32) -> Self {
         self.goal.seconds = Some(seconds);
         self
     }
 
-    /// How fast to go, metres a second, where points have no times.
+    /// Sets the speed, metres a second, for points without times.
     #[must_use]
     pub fn speed(mut self, speed_mps: f32) -> Self {
         self.goal.speed = Some(speed_mps);
         self
     }
 
-    /// Adds a word of the pack, and how much of it: 0 to 1.
+    /// Adds a word of the pack with a weight of 0 to 1.
     #[must_use]
     pub fn style(mut self, word: impl Into<String>, weight: f32) -> Self {
         self.goal.style.push(v1::StyleWord {
@@ -89,22 +89,22 @@ impl FollowPath {
         self
     }
 
-    /// Steps of the sampler.
+    /// Sets the steps of the sampler.
     #[must_use]
     pub fn steps(mut self, steps: u32) -> Self {
         self.goal.steps = Some(steps);
         self
     }
 
-    /// How much the style counts; 1 as it was trained.
+    /// Sets the weight of the style. 1 is that of the training.
     #[must_use]
     pub fn guidance(mut self, guidance: f32) -> Self {
         self.goal.guidance = Some(guidance);
         self
     }
 
-    /// Whether the server is to refuse a path that the body cannot follow as its data shows, and to
-    /// end with an error where frames are not feasible.
+    /// Lets the server refuse a path that is not feasible for the body, judged by its data, and end
+    /// with an error if frames are not feasible.
     #[must_use]
     pub fn strict(mut self, yes: bool) -> Self {
         self.goal.strict = yes;
@@ -157,39 +157,38 @@ pub struct Generating {
     pack: Pack,
     parts: Streaming<v1::GenerateResponse>,
     ended: bool,
-    /// What the model was asked for that it may not do well. They are there with the first part.
+    /// Notes on what the model may not do well. They come with the first part.
     pub notes: Vec<String>,
-    /// Of the parts that came the one that is farthest from feasible; none where the body has no
-    /// limits.
+    /// The verdict of the least feasible part so far. None if the body has no limits.
     pub feasibility: Option<v1::Feasibility>,
 }
 
 /// Frames of one character of a motion that is being made.
 #[derive(Debug, Clone)]
 pub struct GeneratedPart {
-    /// Whose they are: 0 for the first character, 1 and more for the others of a
+    /// Index of the character: 0 for the first, 1 and more for the others of a
     /// [`Prompt`](crate::Prompt).
     pub character: usize,
-    /// Its next frames.
+    /// The next frames of the character.
     pub clip: Clip,
 }
 
 /// A motion.
 #[derive(Debug, Clone)]
 pub struct Generated {
-    /// Its frames: those of the first character where there are several.
+    /// Frames of the first character.
     pub clip: Clip,
-    /// Those of the other characters, in the order of the request.
+    /// Frames of the other characters, in the order of the request.
     pub others: Vec<Clip>,
-    /// What the model was asked for that it may not do well.
+    /// Notes on what the model may not do well.
     pub notes: Vec<String>,
-    /// Of its parts the one that is farthest from feasible; none where the body has no limits.
+    /// The verdict of the least feasible part. None if the body has no limits.
     pub feasibility: Option<v1::Feasibility>,
 }
 
 impl Client {
-    /// Has a body follow a path: that of `pack`, see [`Pack::of_body`]. Frames come in parts, as
-    /// they are made.
+    /// Has the body of `pack` follow a path (see [`Pack::of_body`]). Frames come in parts, as they
+    /// are made.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -215,10 +214,10 @@ impl Client {
 }
 
 impl Generating {
-    /// The next frames; none after the last.
+    /// The next frames. None after the last.
     ///
     /// # Errors
-    /// See [`ClientError`]; nothing comes after one.
+    /// See [`ClientError`]. The motion ends with an error.
     pub async fn next(&mut self) -> Result<Option<GeneratedPart>, ClientError> {
         while !self.ended {
             let part = self.parts.message().await;
@@ -230,7 +229,7 @@ impl Generating {
             let Some(v1::generate_response::Part::Frames(frames)) = part.part else {
                 return Err(AnswerError::Missing("frames").into());
             };
-            // An end may come alone.
+            // The end may come without frames.
             if frames.frame_count > 0 {
                 return Ok(Some(GeneratedPart {
                     character: part.character as usize,
@@ -249,7 +248,7 @@ impl Generating {
         }
     }
 
-    /// All of it.
+    /// Waits for the whole motion.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -296,11 +295,11 @@ fn clip(frames: &v1::Frames, pack: &Pack) -> Result<Clip, AnswerError> {
 }
 
 impl Pack {
-    /// The pack with one of its bodies: its skeleton and robot are that body's. The empty name is
-    /// that of the default body.
+    /// The pack with the skeleton and the robot of one of its bodies. The empty name stands for the
+    /// default body.
     ///
     /// # Errors
-    /// [`RequestError::UnknownBody`], with the names that there are.
+    /// [`RequestError::UnknownBody`], with the names of all bodies.
     pub fn of_body(&self, name: &str) -> Result<Self, ClientError> {
         let bodies = &self.description().bodies;
         let found = match name {

@@ -12,7 +12,7 @@ use crate::error::{AnswerError, RequestError};
 use crate::pack::Pack;
 use crate::root_key::RootKey;
 
-/// Context frames in front of a gap.
+/// Context frames before a gap.
 pub const CONTEXT_FRAMES: usize = 4;
 
 /// A keyframe constraint: any subset of root, velocity and pose, but at least one.
@@ -21,7 +21,7 @@ pub const CONTEXT_FRAMES: usize = 4;
 /// use glam::Vec3;
 /// use troupe_client::Key;
 ///
-/// // Be two metres ahead, facing +X, in whatever pose.
+/// // Be two metres ahead, facing +X, in any pose.
 /// let key = Key::default().root(Vec3::new(0.0, 0.93, 2.0), Some(std::f32::consts::FRAC_PI_2));
 /// # assert_ne!(key, Key::default());
 /// ```
@@ -35,7 +35,7 @@ pub struct Key {
 }
 
 impl Key {
-    /// The pose and root of one frame of a clip; the heading is that of the pose.
+    /// The pose and root of one frame of a clip. The heading is that of the pose.
     ///
     /// # Errors
     /// [`RequestError::FrameOutside`].
@@ -49,13 +49,13 @@ impl Key {
         key.pose(clip.rotations_at(frame))
     }
 
-    /// Those of every frame of a clip, as [`Self::from_clip`].
+    /// The keyframes of all frames of a clip, as by [`Self::from_clip`].
     pub fn all(clip: &Clip) -> Vec<Self> {
         (0..clip.frames()).map(|frame| Self::at(clip, frame)).collect()
     }
 
-    /// Fixes where the root joint is (world, metres) and which way it faces (radians about +Y).
-    /// Without a heading the pose's is taken, and a pose must be given.
+    /// Fixes the place of the root joint (world, metres) and its heading (radians about +Y).
+    /// Without a heading that of the pose counts, and a pose must be given.
     #[must_use]
     pub fn root(mut self, position_m: Vec3, heading: Option<f32>) -> Self {
         self.root = Some(v1::Root {
@@ -65,8 +65,8 @@ impl Key {
         self
     }
 
-    /// Fixes how the root moves: metres per second along world X and Z, and radians per second
-    /// about +Y.
+    /// Fixes the velocity of the root: metres per second along world X and Z, and radians per
+    /// second about +Y.
     #[must_use]
     pub fn velocity(mut self, x_mps: f32, z_mps: f32, angular_rps: f32) -> Self {
         self.velocity = Some(v1::RootVelocity {
@@ -94,7 +94,7 @@ impl Key {
         self
     }
 
-    /// Fixes root and pose of a robot by MuJoCo's `qpos`, in place of both. For packs with a robot
+    /// Fixes root and pose of a robot by MuJoCo's `qpos`, instead of both. For packs with a robot
     /// ([`troupe_motion::robot`]).
     #[must_use]
     pub fn qpos(mut self, qpos: &[f32]) -> Self {
@@ -120,29 +120,29 @@ impl Key {
     }
 }
 
-/// How long the segment is, from the first context frame to the last target keyframe.
+/// Length of the segment, from the first context frame to the last target keyframe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SegmentLength {
-    /// So many frames.
+    /// This number of frames.
     Frames(u32),
-    /// The model predicts it.
+    /// The model chooses it.
     Predicted,
-    /// The model predicts it from these token counts (four frames each).
+    /// The model chooses it from these token counts (four frames each).
     PredictedFrom(Vec<u32>),
 }
 
-/// One character's gap to fill: four context frames, target keyframes, and how to fill what lies
+/// A gap of one character: four context frames, target keyframes, and how to fill the frames
 /// between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InBetween {
     character: v1::Character,
-    /// Rate and joints of the clip that it was taken from.
+    /// Rate and joints of the clip that the gap comes from.
     source: Option<(f32, usize)>,
 }
 
 impl InBetween {
-    /// A gap between four context frames and one to four target keyframes, of a length that the
-    /// model predicts.
+    /// A gap between four context frames and one to four target keyframes. The model chooses its
+    /// length.
     pub fn new(context: [Key; CONTEXT_FRAMES], targets: impl IntoIterator<Item = Key>) -> Self {
         let character = v1::Character {
             context: context.iter().map(Key::to_message).collect(),
@@ -155,9 +155,9 @@ impl InBetween {
         }
     }
 
-    /// The gap of a clip between `from`, the last context frame, and `to`, the target keyframe: the
-    /// clip's own length, its poses and its roots at both ends. The clip must be on the pack's
-    /// skeleton and at its rate.
+    /// The gap of a clip between `from`, the last context frame, and `to`, the target keyframe.
+    /// Length, poses and roots at both ends are the clip's. The clip must be on the pack's skeleton
+    /// and at its rate.
     ///
     /// # Errors
     /// [`RequestError::ContextCut`], [`RequestError::FrameOutside`] and [`RequestError::Order`].
@@ -203,14 +203,14 @@ impl InBetween {
         })
     }
 
-    /// A name that comes back with the answer, at most 128 bytes.
+    /// Sets a name that comes back with the answer, at most 128 bytes.
     #[must_use]
     pub fn id(mut self, id: impl Into<String>) -> Self {
         self.character.id = id.into();
         self
     }
 
-    /// Sets how long the segment is.
+    /// Sets the length of the segment.
     #[must_use]
     pub fn length(mut self, length: SegmentLength) -> Self {
         let (frames, tokens) = match length {
@@ -230,60 +230,59 @@ impl InBetween {
         self
     }
 
-    /// 0 takes the most likely motion (the default), above it is sampled with the seed; up to 2.
+    /// Sets the temperature, 0 to 2. 0, the default, takes the most likely motion. Above 0 motion
+    /// is sampled with the seed.
     #[must_use]
     pub fn temperature(mut self, temperature: f32) -> Self {
         self.character.temperature = temperature;
         self
     }
 
-    /// Passes of the pose module, 1 (the default) to 10.
+    /// Sets the passes of the pose module: 1, the default, to 10.
     #[must_use]
     pub fn pose_steps(mut self, steps: u32) -> Self {
         self.character.pose_steps = Some(steps);
         self
     }
 
-    /// Asks for what each stage produced as well.
+    /// Asks for the output of each stage too.
     #[must_use]
     pub fn return_intermediates(mut self, yes: bool) -> Self {
         self.character.return_intermediates = yes;
         self
     }
 
-    /// Asks for world joint positions as well.
+    /// Asks for world joint positions too.
     #[must_use]
     pub fn return_positions(mut self, yes: bool) -> Self {
         self.character.return_positions = yes;
         self
     }
 
-    /// Asks for a robot's `qpos` as well.
+    /// Asks for a robot's `qpos` too.
     #[must_use]
     pub fn return_qpos(mut self, yes: bool) -> Self {
         self.character.return_qpos = yes;
         self
     }
 
-    /// Whether feet that stand are held still by bending the legs (they are unless this says
-    /// false).
+    /// Sets whether feet that stand are held still by bending the legs. They are by default.
     #[must_use]
     pub fn hold_feet(mut self, yes: bool) -> Self {
         self.character.hold_feet = Some(yes);
         self
     }
 
-    /// Whether the server is to refuse the task where its answer would not be feasible, and to say
-    /// what would be.
+    /// Lets the server refuse the task if its answer would not be feasible, and say what would be.
     #[must_use]
     pub fn strict(mut self, yes: bool) -> Self {
         self.character.strict = yes;
         self
     }
 
-    /// Where the root is to be in some frames, in rising order, or in every one. Between them the
-    /// predicted way is moved along by a smooth curve; the pose tokens stay those of the predicted
-    /// way. The segment's length must be given ([`SegmentLength::Frames`], or that of a clip).
+    /// Fixes the root in some frames, in rising order, or in all. Between them a smooth curve moves
+    /// the predicted way along. The pose tokens stay those of the predicted way. The segment's
+    /// length must be given ([`SegmentLength::Frames`], or that of a clip).
     #[must_use]
     pub fn root(mut self, keys: impl IntoIterator<Item = RootKey>) -> Self {
         self.character.root = keys.into_iter().map(RootKey::to_message).collect();
@@ -293,7 +292,7 @@ impl InBetween {
     /// The task on the wire.
     ///
     /// # Errors
-    /// [`RequestError::FrameRate`] and [`RequestError::Joints`] where the clip it was taken from
+    /// [`RequestError::FrameRate`] and [`RequestError::Joints`] if the clip it was taken from
     /// does not fit the pack.
     pub fn to_message(&self, pack: &Pack) -> Result<v1::Character, RequestError> {
         if let Some((fps, joints)) = self.source {
@@ -306,32 +305,31 @@ impl InBetween {
 /// One character's answer.
 #[derive(Debug, Clone)]
 pub struct InBetweenAnswer {
-    /// The name given with the task.
+    /// Name of the task.
     pub id: String,
     /// The whole segment, from the first context frame to the last target keyframe, on the pack's
     /// skeleton.
     pub clip: Clip,
     /// Frames x contact joints: probability that the joint is in contact with the ground.
     pub contacts: Vec<f32>,
-    /// Frames x joints: world positions in metres; empty unless asked for.
+    /// Frames x joints: world positions in metres. Empty if the task did not ask for them.
     pub positions: Vec<Vec3>,
-    /// Frames x numbers of a robot's `qpos`; empty unless asked for.
+    /// Frames x numbers of a robot's `qpos`. Empty if the task did not ask for them.
     pub qpos: Vec<f32>,
-    /// One a frame: how far a robot's hinges could not follow, radians; empty where the pack has no
-    /// robot.
+    /// One a frame: distance of the motion from what a robot's hinges can do, radians. Empty
+    /// without a robot.
     pub hinge_residuals: Vec<f32>,
-    /// One a frame: a robot's hinges that were asked for more than their limits; empty where the
-    /// pack has no robot.
+    /// One a frame: number of a robot's hinges whose limits were exceeded. Empty without a robot.
     pub clamped_hinges: Vec<u32>,
-    /// What each stage produced; none unless asked for.
+    /// Output of each stage. None if the task did not ask for it.
     pub intermediates: Option<v1::Intermediates>,
-    /// Whether the motion stays within what the pack's data does; none where the pack has no
+    /// Whether the motion stays within the limits of the pack's data. None if the pack has no
     /// limits.
     pub feasibility: Option<v1::Feasibility>,
 }
 
 impl InBetweenAnswer {
-    /// Reads an answer, checking the length of every array.
+    /// Reads an answer, and checks the length of every array.
     ///
     /// # Errors
     /// [`AnswerError::Missing`], [`AnswerError::Length`] and [`AnswerError::Frames`].
@@ -424,7 +422,7 @@ mod tests {
         Pack::try_from(message()).unwrap()
     }
 
-    /// A clip whose root height counts its frames.
+    /// A clip whose root height is the number of the frame.
     fn clip(frames: usize) -> Clip {
         let roots = (0..frames).map(|f| Vec3::Y * f as f32).collect();
         Clip::new(
@@ -479,14 +477,14 @@ mod tests {
     #[test]
     fn frames_outside_the_clip_are_named() {
         let clip = clip(60);
-        for (from, to, told) in [
+        for (from, to, wanted) in [
             (2, 30, "must be 3 or more"),
             (60, 70, "from 60"),
             (20, 60, "to 60"),
             (20, 20, "after from"),
         ] {
             let error = InBetween::from_clip(&clip, from, to).unwrap_err().to_string();
-            assert!(error.contains(told), "{from} {to}: {error}");
+            assert!(error.contains(wanted), "{from} {to}: {error}");
         }
     }
 

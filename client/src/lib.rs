@@ -8,7 +8,7 @@
 //! let client = Client::connect("http://127.0.0.1:8080").await?;
 //! let pack = client.pack("").await?; // the server's default pack
 //!
-//! // Frame 40 and the three in front of it are the context, frame 75 is the target keyframe.
+//! // Frame 40 and the three before it are the context, frame 75 is the target keyframe.
 //! let gap = InBetween::from_clip(&walk, 40, 75)?.seed(7).temperature(0.8);
 //! let answer = client.in_between(&pack, &gap).await?;
 //! println!("{} frames on {} joints", answer.clip.frames(), answer.clip.skeleton.joint_count());
@@ -16,7 +16,7 @@
 //! # }
 //! ```
 //!
-//! Live characters, which move until they are told otherwise, are in [`live`]:
+//! Live characters, which move until they get another command, are in [`live`]:
 //!
 //! ```no_run
 //! use glam::Vec3;
@@ -52,7 +52,7 @@ mod tls;
 mod words;
 
 pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, KeyedChannel, channel};
-pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
+pub use error::{AnswerError, ClientError, RefusedCall, RequestError, Violation};
 pub use generate::{FollowPath, Generated, GeneratedPart, Generating};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
@@ -63,4 +63,4 @@ pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};
 pub use root_key::RootKey;
 pub use tls::{ClientCertificate, TlsOptions};
-pub use words::{Describe, Describing, Description, Prompt, TokenSampling, Told};
+pub use words::{Describe, Describing, Description, DescriptionPart, Prompt, TokenSampling};

@@ -1,4 +1,4 @@
-//! What a server measures of itself.
+//! The metrics of a server.
 
 use http_body_util::{BodyExt as _, Limited};
 use tonic::body::Body;
@@ -7,17 +7,17 @@ use tower::ServiceExt as _;
 use crate::connection::Client;
 use crate::error::ClientError;
 
-/// The longest text that is taken, bytes.
+/// Longest text that the client reads, bytes.
 const MAX_METRICS_BYTES: usize = 16 << 20;
-/// The longest part of an error page that is told, characters.
-const MAX_TOLD_CHARS: usize = 300;
+/// Longest part of an error page in an error, characters.
+const MAX_ERROR_CHARS: usize = 300;
 
 impl Client {
-    /// The server's `/metrics`, as it gives them to Prometheus. Where it asks for keys, one of the
-    /// role `metrics` or `admin`.
+    /// The server's `/metrics` in the format of Prometheus. If the server asks for keys, it takes
+    /// one of the role `metrics` or `admin`.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Refused`] where the key has another role.
+    /// See [`ClientError`]; [`ClientError::Refused`] if the key has another role.
     pub async fn metrics(&self) -> Result<String, ClientError> {
         let request = http::Request::get("/metrics").body(Body::empty());
         let request = request.map_err(|e| self.sort(&tonic::Status::internal(e.to_string())))?;
@@ -40,7 +40,7 @@ impl Client {
     }
 }
 
-/// The status of gRPC that says the same as one of HTTP.
+/// The gRPC status for a status of HTTP.
 fn refusal(status: http::StatusCode, text: &str) -> tonic::Status {
     use tonic::Code;
 
@@ -52,11 +52,11 @@ fn refusal(status: http::StatusCode, text: &str) -> tonic::Status {
         503 => Code::Unavailable,
         _ => Code::Internal,
     };
-    // The server's own errors have their words in JSON; a proxy's have not.
+    // Errors of the server have their message in JSON, those of a proxy do not.
     let error = serde_json::from_str::<serde_json::Value>(text).unwrap_or_default();
-    let told = error["error"]["message"].as_str().unwrap_or(text);
-    let told: String = told.trim().chars().take(MAX_TOLD_CHARS).collect();
-    tonic::Status::new(code, format!("/metrics: {status}: {told}"))
+    let message = error["error"]["message"].as_str().unwrap_or(text);
+    let message: String = message.trim().chars().take(MAX_ERROR_CHARS).collect();
+    tonic::Status::new(code, format!("/metrics: {status}: {message}"))
 }
 
 #[cfg(test)]
@@ -67,12 +67,15 @@ mod tests {
 
     #[test]
     fn a_refusal_keeps_its_meaning() {
-        let told = refusal(http::StatusCode::FORBIDDEN, "needs the role metrics\n");
-        assert_eq!(told.code(), tonic::Code::PermissionDenied);
-        assert_eq!(told.message(), "/metrics: 403 Forbidden: needs the role metrics");
+        let status = refusal(http::StatusCode::FORBIDDEN, "needs the role metrics\n");
+        assert_eq!(status.code(), tonic::Code::PermissionDenied);
+        assert_eq!(
+            status.message(),
+            "/metrics: 403 Forbidden: needs the role metrics"
+        );
         let ours = r#"{"error": {"code": "PERMISSION_DENIED", "message": "the role is drive"}}"#;
-        let told = refusal(http::StatusCode::FORBIDDEN, ours);
-        assert_eq!(told.message(), "/metrics: 403 Forbidden: the role is drive");
+        let status = refusal(http::StatusCode::FORBIDDEN, ours);
+        assert_eq!(status.message(), "/metrics: 403 Forbidden: the role is drive");
         assert_eq!(
             refusal(http::StatusCode::BAD_GATEWAY, "").code(),
             tonic::Code::Internal

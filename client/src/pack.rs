@@ -10,18 +10,17 @@ use troupe_proto::v1;
 
 use crate::error::{AnswerError, RequestError};
 
-/// A pack that a server has loaded, with its skeleton ready for motion maths. Clones share what
-/// they hold.
+/// A pack that a server has loaded, with its skeleton ready for motion maths. Clones are cheap.
 #[derive(Debug, Clone)]
 pub struct Pack {
     message: Arc<v1::Pack>,
     skeleton: Arc<Skeleton>,
-    /// Of a pack of many bodies, whose skeleton it is.
+    /// The body of the skeleton, in a pack of many bodies.
     body: Arc<str>,
 }
 
 impl Pack {
-    /// A pack whose skeleton is known already; that of the message is not looked at.
+    /// A pack with a known skeleton. That of the message is ignored.
     pub fn with_skeleton(message: v1::Pack, skeleton: Skeleton) -> Self {
         Self {
             message: Arc::new(message),
@@ -30,12 +29,12 @@ impl Pack {
         }
     }
 
-    /// The pack's name.
+    /// Name of the pack on the server.
     pub fn name(&self) -> &str {
         &self.message.name
     }
 
-    /// The body whose skeleton it has; empty for the pack's own.
+    /// Name of the body whose skeleton it has; empty for the pack's own.
     pub fn body(&self) -> &str {
         &self.body
     }
@@ -62,7 +61,7 @@ impl Pack {
         &self.skeleton
     }
 
-    /// The robot that the pack animates; none: it is no robot's.
+    /// The robot that the pack animates, if any.
     pub fn robot(&self) -> Option<&Robot> {
         self.skeleton.robot.as_ref()
     }
@@ -72,7 +71,7 @@ impl Pack {
         self.message.fps
     }
 
-    /// Context frames in front of every gap.
+    /// Context frames before every gap.
     pub fn context_frames(&self) -> usize {
         self.message.context_frames as usize
     }
@@ -91,8 +90,7 @@ impl Pack {
     /// frame, and `to`, the target keyframe.
     ///
     /// # Errors
-    /// [`RequestError::ContextCut`] and [`RequestError::Span`], which name the frames that would
-    /// do.
+    /// [`RequestError::ContextCut`] and [`RequestError::Span`], which name the allowed frames.
     pub fn check_span(&self, from: usize, to: usize) -> Result<(), RequestError> {
         let least = self.context_frames().saturating_sub(1);
         if from < least {
@@ -116,8 +114,7 @@ impl Pack {
         Ok(())
     }
 
-    /// Checks that a clip of that rate and of so many joints is on the pack's skeleton and at its
-    /// rate.
+    /// Checks that a clip with this rate and number of joints fits the pack.
     pub(crate) fn check_clip(&self, fps: f32, joints: usize) -> Result<(), RequestError> {
         if (fps - self.fps()).abs() > 1e-2 {
             return Err(RequestError::FrameRate {
@@ -191,7 +188,7 @@ fn skeleton(pack: &v1::Pack) -> Result<Skeleton, AnswerError> {
     }
 }
 
-/// The robot as it is written; what is not there is refused with the rest of what makes no sense.
+/// The robot of the message. Missing fields are refused like senseless ones.
 fn robot(robot: &v1::Robot) -> RobotDoc {
     let hinge = |hinge: &v1::Hinge| {
         let axis = hinge.axis.unwrap_or_default();

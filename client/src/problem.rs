@@ -1,4 +1,4 @@
-//! What may be wrong with one session or stream, while others go on.
+//! Problems of one session or stream, while others go on.
 
 use std::fmt;
 
@@ -8,12 +8,11 @@ use troupe_proto::v1;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("session `{session}`: {problem}{}", of_request(.request_id.as_deref()))]
 pub struct SessionError {
-    /// The session's name; empty where the server did not say which it was.
+    /// Name of the session. Empty if the server did not name it.
     pub session: String,
-    /// Why.
+    /// Kind, message and field of the problem.
     pub problem: Problem,
-    /// The id of the request that failed, which the server's log lines show. None where it is a
-    /// part of an answer.
+    /// Id of the failed request, which the server's log lines show. None for a part of an answer.
     pub request_id: Option<String>,
 }
 
@@ -21,16 +20,16 @@ fn of_request(id: Option<&str>) -> String {
     id.map(|id| format!(" (request {id})")).unwrap_or_default()
 }
 
-/// Why one of many could not be served.
+/// Why the server could not serve one of many.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// What kind of problem it is.
+    /// Kind of the problem.
     pub kind: ProblemKind,
-    /// The server's words.
+    /// Message of the server.
     pub message: String,
-    /// The field at fault, where there is one.
+    /// Path of the field at fault, if any.
     pub field: Option<String>,
-    /// What the field may be.
+    /// Allowed values of the field.
     pub allowed: Option<String>,
 }
 
@@ -38,19 +37,19 @@ pub struct Problem {
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ProblemKind {
-    /// Nobody touched the session for its time to live, and the server closed it.
+    /// No call used the session within its time to live, and the server closed it.
     SessionExpired,
     /// The server has no session of that name.
     UnknownSession,
     /// The server has a session of that name already.
     SessionExists,
-    /// Somebody else advances the session.
+    /// Another client advances the session.
     SessionBusy,
     /// The session was closed.
     SessionClosed,
-    /// The session was taken off the stream as asked.
+    /// The client took the session off the stream.
     Detached,
-    /// The server has as many sessions as it takes.
+    /// The server has no room for another session.
     TooManySessions,
     /// The pack has no such style.
     UnknownStyle,
@@ -68,9 +67,9 @@ pub enum ProblemKind {
     ClientDone,
     /// The server is stopping.
     Draining,
-    /// The client took nothing from the stream for too long.
+    /// The client read nothing from the stream for too long.
     SlowReader,
-    /// Another, by the server's name for it.
+    /// Another kind, by the server's name for it.
     Other(String),
 }
 
@@ -83,7 +82,7 @@ impl ProblemKind {
         )
     }
 
-    /// From the server's name for it.
+    /// The kind with this name on the server.
     pub(crate) fn from_reason(reason: &str) -> Self {
         match reason {
             "SESSION_EXPIRED" => Self::SessionExpired,

@@ -1,10 +1,10 @@
-//! Roots that take the place of the predicted ones.
+//! Roots that replace the predicted ones.
 
 use glam::Vec2;
 use troupe_proto::v1;
 
-/// What the root is to be in a frame of a segment, for [`InBetween::root`](crate::InBetween::root):
-/// any part of place, height and heading. The rest stays as the networks make it.
+/// The root in a frame of a segment, for [`InBetween::root`](crate::InBetween::root): any part of
+/// place, height and heading. The networks make the rest.
 ///
 /// ```
 /// use glam::Vec2;
@@ -20,7 +20,7 @@ pub struct RootKey {
 }
 
 impl RootKey {
-    /// Of a frame; the first context frame is frame 0.
+    /// The root of a frame. The first context frame is frame 0.
     pub fn new(frame: u32) -> Self {
         Self {
             message: v1::RootKey {
@@ -44,7 +44,7 @@ impl RootKey {
         self
     }
 
-    /// Fixes which way it faces, radians about +Y.
+    /// Fixes the heading, radians about +Y.
     #[must_use]
     pub fn heading(mut self, heading: f32) -> Self {
         self.message.heading = Some(heading);

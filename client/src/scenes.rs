@@ -1,4 +1,4 @@
-//! Scenes and what their objects can be used for.
+//! Scenes and definitions of objects.
 
 use std::future::Future;
 
@@ -11,8 +11,8 @@ use crate::live::convention_to_wire;
 use crate::pack::Pack;
 
 impl Client {
-    /// Creates a scene, or replaces the one of its name: sessions that are in it go on in the new
-    /// one. It is given in the convention that it names.
+    /// Creates a scene, or replaces the scene of its name. Sessions in it go on in the new one. The
+    /// scene uses the convention that it names.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -25,10 +25,10 @@ impl Client {
             .await
     }
 
-    /// [`Client::put_scene`], for one that is written as text.
+    /// The same as [`Client::put_scene`], for a scene as text.
     ///
     /// # Errors
-    /// See [`ClientError`]; a refusal names line, column and field.
+    /// See [`ClientError`]. A refusal names line, column and field.
     pub async fn put_scene_document(&self, document: v1::Document) -> Result<v1::SceneSummary, ClientError> {
         let request = v1::PutSceneRequest {
             document: Some(document),
@@ -75,7 +75,7 @@ impl Client {
             .map(|_| ())
     }
 
-    /// Puts objects into a scene. The answer says the result of each.
+    /// Puts objects into a scene. The answer has the result of each.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -94,7 +94,7 @@ impl Client {
             .await
     }
 
-    /// Moves objects of a scene. The answer says the result of each.
+    /// Moves objects of a scene. The answer has the result of each.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -113,7 +113,7 @@ impl Client {
             .await
     }
 
-    /// Takes objects out of a scene. The answer says the result of each.
+    /// Takes objects out of a scene. The answer has the result of each.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -130,10 +130,11 @@ impl Client {
             .await
     }
 
-    /// Adds an object definition for the characters of a pack, or replaces the one of its name.
+    /// Adds an object definition for the characters of a pack, or replaces the definition of its
+    /// name.
     ///
     /// # Errors
-    /// See [`ClientError`]; a refusal names line, column and field.
+    /// See [`ClientError`]. A refusal names line, column and field.
     pub async fn put_object(
         &self,
         pack: &Pack,
@@ -210,7 +211,7 @@ impl Client {
             .map(|_| ())
     }
 
-    /// What a character, or any box, reaches in its scene.
+    /// The objects that a character, or any box, reaches in its scene.
     ///
     /// # Errors
     /// See [`ClientError`].

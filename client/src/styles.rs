@@ -7,7 +7,8 @@ use crate::error::ClientError;
 use crate::pack::Pack;
 
 impl Client {
-    /// The styles of a pack, sorted by name and without their keyframes, and which is the default.
+    /// The styles of a pack, sorted by name and without their keyframes, and the name of the
+    /// default.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -34,8 +35,7 @@ impl Client {
             .await
     }
 
-    /// Adds a style to a pack, or replaces one that was added, and returns it as the server keeps
-    /// it.
+    /// Adds a style to a pack, or replaces an added one, and returns it as the server keeps it.
     ///
     /// # Errors
     /// See [`ClientError`].

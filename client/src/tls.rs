@@ -11,16 +11,16 @@ use crate::error::ClientError;
 pub struct TlsOptions {
     /// Certificates of the authorities to trust (PEM file). None: those that the system trusts.
     pub ca: Option<PathBuf>,
-    /// What to show to a server that asks for a certificate.
+    /// Certificate for a server that asks for one.
     pub client: Option<ClientCertificate>,
 }
 
 /// A client's certificate, for servers that ask for one (mTLS).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ClientCertificate {
-    /// The certificate (PEM file).
+    /// Path of the certificate (PEM file).
     pub certificate: PathBuf,
-    /// Its private key (PEM file).
+    /// Path of its private key (PEM file).
     pub key: PathBuf,
 }
 

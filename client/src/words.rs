@@ -10,7 +10,7 @@ use crate::generate::Generating;
 use crate::inbetween::Key;
 use crate::pack::Pack;
 
-/// How a language model chooses tokens. What is not said is as the pack says.
+/// How a language model chooses tokens. All that is left out is up to the pack.
 ///
 /// ```
 /// use troupe_client::TokenSampling;
@@ -22,41 +22,42 @@ use crate::pack::Pack;
 pub struct TokenSampling(v1::Sampling);
 
 impl TokenSampling {
-    /// As the pack says.
+    /// The pack's own sampling.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// 0 takes the most likely token, above it one is drawn with the seed; up to 2.
+    /// Sets the temperature, 0 to 2. 0 takes the most likely token. Above 0 tokens are drawn with
+    /// the seed.
     #[must_use]
     pub fn temperature(mut self, temperature: f32) -> Self {
         self.0.temperature = Some(temperature);
         self
     }
 
-    /// How many of the likeliest tokens may be drawn; 0 for all of them.
+    /// Sets the number of likeliest tokens that may be drawn; 0 for all.
     #[must_use]
     pub fn top_k(mut self, count: u32) -> Self {
         self.0.top_k = Some(count);
         self
     }
 
-    /// The likeliest tokens that may be drawn are together at least so likely: above 0, up to 1 for
-    /// all of them.
+    /// Sets the probability of the likeliest tokens that may be drawn, together: above 0, and 1 for
+    /// all tokens.
     #[must_use]
     pub fn top_p(mut self, probability: f32) -> Self {
         self.0.top_p = Some(probability);
         self
     }
 
-    /// What the logits of the last tokens are weakened by: 1 for nothing, up to 10.
+    /// Sets the penalty on repeating the last tokens: 1 for none, up to 10.
     #[must_use]
     pub fn repetition(mut self, penalty: f32) -> Self {
         self.0.repetition = Some(penalty);
         self
     }
 
-    /// On the wire; nothing where nothing is said.
+    /// The message, if anything is set.
     fn to_message(self) -> Option<v1::Sampling> {
         Some(self.0).filter(|sampling| *sampling != v1::Sampling::default())
     }
@@ -79,7 +80,8 @@ pub struct Prompt {
 }
 
 impl Prompt {
-    /// What to do. Empty beside a past, targets or audio: the model decides.
+    /// A sentence for the character. If it is empty beside a past, targets or audio, the model
+    /// decides.
     pub fn new(text: impl Into<String>) -> Self {
         Self {
             goal: v1::Prompt {
@@ -90,7 +92,7 @@ impl Prompt {
         }
     }
 
-    /// How long the motion is, seconds. Without it and [`Self::frames`] the model decides.
+    /// Sets the length, seconds. Without it and [`Self::frames`] the model decides.
     #[must_use]
     pub fn seconds(mut self, seconds: f32) -> Self {
         self.goal.seconds = Some(seconds);
@@ -98,7 +100,7 @@ impl Prompt {
         self
     }
 
-    /// How long the motion is, in frames of the pack.
+    /// Sets the length, in frames of the pack.
     #[must_use]
     pub fn frames(mut self, frames: u32) -> Self {
         self.goal.frame_count = Some(frames);
@@ -113,14 +115,14 @@ impl Prompt {
         self
     }
 
-    /// How tokens are chosen.
+    /// Sets how tokens are chosen.
     #[must_use]
     pub fn sampling(mut self, sampling: TokenSampling) -> Self {
         self.sampling = sampling;
         self
     }
 
-    /// Goes on from these frames: the pack's context frames or more, up to its longest reply.
+    /// Goes on from these frames: at least the pack's context frames, at most its longest reply.
     #[must_use]
     pub fn after(mut self, past: &[Key]) -> Self {
         self.past = messages(past);
@@ -134,7 +136,7 @@ impl Prompt {
         self
     }
 
-    /// Adds a character of the same motion, and what goes before it: as many frames as before the
+    /// Adds a character of the same motion with its past, which has as many frames as that of the
     /// first. For packs with the capability `agents`.
     #[must_use]
     pub fn beside(mut self, text: impl Into<String>, past: &[Key]) -> Self {
@@ -155,8 +157,8 @@ impl Prompt {
         self
     }
 
-    /// Steps of the pack's flow decoder, whose frames are finer and come in one part; 0 for the
-    /// plain decoder.
+    /// Sets the steps of the pack's flow decoder, whose frames are finer and come in one part; 0
+    /// for the plain decoder.
     #[must_use]
     pub fn flow_steps(mut self, steps: u32) -> Self {
         self.goal.flow_steps = Some(steps);
@@ -200,14 +202,14 @@ impl Describe {
         }
     }
 
-    /// Adds a character of the same motion: a clip of as many frames.
+    /// Adds a character of the same motion. Its clip must have the same number of frames.
     #[must_use]
     pub fn beside(mut self, clip: Clip) -> Self {
         self.others.push(clip);
         self
     }
 
-    /// Puts it into audio that goes with it, as codes of the pack.
+    /// Asks for audio that goes with the motion, as codes of the pack.
     #[must_use]
     pub fn into_audio(mut self, sound: v1::Sound) -> Self {
         self.into = match sound {
@@ -224,7 +226,7 @@ impl Describe {
         self
     }
 
-    /// How tokens are chosen.
+    /// Sets how tokens are chosen.
     #[must_use]
     pub fn sampling(mut self, sampling: TokenSampling) -> Self {
         self.sampling = sampling;
@@ -258,27 +260,27 @@ pub struct Describing {
     client: Client,
     parts: Streaming<v1::DescribeResponse>,
     ended: bool,
-    /// What the model was asked for that it may not do well. They are there with the first part.
+    /// Notes on what the model may not do well. They come with the first part.
     pub notes: Vec<String>,
 }
 
-/// A part of a description.
+/// Words or codes that were found.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Told {
+pub enum DescriptionPart {
     /// Words, with the spaces between parts.
     Words(String),
     /// Codes of audio.
     Codes(Vec<u32>),
 }
 
-/// A description.
+/// All words or codes for a motion.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Description {
-    /// Its words; empty where audio was asked for.
+    /// The words. Empty if the request asked for audio.
     pub text: String,
-    /// Its codes of audio; empty where words were asked for.
+    /// The codes of audio. Empty if the request asked for words.
     pub codes: Vec<u32>,
-    /// What the model was asked for that it may not do well.
+    /// Notes on what the model may not do well.
     pub notes: Vec<String>,
 }
 
@@ -307,11 +309,11 @@ impl Client {
 }
 
 impl Describing {
-    /// The next words or codes; none after the last.
+    /// The next words or codes. None after the last.
     ///
     /// # Errors
-    /// See [`ClientError`]; nothing comes after one.
-    pub async fn next(&mut self) -> Result<Option<Told>, ClientError> {
+    /// See [`ClientError`]. The description ends with an error.
+    pub async fn next(&mut self) -> Result<Option<DescriptionPart>, ClientError> {
         if self.ended {
             return Ok(None);
         }
@@ -321,13 +323,13 @@ impl Describing {
         self.ended = part.is_last;
         self.notes.extend(part.notes);
         match part.part {
-            Some(v1::describe_response::Part::Text(text)) => Ok(Some(Told::Words(text))),
-            Some(v1::describe_response::Part::Audio(audio)) => Ok(Some(Told::Codes(audio.codes))),
+            Some(v1::describe_response::Part::Text(text)) => Ok(Some(DescriptionPart::Words(text))),
+            Some(v1::describe_response::Part::Audio(audio)) => Ok(Some(DescriptionPart::Codes(audio.codes))),
             None => Err(AnswerError::Missing("text").into()),
         }
     }
 
-    /// All of it.
+    /// Waits for the whole description.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -335,8 +337,8 @@ impl Describing {
         let mut whole = Description::default();
         while let Some(part) = self.next().await? {
             match part {
-                Told::Words(words) => whole.text.push_str(&words),
-                Told::Codes(mut codes) => whole.codes.append(&mut codes),
+                DescriptionPart::Words(words) => whole.text.push_str(&words),
+                DescriptionPart::Codes(mut codes) => whole.codes.append(&mut codes),
             }
         }
         whole.notes = self.notes;

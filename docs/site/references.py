@@ -237,6 +237,7 @@ def configuration() -> str:
 
 PROGRAMS = {
     "troupe": ROOT / "cli/src/snapshots",
+    "troupe-eval": ROOT / "eval/src/snapshots",
     "troupe-server": ROOT / "server/src/snapshots",
     "troupe-loadtest": ROOT / "loadtest/src/cli/snapshots",
 }
@@ -249,7 +250,7 @@ def commands() -> str:
         parts.append(f"## {program}\n")
         helps = {}
         for file in folder.glob("*.snap"):
-            name = re.search(r"__help_of_(\w+)$", file.stem) or re.search(r".*__(\w+)_help$", file.stem)
+            name = re.search(r"__help_of_([\w-]+)$", file.stem) or re.search(r".*__(\w+)_help$", file.stem)
             if name:
                 words = name[1].replace("_", " ")
                 own = words.replace(" ", "-") == program

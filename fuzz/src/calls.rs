@@ -11,20 +11,20 @@ use troupe_server::api::ErrorBody;
 use crate::home::Local;
 use crate::planted;
 
-/// A call, and the way to it.
+/// A call with its addresses over gRPC and over HTTP.
 #[derive(Debug)]
 pub struct Call {
-    /// The remote procedure's name.
+    /// The name of the remote procedure, as in the protobuf files.
     pub rpc: &'static str,
-    /// Its service over gRPC; none for what only HTTP has.
+    /// Its service over gRPC; `None` for a call that only HTTP has.
     service: Option<&'static str>,
     method: Method,
-    /// Its path over HTTP. Where there is no body, what is to be read comes behind it.
+    /// Its path over HTTP. A call without a body puts its input behind the path.
     path: &'static str,
     changes: Changes,
 }
 
-/// What a call may change.
+/// The part of the server that a call may change, so that the target resets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Changes {
     Nothing,
@@ -37,8 +37,8 @@ const SESSIONS: Option<&str> = Some("Sessions");
 const SCENES: Option<&str> = Some("Scenes");
 
 #[rustfmt::skip]
-/// Every call. The first byte of the input is one's place here, with [`HTTP`] for the call over
-/// HTTP.
+/// Every call. The first byte of an input is an index into this array, plus [`HTTP`] for the call
+/// over HTTP.
 pub const CALLS: [Call; 30] = [
     Call { rpc: "InBetween", service: MOTION, method: Method::POST, path: "/v1/inbetween", changes: Changes::Nothing },
     Call { rpc: "Generate", service: MOTION, method: Method::POST, path: "/v1/generate", changes: Changes::Nothing },
@@ -74,7 +74,7 @@ pub const CALLS: [Call; 30] = [
 
 /// The bit of the first byte that asks for HTTP.
 const HTTP: u8 = 0x20;
-/// The bits of the first byte that say which call. The rest makes it a letter.
+/// The bits of the first byte that hold the index of the call. Bit 6 makes the byte a letter.
 const WHICH: u8 = 0x1f;
 
 impl Call {
@@ -86,7 +86,7 @@ impl Call {
     }
 
     fn over_http(&self, bytes: &[u8]) -> Option<Request<Body>> {
-        // It takes a WebSocket, which has a target of its own.
+        // Over HTTP this call is a WebSocket, which has a target of its own.
         if self.rpc == "Drive" {
             return None;
         }
@@ -105,7 +105,7 @@ impl Call {
             .ok()
     }
 
-    /// A stream's input has several messages, and their frames with them.
+    /// The input of a stream holds several messages with their frames, so it goes unchanged.
     fn over_grpc(&self, bytes: &[u8]) -> Option<Request<Body>> {
         let body = match self.rpc {
             "Drive" => bytes.to_vec(),
@@ -127,8 +127,8 @@ fn framed(message: &[u8]) -> Vec<u8> {
     [&[0], length.to_be_bytes().as_slice(), message].concat()
 }
 
-/// A call: its place in [`CALLS`], then what it carries. No answer is the server's fault, and every
-/// error says what is wrong.
+/// A call: the index in [`CALLS`], then its body. No answer may be the server's fault, and every
+/// error has a message.
 pub fn calls(bytes: &[u8]) {
     let Some((&first, bytes)) = bytes.split_first() else {
         return;
@@ -156,7 +156,7 @@ pub fn calls(bytes: &[u8]) {
             };
             match call.changes {
                 Changes::World if served => local.reset().await,
-                // A step or a command may be refused for one session and change another.
+                // The server may refuse a step or command for one session and change another.
                 Changes::Sessions => local.reset_sessions().await,
                 _ => {}
             }
@@ -170,11 +170,11 @@ fn check_http(call: &Call, status: http::StatusCode, body: &Bytes) -> bool {
     if status.is_success() {
         return true;
     }
-    let told: ErrorBody = match serde_json::from_slice(body) {
-        Ok(told) => told,
+    let answer: ErrorBody = match serde_json::from_slice(body) {
+        Ok(answer) => answer,
         Err(error) => panic!("{}: {status} without an error: {error}", call.rpc),
     };
-    let error = told.error;
+    let error = answer.error;
     assert!(!error.message.is_empty() && !error.reason.is_empty(), "{error:?}");
     if status == http::StatusCode::BAD_REQUEST {
         let named = error.field.as_ref().is_some_and(|field| !field.is_empty());
@@ -199,8 +199,8 @@ fn grpc_status(headers: &http::HeaderMap) -> Option<(u32, String)> {
     Some((code, text("grpc-message").unwrap_or_default().into_owned()))
 }
 
-fn check_grpc(call: &Call, told: Option<(u32, String)>) -> bool {
-    let Some((code, message)) = told else {
+fn check_grpc(call: &Call, status: Option<(u32, String)>) -> bool {
+    let Some((code, message)) = status else {
         panic!("{}: no grpc-status", call.rpc);
     };
     // UNKNOWN, UNIMPLEMENTED, INTERNAL, UNAVAILABLE, DATA_LOSS
@@ -208,13 +208,13 @@ fn check_grpc(call: &Call, told: Option<(u32, String)>) -> bool {
     assert!(!fault || on_purpose(&message), "{}: {code} {message}", call.rpc);
     assert!(
         code == 0 || !message.is_empty(),
-        "{}: {code} says nothing",
+        "{}: {code} without a message",
         call.rpc
     );
     code == 0
 }
 
-/// The toy family fails where a prompt asks it to.
+/// Whether the toy family failed because the prompt asked for it.
 fn on_purpose(message: &str) -> bool {
     message.contains("asked to") || message.contains("asked%20to")
 }
@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn every_remote_procedure_is_called() {
         for rpc in troupe_proto::rpc::RPCS {
-            let byte = Call::byte(rpc.name, true).unwrap_or_else(|| panic!("{} is not", rpc.name));
+            let byte = Call::byte(rpc.name, true).unwrap_or_else(|| panic!("{} is missing", rpc.name));
             assert!(byte.is_ascii_graphic() || byte == 0x7f);
         }
         assert_eq!(CALLS.len(), troupe_proto::rpc::RPCS.len() + 1);

@@ -1,4 +1,4 @@
-//! A server in this process, without networks and without a socket that anybody uses.
+//! A server in this process. It has no networks, and no client uses its socket.
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
@@ -20,21 +20,21 @@ use troupe_server::server::testing::serve_here;
 use troupe_server::server::{PackSource, ServerHandle};
 use troupe_server::service::Service;
 
-/// What all targets find: a definition, and a scene with two objects of it.
+/// The object definition that every target starts with.
 pub const STOOL: &str = include_str!("../corpus/object/toy-stool.toml");
-/// See [`STOOL`].
+/// The scene that every target starts with: two objects of [`STOOL`].
 pub const YARD: &str = include_str!("../corpus/scene/toy-yard.toml");
-/// Most sessions that a page lists.
+/// The most sessions on a page of a list.
 const PAGE: u32 = 1000;
 
-/// A running server with the pack `toy`, the scene `yard`, and the sessions `a`, who lives in it,
-/// and `b`.
+/// A running server with the pack `toy`, the scene `yard` and two sessions: `a` is in the scene,
+/// `b` in none.
 pub struct Local {
     runtime: Runtime,
     handle: ServerHandle,
-    /// All routes, as connections have them.
+    /// The same routes that a connection to the server uses.
     pub router: Router,
-    /// Reads messages as the server does.
+    /// Decodes messages with the limits of the server.
     pub reader: Reader,
 }
 
@@ -42,7 +42,7 @@ thread_local! {
     static LOCAL: OnceCell<Local> = const { OnceCell::new() };
 }
 
-/// A pack of two joints, whose generator knows everything and needs no networks.
+/// A pack of two joints. Its generator serves all kinds of calls and needs no networks.
 fn source() -> PackSource {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../server/tests/common/toy");
     let mut manifest = pack_of(toy_rig()).manifest;
@@ -64,7 +64,7 @@ fn source() -> PackSource {
     }
 }
 
-/// A session that asks for nothing special.
+/// Options of a session, with defaults for all but its id and its scene (empty for none).
 pub fn options(id: &str, scene: &str) -> v1::SessionOptions {
     v1::SessionOptions {
         id: id.to_owned(),
@@ -75,7 +75,7 @@ pub fn options(id: &str, scene: &str) -> v1::SessionOptions {
 }
 
 impl Local {
-    /// A server whose sessions, scenes and definitions are kept in `store`, where there is one.
+    /// A server that keeps sessions, scenes and definitions in the folder `store`, if it has one.
     pub fn start(store: Option<PathBuf>) -> Self {
         let runtime = Builder::new_current_thread()
             .enable_all()
@@ -104,22 +104,22 @@ impl Local {
         local
     }
 
-    /// Runs `work` with this thread's server.
+    /// Runs `work` with the server of this thread, and starts that server if need be.
     pub fn with<T>(work: impl FnOnce(&Self) -> T) -> T {
         LOCAL.with(|local| work(local.get_or_init(|| Self::start(None))))
     }
 
-    /// What the server serves with.
+    /// The service behind the routes.
     pub fn service(&self) -> &Service {
         self.handle.service()
     }
 
-    /// Runs `work` to its end.
+    /// Blocks this thread until `work` has ended.
     pub fn run<T>(&self, work: impl Future<Output = T>) -> T {
         self.runtime.block_on(work)
     }
 
-    /// Stops the server; all that is to be kept is kept then.
+    /// Stops the server. Its store is complete afterwards.
     pub fn stop(self) {
         self.runtime.block_on(self.handle.shut_down());
     }
@@ -152,7 +152,7 @@ impl Local {
         self.service().create_sessions(request).await.expect("sessions");
     }
 
-    /// The sessions are as at the start again.
+    /// Brings the two sessions back to their state at the start.
     pub async fn reset_sessions(&self) {
         let open = self.sessions();
         if let [a, b] = open.as_slice()
@@ -165,7 +165,7 @@ impl Local {
         self.open_sessions().await;
     }
 
-    /// Those that are open, in the order of their ids.
+    /// The open sessions, in the order of their ids.
     fn sessions(&self) -> Vec<v1::Session> {
         let list = v1::ListSessionsRequest {
             page_size: PAGE,
@@ -185,8 +185,8 @@ impl Local {
         }
     }
 
-    /// Sessions, scenes and definitions are as at the start again. Styles stay: no call takes them
-    /// away.
+    /// Brings sessions, scenes and definitions back to their state at the start. Styles stay,
+    /// because no call removes them.
     pub async fn reset(&self) {
         let service = self.service();
         self.close_sessions();
@@ -211,7 +211,7 @@ impl Local {
     }
 }
 
-/// Whether nobody has asked anything of the session.
+/// Whether no call has moved or commanded the session since its start.
 fn untouched(session: &v1::Session) -> bool {
     let usual = v1::Session {
         frame: 0,

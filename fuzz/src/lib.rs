@@ -1,8 +1,8 @@
-//! What fuzzing runs: each function takes any bytes, reads them as Troupe would, and panics where a
-//! promise is broken.
+//! The targets of fuzzing. Each function takes any bytes, reads them as Troupe would, and panics if
+//! the reader breaks a promise.
 //!
-//! `fuzz_targets/` hands them to libFuzzer; `tests/corpus.rs` runs the corpus and changed copies of
-//! it on any toolchain.
+//! `fuzz_targets/` passes the targets to libFuzzer. `tests/corpus.rs` runs them on the corpus and
+//! on changed copies of it, on any toolchain.
 
 mod calls;
 mod home;
@@ -38,10 +38,10 @@ pub use mutate::mutate;
 pub use snapshot::{HEAD_BYTES, snapshot};
 pub use websocket::{SEPARATOR, websocket};
 
-/// A target's name and function.
+/// A target: its name and its function.
 pub type Target = (&'static str, fn(&[u8]));
 
-/// Every target, by its name.
+/// Every target, in the order of the names.
 pub const TARGETS: [Target; 15] = [
     ("bvh", bvh),
     ("calls", calls),
@@ -60,8 +60,8 @@ pub const TARGETS: [Target; 15] = [
     ("websocket", websocket),
 ];
 
-/// libFuzzer's changes of bytes for a quarter, and [`mutate`] for the rest. Answers how many bytes
-/// of `data` count.
+/// Changes the input in place: libFuzzer changes a quarter of the inputs, [`mutate`] the others.
+/// Returns the new length of the input in `data`.
 pub fn mutated(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
     if seed.is_multiple_of(4) {
         return libfuzzer_sys::fuzzer_mutate(data, size, max_size);
@@ -72,7 +72,7 @@ pub fn mutated(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usiz
     length
 }
 
-/// The program of a target.
+/// Expands to the `main` of a target for libFuzzer.
 #[macro_export]
 macro_rules! target {
     ($name:ident) => {
@@ -83,17 +83,17 @@ macro_rules! target {
     };
 }
 
-/// With the feature `planted`: a bug that the fuzzer must find. It is where all `steps` are taken,
-/// which say what has been read.
+/// With the feature `planted`: a bug that the fuzzer must find. It panics if all `steps` hold; each
+/// is a condition on the input that was read.
 fn planted<const COUNT: usize>(steps: impl FnOnce() -> [bool; COUNT]) {
     if cfg!(feature = "planted") {
         climb(&steps());
     }
 }
 
-/// Panics at the end of all steps. Each step that is taken is an edge of its own, so that the
-/// fuzzer goes on from there. Without the marks the compiler makes one comparison of all steps, and
-/// nothing tells the fuzzer that it came closer.
+/// Panics if all steps hold. Each step that holds is an edge of its own, so the fuzzer sees that it
+/// came closer. Without the marks the compiler would make one comparison of all steps, hence one
+/// edge.
 fn climb(steps: &[bool]) {
     let marks: [fn(); 3] = [mark::<1>, mark::<2>, mark::<3>];
     for (step, mark) in steps.iter().zip(marks) {
@@ -110,7 +110,7 @@ fn mark<const STEP: u8>() {
     std::hint::black_box(STEP);
 }
 
-/// The packs without their networks, and the example definitions for it.
+/// The packs without their networks, and the example definitions for the first pack.
 struct Home {
     pack: Pack,
     robot: Pack,
@@ -148,7 +148,7 @@ fn home() -> &'static Home {
 /// A skeleton of two joints.
 ///
 /// # Panics
-/// Where it is none, which a build that passes its tests rules out.
+/// If the skeleton is invalid, which tests rule out.
 pub fn two_joints() -> Skeleton {
     let joint = |name: &str, parent, offset_m| Joint {
         name: name.to_owned(),
@@ -162,10 +162,11 @@ pub fn two_joints() -> Skeleton {
     Skeleton::new(joints, Vec3::X, 0.0, None).expect("a skeleton")
 }
 
-/// A BVH file. What is read survives writing and reading again, and conversion to a clip and back.
+/// A BVH file. An accepted file survives writing and reading again, and conversion to a clip and
+/// back.
 pub fn bvh(bytes: &[u8]) {
     let Ok(file) = bvh::parse_bytes(bytes) else { return };
-    // Numbers are written to six decimals, so it is the structure that must be the same.
+    // Numbers are written with six decimals, so only the structure must be the same.
     let again = bvh::parse(&bvh::write(&file)).expect("what was written is read");
     assert_eq!(again.frames(), file.frames());
     assert_eq!(again.joints().len(), file.joints().len());
@@ -179,7 +180,7 @@ pub fn bvh(bytes: &[u8]) {
     }
 }
 
-/// Frames in compact form. Whatever the bytes, rotations have unit length and survive another
+/// Frames in compact form. For any bytes, rotations have unit length and survive another
 /// round.
 pub fn codec(bytes: &[u8]) {
     let (mut rotations, mut roots) = (Vec::new(), Vec::new());
@@ -203,7 +204,7 @@ pub fn codec(bytes: &[u8]) {
     }
 }
 
-/// Motion of a robot, as CSV. What is read is written, and read again.
+/// Motion of a robot, as CSV. An accepted clip survives writing and reading again.
 pub fn csv(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
@@ -221,7 +222,7 @@ pub fn csv(bytes: &[u8]) {
 
 /// The animation of a glb file. A clip that is made of it survives writing and reading again.
 pub fn glb(bytes: &[u8]) {
-    // Much rest between keys would be many frames.
+    // Keys far apart in time would give many frames.
     let options = GlbOptions {
         fps: Some(2.0),
         ..GlbOptions::default()
@@ -230,7 +231,7 @@ pub fn glb(bytes: &[u8]) {
         Ok(animation) => animation,
         Err(error) => return assert!(!error.to_string().is_empty()),
     };
-    // Minutes of many joints are slow, not wrong.
+    // Minutes of motion with many joints are valid, but slow.
     if animation.frames() > 1000 {
         return;
     }
@@ -244,7 +245,7 @@ pub fn glb(bytes: &[u8]) {
     planted(|| [clip.frames() > 2, high]);
 }
 
-/// NumPy's arrays of a clip of two joints. What is read is written, and read again.
+/// NumPy's arrays of a clip of two joints. An accepted clip survives writing and reading again.
 pub fn npz(bytes: &[u8]) {
     let skeleton = &home().small;
     let clip = match read_npz(bytes, skeleton) {
@@ -270,7 +271,7 @@ pub fn drive(bytes: &[u8]) {
     }
     if let Ok(request) = home().reader.drive(bytes) {
         let again = v1::DriveRequest::decode(request.encode_to_vec().as_slice());
-        // Compared as text, because a number that is none differs from itself.
+        // Compares the texts, because NaN differs from itself.
         assert_eq!(
             format!("{:?}", again.expect("what was written is read")),
             format!("{request:?}")
@@ -340,7 +341,7 @@ pub fn inbetween(bytes: &[u8]) {
     }
 }
 
-/// A pack's manifest. One that is read can be written and read again.
+/// A pack's manifest. An accepted one survives writing and reading again.
 pub fn manifest(bytes: &[u8]) {
     let Ok(manifest) = std::str::from_utf8(bytes).map(Manifest::parse) else {
         return;
@@ -360,8 +361,7 @@ pub fn manifest(bytes: &[u8]) {
     }
 }
 
-/// An object definition, as TOML and as JSON. One that is accepted is accepted again as it is
-/// written.
+/// An object definition, as TOML and as JSON. An accepted one survives writing and reading again.
 pub fn object(bytes: &[u8]) {
     let rig = &home().pack.rig;
     for (text, format) in texts(bytes) {
@@ -410,8 +410,8 @@ fn explained(error: &DocumentError) {
     assert!(!error.message.is_empty() && !error.to_string().is_empty());
 }
 
-/// Asserts that a message is the same after a round of JSON. A number too large for `f32` is read
-/// as infinity, which JSON cannot write; validation refuses it.
+/// Asserts that a message survives JSON. Infinity is left out: a number too large for `f32` reads
+/// as infinity, JSON cannot write it, and validation refuses it.
 fn survives<T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(message: &T) {
     if format!("{message:?}").contains("inf") {
         return;

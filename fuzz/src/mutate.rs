@@ -1,5 +1,5 @@
-//! Changes that leave an input in shape: a fuzzer that knows bytes alone hardly ever gets past a
-//! reader of JSON.
+//! Changes that keep JSON valid and numbers readable. Changes of single bytes hardly ever get past
+//! a reader of JSON.
 
 use rand::seq::{IndexedRandom as _, IteratorRandom as _};
 use rand::{RngExt as _, SeedableRng as _};
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::SEPARATOR;
 
-/// Numbers at which readers and checks turn.
+/// Numbers at or near the limits of readers and checks.
 const NUMBERS: [&str; 18] = [
     "0",
     "1",
@@ -30,8 +30,8 @@ const NUMBERS: [&str; 18] = [
     "1e38",
 ];
 
-/// A changed copy of an input, the same for the same seed: a number or a word is another, or a part
-/// of its JSON is gone, there twice or moved.
+/// A changed copy of an input, the same for the same seed. One or two changes each replace a number
+/// or a word, or remove, repeat or move a part of its JSON.
 pub fn mutate(bytes: &[u8], seed: u64) -> Vec<u8> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut changed = bytes.to_vec();
@@ -47,7 +47,7 @@ pub fn mutate(bytes: &[u8], seed: u64) -> Vec<u8> {
     changed
 }
 
-/// Another number or word in the place of one.
+/// Replaces a number or a word by another.
 fn with_token(bytes: &[u8], random: &mut ChaCha8Rng) -> Option<Vec<u8>> {
     let part = |byte: &u8| byte.is_ascii_alphanumeric() || b"_.+-".contains(byte);
     let mut tokens = Vec::new();
@@ -74,7 +74,7 @@ fn with_token(bytes: &[u8], random: &mut ChaCha8Rng) -> Option<Vec<u8>> {
     Some(changed)
 }
 
-/// The same with a part of one of its JSON texts changed.
+/// Changes a part of one of the JSON texts of an input.
 fn with_json(bytes: &[u8], random: &mut ChaCha8Rng) -> Option<Vec<u8>> {
     let starts = (0..bytes.len()).filter(|&at| bytes[at] == b'{' && (at < 2 || bytes[at - 1] == SEPARATOR));
     let from = starts.choose(random)?;
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn other_texts_get_other_numbers() {
+    fn texts_without_json_get_other_tokens() {
         let changed = mutate(b"Frames: 2\n0.5 90", 3);
         assert!(changed.starts_with(b"Frames") || changed.len() > 5, "{changed:?}");
         assert_eq!(mutate(b"", 1), b"");

@@ -1,4 +1,4 @@
-//! What outlives the server: characters, and the records that hold them.
+//! The records that outlive the server, and the characters in them.
 
 use std::cell::OnceCell;
 use std::path::PathBuf;
@@ -8,12 +8,12 @@ use troupe_character::saved::{FORMAT, RestoreError, Surroundings, restore, save}
 use crate::home::Local;
 use crate::planted;
 
-/// Format and checksum before a saved character.
+/// Bytes of the format and the checksum before a saved character.
 pub const HEAD_BYTES: usize = 8;
-/// The objects of the scene as they are at first: a record of the server.
+/// The server's record of the scene's objects at the start.
 const OBJECTS: &[u8] = include_bytes!("../corpus/snapshot/objects.bin");
 
-/// A server whose scenes are files: objects of others have no records.
+/// A server with a store, and the surroundings for the characters to restore.
 struct Kept {
     local: Local,
     around: Surroundings,
@@ -29,16 +29,17 @@ impl Kept {
         let name = format!("troupe-fuzz-{}-{thread:?}", std::process::id());
         let folder: PathBuf = std::env::temp_dir().join(name);
         let local = Local::start(Some(folder.clone()));
-        // What is there is in memory from here on, and nothing is uploaded. The store's own file is
-        // open.
+        // From here on all scenes are in memory, and the store keeps its file open, so the folder
+        // can go.
         let _ = std::fs::remove_dir_all(folder);
         let around = local.service().surroundings("toy", "yard", "a").expect("a scene");
         Self { local, around }
     }
 }
 
-/// A character (`c`), the record of a session (`s`) or of the objects of a scene (`o`). What cannot
-/// be restored is an error, and what can be is the same when it is saved again.
+/// A character (`c`), the record of a session (`s`) or of the objects of a scene (`o`). A record
+/// that the server cannot restore gives an error; a restored one is the same when it is saved
+/// again.
 pub fn snapshot(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;
@@ -47,20 +48,20 @@ pub fn snapshot(bytes: &[u8]) {
         let kept = kept.get_or_init(Kept::new);
         match kind {
             b'c' => character(bytes, &kept.around),
-            b's' => told(kept.local.service().read_session("c", bytes)),
+            b's' => explained(kept.local.service().read_session("c", bytes)),
             b'o' => objects(bytes, kept),
             _ => {}
         }
     });
 }
 
-fn told(read: Result<(), String>) {
+fn explained(read: Result<(), String>) {
     if let Err(reason) = read {
         assert!(!reason.is_empty());
     }
 }
 
-/// The body of a character, with a head that fits: nothing gets past a checksum by chance.
+/// The body of a character. It gets a valid head, because random bytes would never pass a checksum.
 fn character(body: &[u8], around: &Surroundings) {
     let mut whole = body.to_vec();
     whole.splice(
@@ -94,13 +95,13 @@ fn objects(record: &[u8], kept: &Kept) {
             .instances()
             .all(|object| object.transform.position.is_finite())
     );
-    told(restored);
+    explained(restored);
     store.free_all_but(|_| false);
     let emptied = cell.update(|scene| {
         let all: Vec<_> = scene.instances().map(|object| object.id.clone()).collect();
         all.iter().try_for_each(|id| scene.remove(id).map(drop))
     });
-    emptied.expect("objects that nobody has can go");
+    emptied.expect("objects that no character holds can go");
     store
         .restore_scene("yard", &OBJECTS[1..])
         .expect("a record of the server");

@@ -1,4 +1,4 @@
-//! A stream over WebSocket: the messages of a client, one after the other.
+//! A stream over WebSocket, for the messages of one client in order.
 
 use axum::extract::ws::Message;
 use prost::Message as _;
@@ -8,11 +8,11 @@ use troupe_proto::v1::drive_response::Message as Say;
 use crate::home::Local;
 use crate::planted;
 
-/// Stands between the messages of an input: no JSON text has this byte.
+/// The byte between two messages of an input: JSON text cannot contain it.
 pub const SEPARATOR: u8 = 0x1e;
-/// Begins a binary message.
+/// The first byte of a binary message.
 const BINARY: u8 = 0;
-/// Most messages of an input.
+/// The most messages that the target reads from an input.
 const MAX_MESSAGES: usize = 16;
 
 fn message(piece: &[u8]) -> Message {
@@ -37,7 +37,7 @@ pub fn websocket(bytes: &[u8]) {
         let said = local.run(async {
             let said = local.reader.websocket(local.service(), messages).await;
             local.reset_sessions().await;
-            said.expect("a place")
+            said.expect("a free stream")
         });
         let (close, said) = said.split_last().expect("an end");
         assert!(matches!(close, Message::Close(Some(_))), "{close:?}");
@@ -50,7 +50,7 @@ pub fn websocket(bytes: &[u8]) {
         assert!(!reason.message.is_empty());
         match reason.reason.as_str() {
             "CLIENT_DONE" => {}
-            // Where protobuf cannot be read, nobody knows the field.
+            // If protobuf cannot be decoded, the field is unknown.
             "INVALID_REQUEST" => assert!(!reason.field.is_empty() || binary, "{reason:?}"),
             other => panic!("{other}: {reason:?}"),
         }

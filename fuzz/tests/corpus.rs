@@ -1,5 +1,5 @@
 //! Every target on its corpus, on the examples, and on changed copies of both. The changes are the
-//! same in every run; TROUPE_FUZZ_RUNS says how many there are for each target.
+//! same in every run; TROUPE_FUZZ_RUNS is the number of changed copies for each target.
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
@@ -10,7 +10,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use troupe_fuzz::{TARGETS, mutate};
 
-/// Pieces that do not belong where they are put.
+/// Texts that break most formats if they replace a part of an input.
 const PIECES: [&str; 16] = [
     "nan",
     "-inf",
@@ -30,7 +30,7 @@ const PIECES: [&str; 16] = [
     "=",
 ];
 
-/// Files that a target starts from.
+/// The contents of the files that a target starts from.
 fn seeds(target: &str) -> Vec<Vec<u8>> {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let examples = match target {
@@ -48,8 +48,8 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     files.iter().map(|file| std::fs::read(file).unwrap()).collect()
 }
 
-/// A changed copy: [`mutate`]'s, or a few bytes are turned, cut, repeated, or replaced by a piece
-/// or by a part of another seed.
+/// A changed copy: [`mutate`] makes one half of them. The others have a few bytes flipped, cut,
+/// repeated, or replaced by one of [`PIECES`] or by a part of another seed.
 fn changed(seeds: &[Vec<u8>], random: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = seeds.choose(random).unwrap().clone();
     if random.random_bool(0.5) {

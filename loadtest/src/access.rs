@@ -1,4 +1,4 @@
-//! What lets the load tester in: a key and certificates. Reports do not hold it.
+//! Key and certificates of the load tester. Reports do not contain them.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ impl fmt::Debug for Access {
 }
 
 impl Access {
-    /// The same for the client library.
+    /// The TLS options of the client library.
     pub(crate) fn options(&self) -> ConnectOptions {
         let client = self.client.clone();
         ConnectOptions {
@@ -82,7 +82,7 @@ impl Access {
                 }
                 builder.with_root_certificates(roots)
             }
-            // A machine without authorities may still ask plain servers.
+            // A machine without authorities may still reach plain servers.
             None => match builder.clone().with_native_roots() {
                 Ok(builder) => builder,
                 Err(_) => builder.with_root_certificates(RootCertStore::empty()),

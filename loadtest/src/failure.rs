@@ -1,32 +1,32 @@
-//! Why a load test could not be done, and the exit code that says so.
+//! Failures of a load test, and their exit codes.
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use troupe_client::ClientError;
 
-/// The exit code where a stated bound was missed.
+/// Exit code if a stated bound was missed.
 pub const BOUND_MISSED: u8 = 5;
 
-/// A load test that could not be done.
+/// Why a load test failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// The arguments or files given do not work.
+    /// Arguments or files cannot be used.
     #[error("{0}")]
     Input(String),
     /// The server cannot be reached, or refused to let the load begin.
     #[error("{0}")]
     Client(#[from] ClientError),
-    /// No server answers there.
+    /// No server answers at the address.
     #[error("{0}")]
     Unreachable(String),
-    /// Anything else, such as a file that cannot be written.
+    /// Another failure, such as a file that cannot be written.
     #[error("{0}")]
     Other(String),
 }
 
 impl Failure {
-    /// A value of an option that cannot be used, and what it may be.
+    /// A value of an option that cannot be used, with the allowed ones.
     pub fn option(option: &str, found: impl std::fmt::Display, allowed: impl std::fmt::Display) -> Self {
         Self::Input(format!("{option} is {found}; allowed: {allowed}"))
     }

@@ -1,59 +1,59 @@
-//! Overload: arrivals at several times of what a server can do. Are those that it admits answered
-//! as fast as ever, is its memory bounded, do live characters go on moving, and how soon is all as
-//! it was?
+//! Overload: arrivals at several times the capacity of a server. It measures whether admitted
+//! requests are still fast, whether memory is bounded, whether live characters go on, and how soon
+//! the server recovers.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::arrivals::{Process, Stage, Stages};
+use crate::arrivals::{LoadStage, Process, Stages};
 use crate::failure::Failure;
 use crate::figures::{Run, StageResult};
 use crate::measure::FineBin;
 use crate::plan::{Live, Load, Plan, Workload};
 use crate::run::{Progress, once};
 
-/// Length of the time bins by which recovery is told, seconds.
+/// Length of the time bins that show recovery, seconds.
 pub const BIN_S: f64 = 0.1;
-/// So many bins in a row have to be as usual for the server to have recovered.
+/// Consecutive bins that must be as usual for the server to count as recovered.
 const STEADY_BINS: usize = 10;
 
-/// How the overload is made.
+/// The course of an overload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Overload {
-    /// Requests a second that the server can do. None: found by clients that wait for their
+    /// Requests a second that the server can answer. None: found by clients that wait for their
     /// answers.
     pub capacity: Option<f64>,
     /// Clients that find the capacity.
     pub clients: u32,
-    /// How long they take to find it, seconds, after the plan's warm-up.
+    /// Time to find it after the warm-up, seconds.
     pub probe_s: f64,
-    /// Arrivals come at so many times the capacity.
+    /// Arrivals as a multiple of the capacity.
     pub factor: f64,
-    /// How long at 90 % of capacity, seconds.
+    /// Time at 90 % of capacity, seconds.
     pub before_s: f64,
-    /// How long beyond capacity, seconds.
+    /// Time beyond capacity, seconds.
     pub seconds: f64,
-    /// How long afterwards, seconds.
+    /// Time afterwards, seconds.
     pub after_s: f64,
-    /// At what share of capacity.
+    /// Share of capacity afterwards.
     pub after_share: f64,
-    /// Most requests on their way at once, of each process.
+    /// Most requests in flight of each process.
     pub max_in_flight: u32,
     /// Live characters beside the requests.
     pub beside: Option<Live>,
 }
 
-/// Share of capacity that is the measure of normal.
+/// Share of capacity that counts as normal.
 const NORMAL: f64 = 0.9;
 
-/// How a server did under overload.
+/// Figures of a server under overload.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OverloadReport {
-    /// Requests a second that the server can do.
+    /// Requests a second that the server can answer.
     pub capacity_per_s: f64,
-    /// The capacity was found by this test, not given.
+    /// Whether this test found the capacity.
     pub capacity_found: bool,
-    /// Arrivals came at so many times that.
+    /// Arrivals as a multiple of the capacity.
     pub factor: f64,
     /// At 90 % of capacity.
     pub before: StageResult,
@@ -131,7 +131,7 @@ pub async fn overload(
     Ok((report, plan, run))
 }
 
-/// The load, with live characters beside it where they are wanted.
+/// The load, with live characters beside it if the plan has some.
 async fn beside(plan: &Plan, of: &Overload, progress: &Progress) -> Result<(Run, Option<Run>), Failure> {
     let Some(live) = &of.beside else {
         return Ok((once(plan, progress).await?, None));
@@ -181,7 +181,7 @@ fn with_load(plan: &Plan, new: Load) -> Result<Plan, Failure> {
 
 /// One load of three stages: at 90 % of capacity, beyond it, below it.
 fn overload_plan(plan: &Plan, of: &Overload, capacity: f64) -> Result<Plan, Failure> {
-    let stage = |share: f64, seconds: f64| Stage {
+    let stage = |share: f64, seconds: f64| LoadStage {
         from: capacity * share,
         to: capacity * share,
         seconds,

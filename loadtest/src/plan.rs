@@ -1,4 +1,4 @@
-//! What a load test does: written into its report, and given to every process that takes part.
+//! The plan of a load test. It is in the report, and every process gets it.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -9,19 +9,19 @@ use serde::{Deserialize, Serialize};
 use crate::access::Access;
 use crate::arrivals::{Process, Stages};
 
-/// A load test, whole.
+/// The plan of a load test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plan {
-    /// Address of the server, such as `http://127.0.0.1:8080`; of the plain HTTP workload the whole
+    /// Address of the server, such as `http://127.0.0.1:8080`. Of the plain HTTP workload the whole
     /// address.
     pub server: String,
-    /// What is asked.
+    /// Kind of load.
     pub workload: Workload,
     /// Time before measuring begins, seconds.
     pub warmup_s: f64,
-    /// Time that is measured, seconds.
+    /// Measured time, seconds.
     pub measured_s: f64,
-    /// All random choices follow from it.
+    /// Seed of all random choices.
     pub seed: u64,
     /// Connections to the server, of each process.
     pub connections: u32,
@@ -29,41 +29,41 @@ pub struct Plan {
     pub timeout_s: f64,
     /// Processes that make the load together.
     pub processes: u32,
-    /// Latencies are kept by tenths of a second too, to tell how soon a server recovers.
+    /// Whether latencies are kept by tenths of a second too, which show how soon a server recovers.
     #[serde(default)]
     pub fine: bool,
-    /// Key and certificates; no report has them.
+    /// Key and certificates. Reports do not contain them.
     #[serde(skip)]
     pub access: Access,
 }
 
-/// What is asked of the server.
+/// A kind of load.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Workload {
     /// Single requests.
     Calls {
-        /// Over what, and in which form.
+        /// Protocol and form.
         protocol: Protocol,
-        /// What they hold.
+        /// Contents.
         requests: Requests,
-        /// When they are sent.
+        /// Times of sending.
         load: Load,
     },
     /// Live characters on the server's clock.
     Drive(Live),
     /// Live characters on this client's clock.
     Step(Stepping),
-    /// Sessions that are open and of which nothing is wanted.
+    /// Open sessions without any call.
     Idle {
-        /// How many.
+        /// Number of sessions.
         characters: u32,
         /// Name of the pack. Empty: the server's default pack.
         pack: String,
     },
 }
 
-/// How a single request travels.
+/// Protocol of single requests.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Protocol {
@@ -78,12 +78,12 @@ pub enum Protocol {
     },
 }
 
-/// What single requests hold.
+/// Contents of single requests.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Requests {
-    /// A folder with requests that were made before; the rest is of no meaning then.
+    /// A folder with prepared requests. The other fields do not count then.
     pub folder: Option<PathBuf>,
-    /// A clip whose frames are the keyframes. None: a walk that this program brings along.
+    /// A clip whose frames are the keyframes. None: a walk in this program.
     pub clip: Option<PathBuf>,
     /// Name of the pack. Empty: the server's default pack.
     pub pack: String,
@@ -95,22 +95,21 @@ pub struct Requests {
     pub temperature: f32,
     /// Different requests.
     pub variants: u32,
-    /// Each answer of so many is decoded and checked whole; 0: none.
+    /// One in this many answers is decoded and checked whole; 0 for none.
     pub verify_every: u32,
 }
 
-/// When single requests are sent.
+/// Times of single requests.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Load {
-    /// Arrivals that wait for nobody.
+    /// An open loop.
     Open {
-        /// How they lie in time.
+        /// Distribution over time.
         process: Process,
         /// Requests a second.
         stages: Stages,
-        /// Most requests on their way at once, of each process; what is due beyond is dropped and
-        /// counted.
+        /// Most requests in flight of each process. Further requests are dropped and counted.
         max_in_flight: u32,
     },
     /// Clients that wait for their answers.
@@ -125,7 +124,7 @@ pub enum Load {
 /// Live characters that wander about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Live {
-    /// How many, all processes together.
+    /// Number of characters of all processes.
     pub characters: u32,
     /// Streams that they share, or groups that are stepped together.
     pub streams: u32,
@@ -135,40 +134,39 @@ pub struct Live {
     pub compact: bool,
     /// Name of the pack. Empty: the server's default pack.
     pub pack: String,
-    /// Styles; none: all of the pack in which one can walk.
+    /// Names of styles. Empty: all styles of the pack that go anywhere.
     pub styles: Vec<String>,
-    /// Mean time between two commands of a character, seconds; 0: one command at the begin.
+    /// Mean time between two commands of a character, seconds; 0 for one command at the start.
     pub command_every_s: f64,
-    /// Frames between the cursor and the point where a new plan takes over. None: the server's.
+    /// Frames from the cursor to the start of a new plan. None: the server's.
     pub look_ahead: Option<u32>,
-    /// Priorities are spread evenly from 0 to 1; else all have the server's default.
+    /// Whether priorities are spread evenly from 0 to 1. Else all have the server's default.
     #[serde(default)]
     pub spread_priorities: bool,
     /// Share of the characters that act out sentences, 0 to 1.
     #[serde(default)]
     pub performers: f64,
-    /// Every tick of so many is decoded and checked whole; 0: none.
+    /// One in this many ticks is decoded and checked whole; 0 for none.
     pub verify_every: u32,
 }
 
 /// Live characters that are stepped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Stepping {
-    /// The characters.
+    /// Characters, and how they live.
     #[serde(flatten)]
     pub live: Live,
-    /// A step is due with every frame, as in a game. Otherwise the next is asked for as soon as one
-    /// is there.
+    /// Whether a step is due with every frame, as in a game. Else the next step follows at once.
     pub paced: bool,
 }
 
 impl Plan {
-    /// The warm-up.
+    /// Length of the warm-up.
     pub fn warmup(&self) -> Duration {
         Duration::from_secs_f64(self.warmup_s)
     }
 
-    /// The time that is measured.
+    /// Length of the measured time.
     pub fn measured(&self) -> Duration {
         Duration::from_secs_f64(self.measured_s)
     }
@@ -178,7 +176,7 @@ impl Plan {
         Duration::from_secs_f64(self.timeout_s)
     }
 
-    /// Stages of the measured time, where there are several.
+    /// Stages of the measured time, if it has several.
     pub fn stages(&self) -> Option<&Stages> {
         match &self.workload {
             Workload::Calls {
@@ -189,7 +187,7 @@ impl Plan {
         }
     }
 
-    /// The address whose `/metrics` tell of the server; none of a server that is not Troupe.
+    /// The address of the server for `/metrics`. None for a server that is not Troupe.
     pub fn metrics_address(&self) -> Option<&str> {
         match &self.workload {
             Workload::Calls {
@@ -202,7 +200,7 @@ impl Plan {
 }
 
 impl Workload {
-    /// What a latency of this workload is.
+    /// The meaning of a latency of this workload.
     pub fn latency_of(&self) -> LatencyOf {
         match self {
             Self::Calls { load, .. } => match load {
@@ -216,25 +214,24 @@ impl Workload {
     }
 }
 
-/// From when to when a latency counts.
+/// Start and end of a latency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LatencyOf {
-    /// From the moment when a request was due until its answer was there: free of coordinated
-    /// omission.
+    /// From the time at which a request was due to its answer: free of coordinated omission.
     AnswerFromDue,
-    /// From sending a request until its answer was there.
+    /// From the sending of a request to its answer.
     AnswerFromSending,
-    /// From the moment when a stream's tick was due until it was there.
+    /// From the time at which a tick of a stream was due to its arrival.
     TickFromDue,
-    /// From the moment when a step was due until its frames were there.
+    /// From the time at which a step was due to its frames.
     StepFromDue,
-    /// From asking for a step until its frames were there.
+    /// From the sending of a step to its frames.
     StepFromSending,
 }
 
 impl LatencyOf {
-    /// In words.
+    /// The meaning as a sentence.
     pub fn words(self) -> &'static str {
         match self {
             Self::AnswerFromDue => "from when a request was due to its answer",
@@ -249,22 +246,22 @@ impl LatencyOf {
 /// The part of a load that one of several processes makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Share {
-    /// Which process this is, from 0.
+    /// Index of the process, from 0.
     pub nth: u32,
-    /// How many there are.
+    /// Number of processes.
     pub of: u32,
 }
 
 impl Share {
-    /// All of it.
+    /// The whole load.
     pub const WHOLE: Self = Self { nth: 0, of: 1 };
 
-    /// This process' part of so many: parts differ by at most one and add up.
+    /// This process' part of a number. Parts differ by at most one, and add up.
     pub fn part(self, whole: u32) -> u32 {
         whole / self.of + u32::from(self.nth < whole % self.of)
     }
 
-    /// How many the processes before this one have of so many.
+    /// The parts of all processes before this one, summed.
     pub fn before(self, whole: u32) -> u32 {
         (0..self.nth).map(|nth| Self { nth, ..self }.part(whole)).sum()
     }

@@ -11,7 +11,8 @@ use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
 use tokio::net::TcpListener;
 use tokio::process::Command;
 use troupe_client::{Client, ClientCertificate, ClientError, ConnectOptions, TlsOptions};
-use troupe_server::api::{Role, keys};
+use troupe_edge::clients::Role;
+use troupe_edge::keys;
 use troupe_server::config::Config;
 use troupe_server::server::serve;
 
@@ -87,9 +88,8 @@ async fn with_a_key_and_certificates_it_gets_in() {
     }
     let (output, _) = run("", &in_full[..3]).await;
     assert_eq!(output.status.code(), Some(4), "without a key");
-    // The server refuses a client that is done with its handshake. Where the connection closes
-    // under what the client writes, it does not read why, so the reason is looked for in several
-    // tries.
+    // The server refuses the client after its handshake. If the connection closes while the client
+    // writes, the client does not read the reason. So the test tries several times.
     let mut reasons = String::new();
     for _ in 0..10 {
         let (output, _) = run("", &[ca, in_full[3]]).await;

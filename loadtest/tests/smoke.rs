@@ -46,7 +46,7 @@ fn server() -> &'static str {
     })
 }
 
-/// What a run of the program gave.
+/// The results of a run of the program.
 struct Ran {
     output: Output,
     report: Value,
@@ -66,8 +66,8 @@ impl Ran {
     }
 }
 
-/// Runs the program with a report and a page against the server, one at a time: they would disturb
-/// each other.
+/// Runs the program with a report and a page against the server. Runs wait for each other, so that
+/// they do not disturb each other.
 async fn program(arguments: &str) -> Ran {
     static ALONE: Mutex<()> = Mutex::const_new(());
     let _alone = ALONE.lock().await;
@@ -203,7 +203,7 @@ async fn a_bound_that_is_missed_is_told_by_the_exit_code() {
     assert!(ran.text().contains("expect-p99-ms MISSED"));
 }
 
-/// A server of another kind: it answers every third post with 503 and the others with nine bytes.
+/// A server of another kind. It answers every third post with 503, and the others with nine bytes.
 async fn stub() -> String {
     let count = Arc::new(AtomicU32::new(0));
     let answer = move |body: Bytes| {
@@ -255,8 +255,8 @@ async fn where_no_server_is_it_says_so() {
                 .await
                 .unwrap();
             assert_eq!(output.status.code(), Some(3), "{output:?}");
-            let told = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(told.contains("127.0.0.1:9"), "{told}");
+            let error = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert!(error.contains("127.0.0.1:9"), "{error}");
         }
     }
 }

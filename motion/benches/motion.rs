@@ -1,5 +1,5 @@
-//! How long the pure parts take for a segment of 64 frames: `cargo bench -p troupe-motion --bench
-//! motion`.
+//! Time that the pure parts take for a segment of 64 frames:
+//! `cargo bench -p troupe-motion --bench motion`.
 #![allow(missing_docs, clippy::unwrap_used, reason = "benches")]
 
 mod common;

@@ -1,5 +1,5 @@
-//! Instructions that the pure parts take for a segment of 64 frames, counted under valgrind: `make
-//! bench-instructions`.
+//! Instructions that the pure parts take for a segment of 64 frames, counted under valgrind:
+//! `make bench-instructions`.
 #![allow(
     missing_docs,
     unused_qualifications,
@@ -14,7 +14,7 @@ use std::hint::black_box;
 use common::Segment;
 use gungraun::{library_benchmark, library_benchmark_group, main};
 
-/// A segment on which every operation has run once, so that no memory is allocated any more.
+/// A segment on which every operation has run once, so that nothing allocates memory any more.
 fn warm() -> Segment {
     let mut segment = Segment::load();
     segment.encode();

@@ -1,4 +1,4 @@
-//! Falling: the path of a throw, and the motion of a character on it until it stands again.
+//! Falling: the path of a projectile, and the motion of a character on it until it stands again.
 
 use glam::{Quat, Vec3};
 
@@ -11,44 +11,44 @@ use crate::skeleton::Skeleton;
 
 /// Acceleration of free fall, m/s².
 pub const GRAVITY_MPS2: f32 = 9.81;
-/// The longest fall, seconds: 2 km.
+/// Longest fall, seconds: 2 km.
 pub const MAX_FALL_S: f32 = 20.0;
-/// The most frames a second that a fall is made of.
+/// Highest frame rate of a fall, Hz.
 const MAX_FPS: f32 = 240.0;
 
-/// A point on its way through the air.
+/// A point that flies through the air.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Throw {
     /// Where it starts, metres.
     pub position: Vec3,
-    /// Its velocity there, m/s.
+    /// Velocity at the start, m/s.
     pub velocity: Vec3,
 }
 
-/// Where a throw comes down.
+/// The end of a throw on the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landing {
-    /// When, seconds.
+    /// Time from the start, seconds.
     pub seconds: f32,
-    /// Where, on the ground, metres.
+    /// Place on the ground, metres.
     pub place: Vec3,
-    /// How fast, m/s.
+    /// Velocity on arrival, m/s.
     pub velocity: Vec3,
 }
 
 impl Throw {
-    /// Where it is after `s` seconds.
+    /// Place after `s` seconds, metres.
     pub fn at(&self, s: f32) -> Vec3 {
         self.position + self.velocity * s - Vec3::Y * (0.5 * GRAVITY_MPS2 * s * s)
     }
 
-    /// Its velocity after `s` seconds.
+    /// Velocity after `s` seconds, m/s.
     pub fn velocity_at(&self, s: f32) -> Vec3 {
         self.velocity - Vec3::Y * (GRAVITY_MPS2 * s)
     }
 
-    /// When it passes `height` on its way down, seconds. Above its summit: `None`; negative where
-    /// that was before it started.
+    /// Time at which it passes `height` on its way down, seconds; negative if that was before the
+    /// start. `None` above its summit.
     fn falls_to(&self, height: f32) -> Option<f32> {
         let up = self.velocity.y;
         let root = up * up + 2.0 * GRAVITY_MPS2 * (self.position.y - height);
@@ -57,10 +57,10 @@ impl Throw {
 
     /// Where it meets the ground.
     ///
-    /// `ground` is asked once for each frame (`fps`) of the way down, with where the point was and
-    /// where it is then, and answers the height of the ground that it meets in between, if any.
-    /// `None` where nothing is met within `max_s` seconds, of which 20 count ([`MAX_FALL_S`]), or
-    /// something is not finite.
+    /// `ground` is called once for each frame (`fps`) of the way down, with the point's place in
+    /// the frame before and in this one. It returns the height of the ground that lies in between,
+    /// if any. `None` if the point meets nothing within `max_s` seconds, or [`MAX_FALL_S`] if that
+    /// is less, or if a value is not finite.
     pub fn lands(
         &self,
         fps: f32,
@@ -96,83 +96,84 @@ fn usable_rate(fps: f32) -> bool {
     fps > 0.0 && fps <= MAX_FPS
 }
 
-/// A fall to be made.
+/// The conditions of a fall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drop<'a> {
     /// Velocity at the start, m/s.
     pub velocity: Vec3,
-    /// Height of the ground that it ends on, metres in the world.
+    /// World height of the ground on which it ends, metres.
     pub floor_m: f32,
-    /// When the way over the ground would come to where it has to end, before a wall, seconds; none
-    /// where nothing is in the way.
+    /// Time at which travel over the ground must have ended, in front of a wall, seconds. None
+    /// without a wall.
     pub wall_s: Option<f32>,
-    /// How the character stands afterwards: `root.y` over the ground; its place and heading over
-    /// the ground do not count.
+    /// The standing pose at the end. `root.y` is its height over the ground; place and heading do
+    /// not count.
     pub standing: Posed<'a>,
-    /// Poses of the frames behind the one that it starts from, as if it did not fall: joints go on
-    /// as they moved while the fall takes over. The last counts on; none: they stop at once.
+    /// Poses of the frames after the start as they would be without the fall: joints keep moving
+    /// while the fall fades in. The last pose repeats. Empty: joints stop at once.
     pub under_way: &'a [Quat],
-    /// The pose in the air; `None`: `standing` with arms raised and legs drawn up a little.
+    /// The pose in the air. `None`: `standing` with raised arms and slightly drawn-up legs.
     pub air: Option<&'a [Quat]>,
-    /// Frames a second.
+    /// Frame rate, Hz.
     pub fps: f32,
 }
 
-/// A fall.
+/// A fall from its start to standing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fall {
-    /// Frames after the one that it starts from; none where the fall cannot be made.
+    /// Frames after the start. Empty if the fall cannot be made.
     pub motion: Motion,
-    /// The first frame with the feet on the ground.
+    /// Index of the first frame with the feet on the ground.
     pub touch_down: usize,
-    /// The frame with the root at its lowest.
+    /// Index of the frame with the lowest root.
     pub lowest: usize,
-    /// Speed downwards at touch-down, m/s.
+    /// Downward speed at touch-down, m/s.
     pub impact_mps: f32,
-    /// How far below standing the root comes, metres.
+    /// Depth of the lowest root below standing, metres.
     pub depth_m: f32,
 }
 
-/// How far below standing the root of a character with legs of `leg_m` metres comes when it lands
-/// at `impact_mps`: the faster the deeper, up to 0.45 of its legs.
+/// Depth of the root below standing, metres, for a character with legs of `leg_m` metres that lands
+/// at `impact_mps`. It grows with the speed, up to 0.45 of the legs.
 pub fn landing_depth(impact_mps: f32, leg_m: f32) -> f32 {
     (0.04 + 0.05 * impact_mps.max(0.0)).min(0.45 * leg_m.max(0.0))
 }
 
-/// Feet touch the ground this far before the root is at its standing height, as a share of the
+/// Feet touch the ground when the root is this far above its standing height, as a share of the
 /// legs: straight legs could not reach ahead.
 const GIVE_SHARE: f32 = 0.04;
-/// Shortest and longest time in which the way over the ground is braked, seconds.
+/// Shortest and longest time for braking the travel over the ground, seconds.
 const BRAKE_S: (f32, f32) = (0.1, 0.35);
-/// The shortest time in which anything is braked, seconds: at once.
+/// Shortest time for braking anything, seconds: practically at once.
 const SHORTEST_S: f32 = 1e-3;
-/// Time in which the pose goes over into that in the air, seconds, and the legs into the landing.
+/// Time for the pose to change to the pose in the air, and for the legs to change to the landing,
+/// seconds.
 const INTO_AIR_S: f32 = 0.27;
 const LEGS_OUT_S: f32 = 0.2;
-/// Time around touch-down in which the pose goes over into the crouch, seconds before and after.
+/// Time for the pose to change to the crouch, before and after touch-down, seconds.
 const CROUCH_S: (f32, f32) = (0.1, 0.25);
-/// Bow of the deepest crouch, radians, and the depth at which it is reached, metres.
+/// Bow of the deepest crouch, radians, and depth at which it is reached, metres.
 const CROUCH_BOW: f32 = 0.9;
 const FULL_BOW_DEPTH_M: f32 = 0.34;
-/// Below this speed a landing is not braked, m/s.
+/// A slower landing is not braked, m/s.
 const SOFT_MPS: f32 = 0.1;
-/// Pose in the air: arms raised by so many radians, feet drawn up by shares of the legs, up and
-/// forward.
+/// Pose in the air: angle of the raised arms, radians, and shares of the legs by which feet move up
+/// and forward.
 const ARMS_UP: f32 = 0.6;
 const FEET_UP_SHARE: f32 = 0.10;
 const FEET_AHEAD_SHARE: f32 = 0.05;
 
-/// Falls from a pose and stands up again.
+/// Makes a character fall from a pose and stand up again.
 ///
-/// The root flies as a [`Throw`] until the legs meet the ground, is braked evenly within
-/// [`landing_depth`], and comes up on the path of least jerk. What is left of its way over the
-/// ground is braked too, feet set down ahead by as much as the legs reach, or in the air already,
-/// where a wall ends it. From touch-down on the feet stand. The last frame is `standing` exactly,
-/// turned to the heading of `from`, over its feet. A character that is lower than it would touch
-/// the ground, or nearly there, sets its feet down within 0.2 s.
+/// The root flies as a [`Throw`] until the legs meet the ground. It is braked evenly within
+/// [`landing_depth`], and rises again on the path of least jerk. Travel over the ground is braked
+/// too: feet are set down ahead as far as the legs reach. If a wall ends the travel, it is braked
+/// in the air. From touch-down on the feet stand. The last frame is exactly `standing` over its
+/// feet, with the heading of `from`. A character that starts at or below the height of touch-down
+/// sets its feet down within 0.2 s.
 ///
-/// There are no frames where a pose lacks rotations, something is not finite, `fps` is not in (0,
-/// 240], or the way down takes more than [`MAX_FALL_S`].
+/// There are no frames if a pose lacks rotations, a value is not finite, `fps` is not in (0, 240],
+/// or the way down takes longer than [`MAX_FALL_S`].
 pub fn fall_motion(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, drop: &Drop<'_>) -> Fall {
     let joints = skeleton.joint_count();
     let air_fits = drop
@@ -196,21 +197,21 @@ pub fn fall_motion(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, drop: &Dr
     }
 }
 
-/// Where the root is at any time.
+/// The course of the root.
 #[derive(Clone, Copy, Debug)]
 struct Course {
     throw: Throw,
-    /// Height of the root at rest.
+    /// Height of the root at rest, metres.
     stand: f32,
-    /// Height of the root where it is lowest.
+    /// Lowest height of the root, metres.
     bottom: f32,
-    /// Height and time of touch-down, and how fast the root comes down then.
+    /// Height and time of touch-down, and the root's downward speed then.
     touch: f32,
     touch_s: f32,
     impact: f32,
-    /// Time to brake the way down.
+    /// Duration of the braking of the way down, seconds.
     brake_s: f32,
-    /// When the way over the ground begins to be braked, and the time that takes.
+    /// When travel over the ground begins to be braked, and for how long, seconds.
     slides_s: f32,
     slide_s: f32,
     recover_s: f32,
@@ -246,7 +247,7 @@ impl Course {
         let mut slide_s = (2.0 * lead / over_ground.max(1e-3)).clamp(BRAKE_S.0, BRAKE_S.1);
         let mut slides_s = touch_s;
         if let Some(wall_s) = drop.wall_s {
-            // Braked evenly it takes twice the time.
+            // Even braking takes twice the time.
             slide_s = slide_s.min(2.0 * wall_s).max(SHORTEST_S);
             slides_s = touch_s.min(wall_s - 0.5 * slide_s).max(0.0);
         }
@@ -289,7 +290,7 @@ impl Course {
     }
 }
 
-/// How far ahead of the hips feet can be set down when the root is `lower` than in `standing`,
+/// How far ahead of the hips feet can be set down if the root is `lower` than in `standing`,
 /// metres.
 fn lead(skeleton: &Skeleton, legs: &[Leg], standing: Posed<'_>, lower: f32) -> f32 {
     let place = |joint: usize| joint_transform(skeleton, standing.root, standing.rotations, joint).0;
@@ -314,7 +315,7 @@ struct Faller<'a> {
     standing: Vec<Quat>,
     air: Vec<Quat>,
     trunk: Trunk,
-    /// Where the feet stand after the landing.
+    /// Place and rotation of each foot after the landing.
     feet: Vec<(Vec3, Quat)>,
 }
 
@@ -360,8 +361,8 @@ impl<'a> Faller<'a> {
     fn fall(&self) -> Fall {
         let (joints, course) = (self.skeleton.joint_count(), &self.course);
         let count = ((course.end_s() * self.fps).ceil() as usize).max(1);
-        // Frames are counted from 1: frame 0 is what it starts from.
-        // However near the ground is, legs take their time.
+        // Frames count from 1: frame 0 is the start. However near the ground is, legs take their
+        // time.
         let touch_s = course.touch_s.max(LEGS_OUT_S);
         let touch = ((touch_s * self.fps).ceil() as usize).clamp(1, count);
         let mut fall = Fall {
@@ -400,8 +401,8 @@ impl<'a> Faller<'a> {
         fall
     }
 
-    /// The pose of a frame in the air: into the pose of the air, before the end into the landing,
-    /// and not below the ground.
+    /// The pose of a frame in the air. It changes to the pose in the air, near the end to the
+    /// landing, and stays above the ground.
     fn flying(&self, s: f32, touch_s: f32, landing: &[Quat], pose: &mut [Quat]) {
         self.body(s, pose);
         let weight = smoothstep(1.0 - ((touch_s - s) / LEGS_OUT_S).clamp(0.0, 1.0));
@@ -445,7 +446,7 @@ impl<'a> Faller<'a> {
         }
     }
 
-    /// The pose that there would be without the fall.
+    /// The pose without the fall.
     fn goes_on(&self, s: f32) -> &[Quat] {
         let mut poses = self.under_way.chunks_exact(self.skeleton.joint_count());
         let nth = (s * self.fps).round() as usize;
@@ -459,7 +460,7 @@ impl<'a> Faller<'a> {
         }
     }
 
-    /// The pose of a frame but for the legs.
+    /// The pose of a frame without its legs.
     fn body(&self, s: f32, pose: &mut [Quat]) {
         let course = &self.course;
         let ramp = |from: f32, to: f32| smoothstep(((s - from) / (to - from).max(1e-3)).clamp(0.0, 1.0));
@@ -479,7 +480,7 @@ impl<'a> Faller<'a> {
     }
 }
 
-/// `standing` with its arms raised to the sides and its feet drawn up a little.
+/// `standing` with arms raised to the sides and feet slightly drawn up.
 fn air_pose(skeleton: &Skeleton, legs: &[Leg], standing: &[Quat]) -> Vec<Quat> {
     let forward = forward(skeleton, standing);
     let left = Vec3::Y.cross(forward);
@@ -496,8 +497,8 @@ fn air_pose(skeleton: &Skeleton, legs: &[Leg], standing: &[Quat]) -> Vec<Quat> {
             [upper, end].map(|joint| joint_transform(skeleton, Vec3::ZERO, standing, joint));
         let down = hand.0 - shoulder.0;
         if down.y < 0.0 {
-            // About the forward axis the left arm, at the side that `left` points to, comes up with
-            // a positive turn.
+            // A positive turn about the forward axis raises the left arm, on the side that `left`
+            // points to.
             let side = if shoulder.0.dot(left) < 0.0 { -1.0 } else { 1.0 };
             let turn = Quat::from_axis_angle(forward, ARMS_UP * side);
             turn_limb(skeleton, &mut pose, arm, turn);

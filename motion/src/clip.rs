@@ -9,17 +9,16 @@ use crate::root::GlobalRoot;
 use crate::rotation::slerp_pose;
 use crate::skeleton::Skeleton;
 
-/// The longest clip that [`Clip::resample`] makes, frames.
+/// Longest clip that [`Clip::resample`] makes, frames.
 pub const MAX_FRAMES: usize = 1 << 22;
 
-/// The most rotations (frames times joints) of a clip that is made by resampling or from a file; 1
-/// GiB of them.
+/// Most rotations (frames times joints) of a clip made by resampling or from a file: 1 GiB of them.
 pub const MAX_ROTATIONS: usize = 1 << 26;
 
 /// Motion on a skeleton.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clip {
-    /// The skeleton, shared.
+    /// The skeleton, shared between clips.
     pub skeleton: Arc<Skeleton>,
     /// Frames a second.
     pub fps: f32,
@@ -33,26 +32,26 @@ pub struct Clip {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClipError {
-    /// A rate that is not finite and positive.
+    /// The rate is not finite and positive.
     #[error("the frame rate must be finite and positive, not {0}")]
     Rate(f32),
-    /// No frames.
+    /// The clip has no frames.
     #[error("a clip needs at least one frame")]
     Empty,
     /// The rotations do not fit the frames and joints.
     #[error("{found} rotations for {frames} frames of {joints} joints")]
     RotationCount {
-        /// Rotations given.
+        /// Number of rotations.
         found: usize,
-        /// Root positions given.
+        /// Number of root positions.
         frames: usize,
-        /// The skeleton's joints.
+        /// Number of joints.
         joints: usize,
     },
-    /// NaN, infinity, or a rotation that is not of unit length within 0.001.
+    /// A value is NaN or infinite, or a rotation not of unit length within 0.001.
     #[error("frame {frame} has a value that is not finite or a rotation that is not of unit length")]
     Value {
-        /// First frame in which it is.
+        /// First frame with such a value.
         frame: usize,
     },
     /// A range that is empty or reaches past the end.
@@ -163,10 +162,10 @@ impl Clip {
         (0..self.frames()).map(|f| self.root_at(f)).collect()
     }
 
-    /// The frames of `range` as a clip of their own.
+    /// The frames of `range` as a separate clip.
     ///
     /// # Errors
-    /// [`ClipError::Range`] where the range is empty or reaches past the end.
+    /// [`ClipError::Range`] if the range is empty, or reaches past the end.
     pub fn slice(&self, range: Range<usize>) -> Result<Self, ClipError> {
         let frames = self.frames();
         if range.is_empty() || range.end > frames {
@@ -185,8 +184,8 @@ impl Clip {
         })
     }
 
-    /// The clip at another rate: linear root, slerp rotations. The first frame stays; the last new
-    /// frame is the last that does not lie behind the clip's end.
+    /// The clip at another rate: linear root, slerp rotations. The first frame stays; the last is
+    /// the last one within the clip.
     ///
     /// # Errors
     /// [`ClipError::Rate`] or [`ClipError::TooLong`].
@@ -199,8 +198,8 @@ impl Clip {
         }
         let step = f64::from(self.fps) / f64::from(fps);
         let last = self.frames() - 1;
-        // A ten-thousandth of a frame of slack, so that exact ratios keep their last frame in spite
-        // of rounding.
+        // A tolerance of a ten-thousandth of a frame, so that exact ratios keep their last frame
+        // despite rounding.
         let count = ((last as f64 + 1e-4) / step).floor() + 1.0;
         let joints = self.skeleton.joint_count();
         if count > MAX_FRAMES.min(MAX_ROTATIONS / joints) as f64 {
@@ -318,7 +317,7 @@ mod tests {
         assert!((odd.root_positions[3].x - 3.6).abs() < 1e-5);
         assert_eq!(clip.resample(f32::NAN).map(|c| c.frames()).ok(), None);
         assert_eq!(clip.resample(1e9), Err(ClipError::TooLong(1e9)));
-        // Few enough frames for a few joints, but not for as many as these.
+        // Few enough frames for a few joints, but not for this many.
         let joint = |n: usize| Joint {
             name: n.to_string(),
             parent: n.checked_sub(1),

@@ -1,11 +1,11 @@
-//! The compact form of frames: a root in tenths of a millimetre and smallest-three quaternions of
-//! 15 bits a component.
+//! The compact form of frames: a root in tenths of a millimetre, and smallest-three quaternions
+//! with 15 bits a component.
 //!
 //! A unit quaternion's largest component follows from the other three, which lie within ±1/√2. Each
-//! of those takes the low 15 bits of a little-endian 16-bit word, in the order (w, x, y, z); the
-//! top bits of the first two words, lower first, say which component is left out. That component is
-//! positive: `q` and `-q` are the same rotation, and one of them has it so. The top bit of the
-//! third word is 0.
+//! of those takes the low 15 bits of a little-endian 16-bit word, in the order (w, x, y, z). The
+//! top bits of the first two words, lower first, give the index of the component that is left out.
+//! That component is positive: of `q` and `-q`, which are the same rotation, the one with that sign
+//! is encoded. The top bit of the third word is 0.
 //!
 //! | part | bytes | error |
 //! |---|---|---|
@@ -26,23 +26,22 @@ pub const BYTES_PER_ROTATION: usize = 6;
 pub const ROOT_STEP_M: f32 = 1e-4;
 /// Largest angle between a rotation and what its encoding decodes to, radians.
 ///
-/// Half a step is h = 1 / (32767 √2). The three written components are off by at most h each and
-/// the fourth by at most 3 h (worst where all four are 1/2), so the angle is at most 2 √12 h =
+/// Half a step is h = 1 / (32767 √2). Each of the three written components is off by at most h, and
+/// the fourth by at most 3 h (worst if all four are 1/2). So the angle is at most 2 √12 h =
 /// 1.495e-4; the rest is rounding.
 pub const MAX_ROTATION_ERROR_RAD: f32 = 1.6e-4;
-/// Largest error of an encoded root position along each axis, metres, within 256 m of the origin.
+/// Largest error of an encoded root position along each axis within 256 m of the origin, metres.
 ///
-/// It is half a [`ROOT_STEP_M`] and the rounding of a 32-bit float. Farther out the float's own
+/// It is half of [`ROOT_STEP_M`] plus the rounding of a 32-bit float. Farther out, the float's own
 /// spacing is coarser.
 pub const MAX_ROOT_ERROR_M: f32 = 6e-5;
 
 /// Highest value of a component's 15 bits.
 const COMPONENT_MAX: u16 = 0x7fff;
-/// The bit above a component.
+/// The bit above a component, which holds a bit of the index.
 const INDEX_BIT: u16 = 0x8000;
 
-/// Encodes a rotation. Its length does not matter; one that is not finite, or zero, becomes the
-/// identity.
+/// Encodes a rotation of any length. A rotation that is not finite, or zero, becomes the identity.
 #[inline]
 pub fn encode_rotation(rotation: Quat) -> [u16; 3] {
     let length = rotation.length();
@@ -71,8 +70,7 @@ pub fn encode_rotation(rotation: Quat) -> [u16; 3] {
     words
 }
 
-/// Decodes a rotation: of unit length for any words, with the component that was left out not
-/// negative.
+/// Decodes a rotation. Any words give unit length, with the left-out component not negative.
 #[inline]
 pub fn decode_rotation(words: [u16; 3]) -> Quat {
     let largest = usize::from(words[0] >> 15) | usize::from(words[1] >> 15) << 1;
@@ -87,10 +85,10 @@ pub fn decode_rotation(words: [u16; 3]) -> Quat {
 }
 
 /// Encodes a root position in steps of [`ROOT_STEP_M`]. A coordinate beyond ±214748 m, or infinite,
-/// takes the nearest end of the range; NaN becomes 0.
+/// becomes the nearest end of the range; NaN becomes 0.
 #[inline]
 pub fn encode_root(position: Vec3) -> [i32; 3] {
-    // In double precision, so that only the rounding to a step loses anything; the cast saturates.
+    // In double precision, so that only the rounding to a step loses precision. The cast saturates.
     position
         .to_array()
         .map(|v| (f64::from(v) / f64::from(ROOT_STEP_M)).round() as i32)
@@ -102,8 +100,7 @@ pub fn decode_root(steps: [i32; 3]) -> Vec3 {
     Vec3::from_array(steps.map(|v| (f64::from(v) * f64::from(ROOT_STEP_M)) as f32))
 }
 
-/// Appends encoded rotations, [`BYTES_PER_ROTATION`] each. Allocates only where `out` lacks the
-/// room.
+/// Appends encoded rotations, [`BYTES_PER_ROTATION`] each. Allocates only if `out` lacks capacity.
 pub fn write_rotations(rotations: &[Quat], out: &mut Vec<u8>) {
     out.reserve(rotations.len() * BYTES_PER_ROTATION);
     for &rotation in rotations {
@@ -113,8 +110,8 @@ pub fn write_rotations(rotations: &[Quat], out: &mut Vec<u8>) {
     }
 }
 
-/// Appends decoded rotations; bytes of an incomplete one at the end are left out. Allocates only
-/// where `out` lacks the room.
+/// Appends decoded rotations, without an incomplete one at the end. Allocates only if `out` lacks
+/// capacity.
 pub fn read_rotations(bytes: &[u8], out: &mut Vec<Quat>) {
     let (rotations, _) = bytes.as_chunks::<BYTES_PER_ROTATION>();
     out.extend(rotations.iter().map(|b| {
@@ -126,8 +123,7 @@ pub fn read_rotations(bytes: &[u8], out: &mut Vec<Quat>) {
     }));
 }
 
-/// Appends encoded root positions, [`BYTES_PER_ROOT`] each. Allocates only where `out` lacks the
-/// room.
+/// Appends encoded root positions, [`BYTES_PER_ROOT`] each. Allocates only if `out` lacks capacity.
 pub fn write_roots(positions: &[Vec3], out: &mut Vec<u8>) {
     out.reserve(positions.len() * BYTES_PER_ROOT);
     for &position in positions {
@@ -137,8 +133,8 @@ pub fn write_roots(positions: &[Vec3], out: &mut Vec<u8>) {
     }
 }
 
-/// Appends decoded root positions; bytes of an incomplete one at the end are left out. Allocates
-/// only where `out` lacks the room.
+/// Appends decoded root positions, without an incomplete one at the end. Allocates only if `out`
+/// lacks capacity.
 pub fn read_roots(bytes: &[u8], out: &mut Vec<Vec3>) {
     let (positions, _) = bytes.as_chunks::<BYTES_PER_ROOT>();
     out.extend(positions.iter().map(|b| {
@@ -150,7 +146,7 @@ pub fn read_roots(bytes: &[u8], out: &mut Vec<Vec3>) {
     }));
 }
 
-/// A component within ±1/√2 to 15 bits, rounded to the nearest.
+/// Quantises a component within ±1/√2 to 15 bits, rounded to the nearest.
 #[inline]
 fn quantise(value: f32) -> u16 {
     let share = (value / FRAC_1_SQRT_2 + 1.0) * 0.5;
@@ -179,8 +175,8 @@ mod tests {
     }
 
     #[test]
-    fn words_are_as_the_contract_says() {
-        // The identity leaves w (index 0) out: no index bits, and three zeros between two steps.
+    fn words_follow_the_documented_format() {
+        // The identity leaves out w (index 0): no index bits, and three zeros between two steps.
         for word in encode_rotation(Quat::IDENTITY) {
             assert!((16383..=16384).contains(&word));
         }
@@ -193,7 +189,7 @@ mod tests {
         ] {
             assert_eq!(encode_rotation(q).map(|word| word >> 15), bits);
         }
-        // The others in the order (w, x, y, z): x is the largest, so the words are w, y, z.
+        // The others in the order (w, x, y, z). x is the largest, so the words are w, y, z.
         let q = Quat::from_xyzw(0.8, 0.4, -0.2, 0.4).normalize();
         let words = encode_rotation(q).map(|word| f32::from(word & 0x7fff));
         for (word, want) in words.into_iter().zip([q.w, q.y, q.z]) {
@@ -202,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn input_that_is_no_rotation_becomes_the_identity() {
+    fn invalid_rotations_become_the_identity() {
         let near = |q: Quat| angle_between(q, Quat::IDENTITY) < MAX_ROTATION_ERROR_RAD;
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             for i in 0..4 {
@@ -239,11 +235,11 @@ mod tests {
         assert_eq!(bytes[..4], 10_000i32.to_le_bytes());
         write_rotations(&rotations, &mut bytes);
         assert_eq!(bytes.len(), 2 * (BYTES_PER_ROOT + BYTES_PER_ROTATION));
-        assert_eq!(bytes.as_ptr(), before, "no allocation where there is room");
+        assert_eq!(bytes.as_ptr(), before, "no allocation within the capacity");
 
         let (mut q, mut p) = (Vec::new(), Vec::new());
         read_roots(&bytes[..30], &mut p);
-        assert_eq!(p, roots, "the six bytes too many are left out");
+        assert_eq!(p, roots, "the six surplus bytes are ignored");
         read_rotations(&bytes[24..], &mut q);
         assert_eq!(q.len(), 2);
         assert!(q.iter().zip(rotations).all(|(&a, b)| angle(a, b) < 1.6e-4));
@@ -261,7 +257,7 @@ mod tests {
             off in proptest::array::uniform4(-2e-4f32..2e-4),
             signs in proptest::array::uniform4(proptest::bool::ANY),
         ) {
-            // All four components near 1/2: the largest error of the one that is left out.
+            // All four components near 1/2: the largest error of the left-out one.
             let q: [f32; 4] = std::array::from_fn(|i| (0.5 + off[i]) * if signs[i] { 1.0 } else { -1.0 });
             let q = Quat::from_array(q).normalize();
             prop_assert!(angle(q, decode_rotation(encode_rotation(q))) <= f64::from(MAX_ROTATION_ERROR_RAD));
@@ -272,7 +268,7 @@ mod tests {
             let a = to_wxyz(q).map(f32::abs);
             let mut sorted = a;
             sorted.sort_by(f32::total_cmp);
-            // Where two components tie for the largest, either may be left out.
+            // If two components tie for the largest, either may be left out.
             prop_assume!(sorted[3] - sorted[2] > 1e-6);
             let diff = encode_rotation(q).into_iter().zip(encode_rotation(-q)).map(|(a, b)| a.abs_diff(b)).max();
             prop_assert_eq!(diff, Some(0));

@@ -4,8 +4,8 @@ use crate::features::velocities;
 use crate::fk::WorldMotion;
 use crate::skeleton::ContactParams;
 
-/// Contact labels, `frames * contact joints`: true where the joint is lower than `max_height_m`
-/// over the ground **and** slower ([`velocities`], in 3D) than `max_speed_mps`.
+/// Contact labels, `frames * contact joints`: true if the joint is lower than `max_height_m` over
+/// the ground **and** slower ([`velocities`], in 3D) than `max_speed_mps`.
 ///
 /// `ground_y_m` is the height of the ground plane in the world.
 ///
@@ -60,7 +60,7 @@ mod tests {
         for f in 2..6 {
             clip.root_positions[f] += Vec3::new(0.0, 0.0499, 0.0);
         }
-        // Frame 5 slides by 2 cm: 0.6 m/s where 0.4 is the limit.
+        // Frame 5 slides by 2 cm: 0.6 m/s, and the limit is 0.4.
         clip.root_positions[5].x += 0.02;
         let found = detect_in(&clip);
         let (yes, no) = ([true; 4], [false; 4]);

@@ -3,19 +3,19 @@
 //!
 //! Troupe: right-handed, metres, X to the character's left, Y up, Z forward. A conversion is a
 //! signed permutation of axes and a scale. Rotations convert by change of basis, joint by joint, so
-//! forward kinematics commutes with it: convert a skeleton's offsets with
+//! forward kinematics commutes with it. Convert a skeleton's offsets with
 //! [`Convention::position_from_native`] and a pose's rotations with
-//! [`Convention::rotation_from_native`], and positions come out converted. Bones' local axes change
-//! with it.
+//! [`Convention::rotation_from_native`], and the positions come out converted. The bones' local
+//! axes change with it.
 
 use glam::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// A convention of axes and units. All but Troupe's own have names of where they are used.
+/// A convention of axes and units. Apart from Troupe's own, each is named after its main user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Convention {
-    /// Troupe's own: right-handed, X left, Y up, Z forward, metres. glTF's too.
+    /// Troupe's own, and glTF's: right-handed, X left, Y up, Z forward, metres.
     #[default]
     Native,
     /// Unreal Engine: left-handed, X forward, Y right, Z up, centimetres.
@@ -23,8 +23,7 @@ pub enum Convention {
     /// Unity: left-handed, X right, Y up, Z forward, metres.
     Unity,
     /// ROS (REP 103) and MuJoCo: right-handed, X forward, Y left, Z up, metres. Quaternions are (w,
-    /// x, y, z) in MuJoCo and (x, y, z, w) in ROS messages; this type does not concern itself with
-    /// the order.
+    /// x, y, z) in MuJoCo and (x, y, z, w) in ROS messages; this type does not change that order.
     Ros,
 }
 
@@ -37,7 +36,7 @@ impl Convention {
         if self == Self::Unreal { 100.0 } else { 1.0 }
     }
 
-    /// Whether it is left-handed: angles about a common axis then change sign.
+    /// Whether it is left-handed: angles about a shared axis then change sign.
     pub fn is_left_handed(self) -> bool {
         matches!(self, Self::Unreal | Self::Unity)
     }
@@ -45,7 +44,7 @@ impl Convention {
     /// The signed permutation from native axes to the convention's: `v' = M v`. Its inverse is its
     /// transpose.
     pub fn axes_from_native(self) -> Mat3 {
-        // Columns: where native X (left), Y (up) and Z (forward) point.
+        // Columns: directions of native X (left), Y (up) and Z (forward).
         match self {
             Self::Native => Mat3::IDENTITY,
             Self::Unreal => Mat3::from_cols(Vec3::NEG_Y, Vec3::Z, Vec3::X),
@@ -64,19 +63,19 @@ impl Convention {
         self.axes_from_native().transpose() * p / self.units_per_metre()
     }
 
-    /// A native direction in the convention's axes; lengths stay.
+    /// A native direction in the convention's axes; lengths are kept.
     pub fn direction_from_native(self, d: Vec3) -> Vec3 {
         self.axes_from_native() * d
     }
 
-    /// A direction of the convention in native axes; lengths stay.
+    /// A direction of the convention in native axes; lengths are kept.
     pub fn direction_to_native(self, d: Vec3) -> Vec3 {
         self.axes_from_native().transpose() * d
     }
 
     /// A native rotation (world or parent-relative) in the convention's axes.
     pub fn rotation_from_native(self, q: Quat) -> Quat {
-        // A rotation's axis is a pseudovector: a mirror turns it round.
+        // A rotation's axis is a pseudovector: a mirror reverses it.
         let v = self.axes_from_native() * q.xyz() * self.angle_sign();
         Quat::from_vec4(v.extend(q.w))
     }
@@ -87,8 +86,8 @@ impl Convention {
         Quat::from_vec4(v.extend(q.w))
     }
 
-    /// A native heading, or its rate, about the convention's up axis: positive as its handedness
-    /// has it.
+    /// A native heading, or its rate, about the convention's up axis, with the sign of its
+    /// handedness.
     pub fn heading_from_native(self, heading: f32) -> f32 {
         heading * self.angle_sign()
     }
@@ -165,7 +164,7 @@ mod tests {
                 prop_assert!((c.direction_from_native(p).length() - p.length()).abs() < 1e-5);
                 prop_assert!(angle_between(c.rotation_to_native(c.rotation_from_native(q)), q) < 1e-5);
                 prop_assert_eq!(c.heading_to_native(c.heading_from_native(h)), h);
-                // A turned vector, converted, is the converted vector, turned.
+                // Converting a turned vector gives the same as turning the converted vector.
                 let a = c.direction_from_native(q * p);
                 let b = c.rotation_from_native(q) * c.direction_from_native(p);
                 prop_assert!(a.abs_diff_eq(b, 1e-4), "{:?}", c);

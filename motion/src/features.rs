@@ -13,10 +13,10 @@ pub const FEATURES_PER_JOINT: usize = 9;
 
 /// Writes the pose feature of one pose into `out` (`joints * 9`).
 ///
-/// `root` is the world position of the pelvis and `local` the pose (joint 0 in the world, others
-/// parent-relative). Positions are world-oriented and relative to the projected root `(root.x, 0,
-/// root.z)`, metres. Allocates a scratch buffer; where world transforms are at hand,
-/// [`pose_features_from_world`] does not.
+/// `root` is the world position of the pelvis, and `local` the pose (joint 0 in the world, others
+/// parent-relative). Positions are in metres and world axes, relative to the projected root
+/// `(root.x, 0, root.z)`. Allocates scratch memory. With world transforms at hand,
+/// [`pose_features_from_world`] allocates nothing.
 ///
 /// # Panics
 /// If `local` is shorter than the skeleton or `out` than `joints * 9`.
@@ -46,15 +46,16 @@ pub fn pose_features_from_world(root: Vec3, positions: &[Vec3], rotations: &[Qua
     }
 }
 
-/// World rotations of one pose feature (`joints * 9`), one a joint, into `out`. Does not allocate.
+/// Writes the world rotations of one pose feature (`joints * 9`), one a joint, into `out`. Does not
+/// allocate.
 pub fn world_rotations_from_features(features: &[f32], out: &mut [Quat]) {
     for (f, out) in features.chunks_exact(FEATURES_PER_JOINT).zip(out) {
         *out = from_six_d([f[3], f[4], f[5], f[6], f[7], f[8]]);
     }
 }
 
-/// World velocities in m/s by backward difference, `frames * joints`; frame 0 copies frame 1 (zero
-/// where there is none).
+/// World velocities in m/s by backward difference, `frames * joints`. Frame 0 copies frame 1, or is
+/// zero if there is only one.
 pub fn velocities(motion: &WorldMotion, fps: f32) -> Vec<Vec3> {
     let joints = motion.joints;
     let mut out = vec![Vec3::ZERO; motion.positions.len()];
@@ -99,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn features_do_not_change_with_the_place() {
+    fn features_do_not_depend_on_the_place() {
         let clip = walk(3);
         let n = clip.skeleton.joint_count() * FEATURES_PER_JOINT;
         let (mut here, mut there) = (vec![0.0; n], vec![0.0; n]);

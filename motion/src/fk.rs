@@ -36,10 +36,10 @@ pub fn world_transforms(
     }
 }
 
-/// World position (metres) and rotation of one joint, in time that grows with its depth. Does not
-/// allocate.
+/// World position (metres) and rotation of one joint. Takes time that grows with the joint's depth,
+/// and does not allocate.
 ///
-/// The same as [`world_transforms`] gives it, bit for bit.
+/// The result equals that of [`world_transforms`] bit for bit.
 ///
 /// # Panics
 /// If the skeleton has no such joint or `local` is shorter than the skeleton.
@@ -47,10 +47,10 @@ pub fn joint_transform(skeleton: &Skeleton, root: Vec3, local: &[Quat], joint: u
     transforms_down_to(skeleton, root, local, joint, &mut |_, _, _| {})
 }
 
-/// World positions (metres) and rotations of the joints from joint 0 down to `joint`, each told to
-/// `visit` on the way, in time that grows with its depth. Does not allocate.
+/// World positions (metres) and rotations of the joints from joint 0 down to `joint`, each passed
+/// to `visit`. Takes time that grows with the joint's depth, and does not allocate.
 ///
-/// The same as [`world_transforms`] gives them, bit for bit.
+/// The results equal those of [`world_transforms`] bit for bit.
 ///
 /// # Panics
 /// If the skeleton has no such joint or `local` is shorter than the skeleton.
@@ -90,7 +90,8 @@ pub fn local_from_world_rotations(skeleton: &Skeleton, world: &[Quat], out: &mut
     }
 }
 
-/// World positions and rotations of a run of frames: the input of features, contacts and metrics.
+/// World positions and rotations of consecutive frames: the input of features, contacts and
+/// metrics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldMotion {
     /// Joints a frame.
@@ -160,13 +161,13 @@ mod tests {
     fn an_arm_by_hand() {
         let world = WorldMotion::from_clip(&arm());
         let p = world.positions_at(0);
-        // a at (0,1,0), turned 90° about Z: b one along its X, which is the world's Y.
+        // a at (0,1,0), turned 90° about Z: b is one along its X, the world's Y.
         assert!(
             p[0].abs_diff_eq(Vec3::new(0.0, 1.0, 0.0), 1e-6),
-            "the root's own offset does not count"
+            "the root's own offset is ignored"
         );
         assert!(p[1].abs_diff_eq(Vec3::new(0.0, 2.0, 0.0), 1e-6));
-        // b is turned 90° about its own X, so its Y is a's Z, which is the world's Z.
+        // b is turned 90° about its own X, so its Y is a's Z, the world's Z.
         assert!(p[2].abs_diff_eq(Vec3::new(0.0, 2.0, 2.0), 1e-6));
         let want = Quat::from_rotation_z(FRAC_PI_2) * Quat::from_rotation_x(FRAC_PI_2);
         assert!(angle_between(world.rotations_at(0)[2], want) < 1e-6);

@@ -1,5 +1,5 @@
-//! Writes motions of one skeleton as a glTF 2.0 document of JSON alone: a node a joint, an
-//! animation a motion, the numbers in a `data:` URI.
+//! Writes motions of one skeleton as a single glTF 2.0 document in JSON: a node for each joint, an
+//! animation for each motion, and the numbers in a `data:` URI.
 
 use gltf_json as json;
 use json::Index;
@@ -12,20 +12,20 @@ use crate::glb::{Builder, GlbError};
 /// A joint at rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GltfJoint {
-    /// Its name.
+    /// Unique in the skeleton.
     pub name: String,
-    /// Index of its parent; none for the root.
+    /// Index of the parent; none for the root.
     pub parent: Option<usize>,
-    /// Place in the parent's frame at rest, metres.
+    /// Place in the parent's frame of reference at rest, metres.
     pub translation_m: Vec3,
     /// Rotation relative to the parent at rest.
     pub rotation: Quat,
 }
 
-/// One motion.
+/// A motion that becomes an animation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GltfMotion {
-    /// Its name.
+    /// Name of the animation.
     pub name: String,
     /// World position of the root, one a frame, metres.
     pub roots: Vec<Vec3>,
@@ -34,11 +34,11 @@ pub struct GltfMotion {
     pub rotations: Vec<Quat>,
 }
 
-/// A document of `motions`, which are of `joints` and have a frame every `1 / fps` seconds, with a
-/// root extension by its name.
+/// Writes a document of `motions`, which have the joints `joints` and a frame every `1 / fps`
+/// seconds, with a root extension of the given name.
 ///
 /// # Errors
-/// [`GlbError::Json`] where the document cannot be written.
+/// [`GlbError::Json`] if the document cannot be written.
 pub fn write_gltf(
     joints: &[GltfJoint],
     fps: f32,

@@ -1,18 +1,18 @@
-//! Checks whether a clip is fit for use, and says why not.
+//! Checks whether a clip is fit for use, and lists why not.
 
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 
-/// What a clip must keep to. The defaults are those that training keeps to
-/// (`training/troupe_training/data/prepare.py`); it holds them against clips at 30 fps, so resample
-/// a clip first ([`Clip::resample`]) for the same verdict.
+/// Limits for a clip. The defaults are those of training
+/// (`training/troupe_training/data/prepare.py`), which checks clips at 30 fps. For the same
+/// verdict, resample a clip first ([`Clip::resample`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
     /// Fewest frames; 16 by default.
     pub min_frames: usize,
-    /// Fastest joint, m/s; 20 by default. Faster is a jump of the capture, not a human.
+    /// Highest speed of a joint, m/s; 20 by default. Anything faster is a jump of the capture.
     pub max_speed_mps: f32,
-    /// How far the lowest joint may be below the ground, metres; 0.15 by default.
+    /// Greatest depth of the lowest joint below the ground, metres; 0.15 by default.
     pub max_depth_m: f32,
 }
 
@@ -30,46 +30,45 @@ impl Default for Limits {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Issue {
-    /// Too few frames.
+    /// The clip has too few frames.
     #[error("too short: {frames} frames, fewer than {min}")]
     TooShort {
-        /// Frames of the clip.
+        /// Number of frames.
         frames: usize,
-        /// Fewest allowed.
+        /// Fewest that are allowed.
         min: usize,
     },
-    /// NaN or infinity, or joints so far off that they overflow.
+    /// A value is NaN or infinite, or a joint so far away that it overflows.
     #[error("not finite: joint {joint:?} in frame {frame}")]
     NotFinite {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// First frame in which it is.
+        /// First frame with such a value.
         frame: usize,
     },
-    /// A jump.
+    /// A joint jumps.
     #[error("speed jump: joint {joint:?} moves at {speed_mps:.1} m/s into frame {frame}")]
     SpeedJump {
-        /// The fastest joint.
+        /// Name of the fastest joint.
         joint: String,
         /// The frame that it moves into.
         frame: usize,
-        /// Its speed.
+        /// Speed into that frame, m/s.
         speed_mps: f32,
     },
-    /// Under the ground.
+    /// A joint is below the ground.
     #[error("below ground: joint {joint:?} is {depth_m:.3} m under it in frame {frame}")]
     BelowGround {
-        /// The deepest joint.
+        /// Name of the deepest joint.
         joint: String,
-        /// The frame.
+        /// Frame in which it is deepest.
         frame: usize,
-        /// How deep, metres.
+        /// Depth, metres.
         depth_m: f32,
     },
 }
 
-/// Everything that is wrong with `clip`, at most one entry a kind, the worst frame of each; empty
-/// where it is fit.
+/// All problems of `clip`: at most one of each kind, the worst frame of each. Empty if it is fit.
 pub fn inspect(clip: &Clip, limits: &Limits) -> Vec<Issue> {
     let mut issues = Vec::new();
     let frames = clip.frames();
@@ -91,7 +90,7 @@ pub fn inspect(clip: &Clip, limits: &Limits) -> Vec<Issue> {
     if let Some(at) = bad {
         let (joint, frame) = place(at);
         issues.push(Issue::NotFinite { joint, frame });
-        // Nothing else can be said of it.
+        // Nothing else can be checked then.
         return issues;
     }
     let steps = motion.positions.iter().zip(motion.positions.iter().skip(joints));

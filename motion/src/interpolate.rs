@@ -20,16 +20,15 @@ pub fn smoothstep(t: f32) -> f32 {
 }
 
 /// `10t³ - 15t⁴ + 6t⁵`: from 0 to 1 with speed and acceleration 0 at both ends, as a hand or a hip
-/// moves (the path of least jerk, Flash and Hogan 1985). `t` outside 0 to 1 counts as the nearer
-/// end.
+/// moves (the path of least jerk, Flash and Hogan 1985). `t` outside 0 to 1 is clamped.
 #[inline]
 pub fn min_jerk(t: f32) -> f32 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 - t * (15.0 - 6.0 * t))
 }
 
-/// Cubic Hermite: from one value to another `span` later, each with its slope; `t` goes from 0 to
-/// 1.
+/// Cubic Hermite curve from one value to another `span` later, each with its slope; `t` goes from 0
+/// to 1.
 #[inline]
 pub fn hermite(t: f32, span: f32, (from, leaving): (f32, f32), (to, arriving): (f32, f32)) -> f32 {
     let (t2, t3) = (t * t, t * t * t);
@@ -39,9 +38,9 @@ pub fn hermite(t: f32, span: f32, (from, leaving): (f32, f32), (to, arriving): (
         + (t3 - t2) * span * arriving
 }
 
-/// The slope of such a curve at a knot: that of the parabola through it and its neighbours.
-/// `slopes` lead to the knot and away from it, over `spans`. Limited as by Fritsch and Carlson
-/// (1980), so that the curve never passes a knot and comes back.
+/// Slope of such a curve at a knot: that of the parabola through it and its neighbours. `slopes`
+/// are those of the segments before and after, over `spans`. Limited after Fritsch and Carlson
+/// (1980), so that the curve never overshoots a knot.
 #[inline]
 pub fn knot_slope([before, after]: [f32; 2], spans: [f32; 2]) -> f32 {
     let share = spans[0] / (spans[0] + spans[1]);
@@ -98,7 +97,7 @@ mod tests {
             assert_eq!(
                 filled.rotations_at(f),
                 clip.rotations_at(f),
-                "frames outside the gap stay"
+                "frames outside the gap are unchanged"
             );
             assert_eq!(filled.root_positions[f], clip.root_positions[f]);
         }

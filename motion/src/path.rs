@@ -1,39 +1,39 @@
-//! Paths over the ground: points by time, and a smooth way between them.
+//! Paths over the ground: points with times, and a smooth curve through them.
 
 use crate::interpolate::{hermite, knot_slope};
 use crate::root::wrap_angle;
 
-/// Slower than this the way has no direction to head along, metres a second.
+/// Below this speed the path has no direction to head along, m/s.
 const STANDING_MPS: f32 = 0.05;
-/// Half the time over which the direction of the way is taken, seconds.
+/// Half the time over which the direction of the path is measured, seconds.
 const DIRECTION_S: f32 = 0.4;
 
-/// Where to be, and when.
+/// A point of a path, with its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathPoint {
-    /// Seconds; each point's is later than that of the one before.
+    /// Seconds; increases from point to point.
     pub time_s: f32,
     /// World x and z, metres.
     pub place: [f32; 2],
-    /// Radians. Left out: along the way.
+    /// Radians. `None`: along the path.
     pub heading: Option<f32>,
 }
 
-/// A path. It has one point at least.
+/// A path with at least one point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GroundPath {
     points: Vec<PathPoint>,
 }
 
 impl GroundPath {
-    /// A path through `points`. None where there are none, or times do not grow.
+    /// A path through `points`. None without points, or if times do not increase.
     pub fn new(points: Vec<PathPoint>) -> Option<Self> {
         let grows = points.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
         (grows && !points.is_empty()).then_some(Self { points })
     }
 
-    /// Times by the way's length, at `speed_mps`, from 0 on. Points in one place are a hundredth of
-    /// a second apart.
+    /// Times from the distances, at `speed_mps`, beginning with 0. Points at one place are a
+    /// hundredth of a second apart.
     pub fn times_at(places: &[[f32; 2]], speed_mps: f32) -> Vec<f32> {
         let mut time_s = 0.0;
         let mut last = None;
@@ -47,18 +47,18 @@ impl GroundPath {
         each.collect()
     }
 
-    /// When it ends, seconds.
+    /// Time of the last point, seconds.
     pub fn end_s(&self) -> f32 {
         self.points[self.points.len() - 1].time_s
     }
 
-    /// The first point that is later than a time; the last one where none is.
+    /// Index of the first point that is later than a time; of the last point if there is none.
     pub fn point_after(&self, time_s: f32) -> usize {
         let after = self.points.partition_point(|point| point.time_s < time_s);
         after.min(self.points.len() - 1)
     }
 
-    /// World x and z at a time: a cubic curve through the points, which waits at the first one, and
+    /// World x and z at a time: a cubic curve through the points, which waits at the first and
     /// stays at the last.
     pub fn place(&self, time_s: f32) -> [f32; 2] {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
@@ -75,7 +75,7 @@ impl GroundPath {
         std::array::from_fn(|axis| hermite(t, span, (a.place[axis], from[axis]), (b.place[axis], to[axis])))
     }
 
-    /// Velocity at a point: that of the parabola through it and its neighbours, metres a second.
+    /// Velocity at a point: that of the parabola through it and its neighbours, m/s.
     fn velocity_at(&self, index: usize) -> [f32; 2] {
         let slope = |a: usize, b: usize| {
             let (a, b) = (&self.points[a], &self.points[b]);
@@ -93,8 +93,8 @@ impl GroundPath {
     }
 
     /// `[frames][x, z, heading]`, metres and radians, from `start_s` on. Between points with
-    /// headings they turn evenly; a point without one heads along the way, and where the way stands
-    /// still it goes on heading as before.
+    /// headings the heading turns evenly. A point without one heads along the path; if the path
+    /// stands still, it keeps the heading before.
     pub fn frames(&self, start_s: f32, fps: f32, count: usize) -> Vec<[f32; 3]> {
         let time = |frame: usize| start_s + frame as f32 / fps;
         let mut headings: Vec<Option<f32>> = match self.points.iter().any(|point| point.heading.is_some()) {
@@ -119,15 +119,15 @@ impl GroundPath {
         each.collect()
     }
 
-    /// The way's direction at a time, radians; none where it stands.
+    /// Direction of the path at a time, radians; none if it stands still.
     fn direction(&self, time_s: f32) -> Option<f32> {
         let [from, to] = [-DIRECTION_S, DIRECTION_S].map(|off| self.place(time_s + off));
         let (x, z) = (to[0] - from[0], to[1] - from[1]);
-        // At the ends of a path half of it stands.
+        // At the ends of a path, half of the time it stands still.
         (x.hypot(z) > STANDING_MPS * DIRECTION_S).then(|| x.atan2(z))
     }
 
-    /// The heading of each point: its own, else along the way, else that of a neighbour.
+    /// The heading of each point: its own, otherwise along the path, otherwise a neighbour's.
     fn point_headings(&self) -> Vec<f32> {
         let own = |point: &PathPoint| point.heading.or_else(|| self.direction(point.time_s));
         let own: Vec<Option<f32>> = self.points.iter().map(own).collect();
@@ -150,7 +150,7 @@ impl GroundPath {
     }
 }
 
-/// Length of the way between two places, metres.
+/// Distance between two places, metres.
 pub fn distance(a: [f32; 2], b: [f32; 2]) -> f32 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn headings_follow_the_way_or_what_is_given() {
+    fn headings_follow_the_path_or_the_points() {
         let corner = [(0.0, [0.0, 0.0]), (2.0, [0.0, 2.0]), (4.0, [2.0, 2.0])];
         let along = path(&corner.map(|(time, place)| (time, place, None))).frames(0.0, 30.0, 121);
         assert!(
@@ -200,7 +200,7 @@ mod tests {
         );
         let back = path(&corner.map(|(time, place)| (time, place, Some(PI - 0.1)))).frames(0.0, 30.0, 121);
         assert!(back.iter().all(|frame| (frame[2] - (PI - 0.1)).abs() < 1e-5));
-        // The short way around.
+        // The short way round.
         let turn = path(&[(0.0, [0.0, 0.0], Some(3.0)), (1.0, [0.0, 0.0], Some(-3.0))]).frames(0.0, 30.0, 16);
         assert!(turn.iter().all(|frame| frame[2].abs() > 2.9), "{turn:?}");
     }

@@ -1,8 +1,8 @@
-//! Pinning: generated frames meet the keyframes they were given, without a pop.
+//! Pinning: makes generated frames meet their keyframes exactly, without a pop.
 //!
-//! The networks come close to a keyframe, not onto it. [`crate::segment::pin_targets`] takes up
-//! what is left of the root over the whole gap (root interpolation, MotionBricks fig. 14),
-//! [`pin_poses`] what is left of the pose over a few frames on either side.
+//! The networks come close to a keyframe, but not onto it. [`crate::segment::pin_targets`] spreads
+//! the root's error over the whole gap (root interpolation, MotionBricks fig. 14), and
+//! [`pin_poses`] the pose's error over a few frames on either side.
 
 use glam::Quat;
 
@@ -12,18 +12,18 @@ use crate::rotation::align_sign;
 /// A pose that a frame must have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosePin<'a> {
-    /// The frame.
+    /// Index of the frame.
     pub frame: usize,
-    /// Its rotations, in the form of the generated ones: joint 0 in the world or segment, others
-    /// parent-relative.
+    /// The required rotations, in the form of the generated ones: joint 0 in the world or segment,
+    /// others parent-relative.
     pub rotations: &'a [Quat],
 }
 
-/// Turns generated poses so that every pinned frame has exactly its given rotations.
+/// Turns generated poses so that every pinned frame has exactly its required rotations.
 ///
-/// What a pin still lacks fades out over `reach_frames` on either side, sooner where the next pin
-/// is nearer, so pins do not disturb each other. `rotations` holds `joints` rotations a frame. Pins
-/// past the end or without `joints` rotations are left out; they must come in the order of their
+/// The error at a pin fades out over `reach_frames` on either side, or sooner if the next pin is
+/// nearer, so pins do not affect each other. `rotations` has `joints` rotations a frame. Pins
+/// beyond the end, or without `joints` rotations, are ignored. Pins must be in the order of their
 /// frames.
 pub fn pin_poses(rotations: &mut [Quat], joints: usize, pins: &[PosePin<'_>], reach_frames: usize) {
     let frames = rotations.len() / joints.max(1);
@@ -31,7 +31,7 @@ pub fn pin_poses(rotations: &mut [Quat], joints: usize, pins: &[PosePin<'_>], re
         .iter()
         .filter(|pin| pin.frame < frames && pin.rotations.len() == joints)
         .collect();
-    // All residuals before any change: each is against what was generated.
+    // All residuals before any change, so that each is relative to the generated pose.
     let mut residuals = Vec::with_capacity(pins.len() * joints);
     for pin in &pins {
         let generated = &rotations[pin.frame * joints..][..joints];
@@ -75,7 +75,7 @@ fn residual(given: Quat, made: Quat) -> Quat {
     if turn.w < 0.0 { -turn } else { turn }
 }
 
-/// How much of what a pin lacks a frame takes at `distance` frames from it: 1 at the pin, 0 from
+/// Share of a pin's error that a frame takes at `distance` frames from it: 1 at the pin, 0 from
 /// `reach` frames on, flat at both ends.
 pub fn fade(distance: usize, reach: usize) -> f32 {
     if distance == 0 {
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pin_that_is_met_already_changes_nothing() {
+    fn a_pin_that_is_already_met_changes_nothing() {
         let before = wavy(10);
         let mut after = before.clone();
         let given = before[4 * JOINTS..5 * JOINTS].to_vec();
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn unusable_pins_are_left_out() {
+    fn unusable_pins_are_ignored() {
         let before = wavy(5);
         let mut after = before.clone();
         let (given, short) = (pose(1.0), [Quat::IDENTITY]);
@@ -173,7 +173,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_pin_is_met_wherever_the_others_are(
+        fn every_pin_is_met_whatever_the_others(
             mut frames in proptest::collection::btree_set(0_usize..30, 1..8),
             reach in 0_usize..12,
         ) {

@@ -1,4 +1,4 @@
-//! The root: global (`r_g`) and local (`r_l`) form, and the pelvis heading (MotionBricks, section
+//! The root: global (`r_g`) and local (`r_l`) form, and the pelvis' heading (MotionBricks, section
 //! 4).
 
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Quat, Vec3};
 
-/// Global root `r_g`: where the pelvis is and which way it faces.
+/// Global root `r_g`: position and heading of the pelvis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GlobalRoot {
     /// World position of the pelvis, metres; y is its height.
@@ -15,7 +15,7 @@ pub struct GlobalRoot {
     pub heading: f32,
 }
 
-/// Local root `r_l`: how the pelvis moves. Velocities are in the world's ground plane, not turned
+/// Local root `r_l`: motion of the pelvis. Velocities are in the world's ground plane, not turned
 /// by the heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LocalRoot {
@@ -66,7 +66,7 @@ impl GlobalRoot {
         Vec3::new(self.position.x, 0.0, self.position.z)
     }
 
-    /// The direction that the root faces, in the ground plane, unit length.
+    /// The direction that the root faces on the ground, unit length.
     #[inline]
     pub fn forward(self) -> Vec3 {
         let (sin, cos) = self.heading.sin_cos();
@@ -117,11 +117,11 @@ impl From<[f32; 4]> for LocalRoot {
     }
 }
 
-/// `angle` brought into (-π, π] by whole turns. NaN and infinity give NaN.
+/// `angle` wrapped into (-π, π]. NaN and infinity give NaN.
 #[inline]
 pub fn wrap_angle(angle: f32) -> f32 {
     let wrapped = angle - TAU * (angle / TAU).round();
-    // Rounding can leave a hair outside the interval, and -π is the same as π.
+    // Rounding can leave it slightly outside the interval, and -π is the same as π.
     if wrapped <= -PI {
         wrapped + TAU
     } else if wrapped > PI {
@@ -131,12 +131,12 @@ pub fn wrap_angle(angle: f32) -> f32 {
     }
 }
 
-/// Heading of a pose, radians in (-π, π]: the way that the pelvis' left, turned a quarter about +Y,
-/// points on the ground.
+/// Heading of a pose, radians in (-π, π]: the direction of the pelvis' left on the ground, turned
+/// by a quarter about +Y.
 ///
-/// `pelvis` is the pelvis' world rotation and `left_axis` the skeleton's left in the pelvis' frame.
-/// Bending forward or back does not change it. Where the left points straight up or down the
-/// heading is not defined, and 0 comes back.
+/// `pelvis` is the pelvis' world rotation, and `left_axis` the skeleton's left in the pelvis' frame
+/// of reference. Bending forward or back does not change it. If the left points straight up or
+/// down, there is no heading: 0.
 #[inline]
 pub fn heading_of(pelvis: Quat, left_axis: Vec3) -> f32 {
     let left = pelvis * left_axis;
@@ -151,8 +151,8 @@ pub fn heading_of(pelvis: Quat, left_axis: Vec3) -> f32 {
     }
 }
 
-/// Backward differences: `v[t] = (x[t] - x[t-1]) * fps`, `omega[t] = wrap(ψ[t] - ψ[t-1]) * fps`;
-/// frame 0 copies the velocities of frame 1 (zero where there is no frame 1).
+/// Backward differences: `v[t] = (x[t] - x[t-1]) * fps`, `omega[t] = wrap(ψ[t] - ψ[t-1]) * fps`.
+/// Frame 0 copies the velocities of frame 1, or has zero if there is none.
 pub fn local_from_global(roots: &[GlobalRoot], fps: f32) -> Vec<LocalRoot> {
     let mut out = Vec::with_capacity(roots.len());
     let Some(first) = roots.first() else { return out };
@@ -181,8 +181,8 @@ pub fn local_from_global(roots: &[GlobalRoot], fps: f32) -> Vec<LocalRoot> {
 
 /// Integrates local roots: the inverse of [`local_from_global`].
 ///
-/// Frame 0 of the answer is `start`; frame t adds `local[t]`'s velocities to frame t-1 and takes
-/// its height. As many frames come back as `local` has. Sums are kept in double precision.
+/// Frame 0 of the result is `start`. Frame t adds `local[t]`'s velocities to frame t-1, and takes
+/// its height. The result has as many frames as `local`. Sums are in double precision.
 pub fn global_from_local(start: GlobalRoot, local: &[LocalRoot], fps: f32) -> Vec<GlobalRoot> {
     let dt = 1.0 / f64::from(fps);
     let (mut x, mut z) = (f64::from(start.position.x), f64::from(start.position.z));
@@ -212,7 +212,7 @@ mod tests {
     use std::f32::consts::FRAC_PI_2;
 
     #[test]
-    fn arrays_are_in_the_contracts_order() {
+    fn arrays_have_the_documented_order() {
         let r = GlobalRoot::new(Vec3::new(1.0, 2.0, 3.0), FRAC_PI_2);
         let a = r.to_array();
         assert_eq!(a[..3], [1.0, 2.0, 3.0]);
@@ -229,8 +229,8 @@ mod tests {
 
     #[test]
     fn heading_follows_yaw_and_ignores_a_bow() {
-        // A pelvis whose left is its -Y, as the Bandai-Namco skeleton's: rest rotation takes -Y to
-        // +X.
+        // A pelvis whose left is its -Y, as in the Bandai-Namco skeleton: the rest rotation takes
+        // -Y to +X.
         let rest = Quat::from_rotation_z(FRAC_PI_2);
         for psi in [-3.0f32, -1.0, 0.0, 0.5, 2.0, 3.1] {
             let bow = Quat::from_rotation_y(psi) * Quat::from_rotation_x(1.4) * rest;

@@ -14,8 +14,8 @@ pub fn six_d(q: Quat) -> [f32; 6] {
 /// The unit quaternion whose matrix columns are the Gram-Schmidt orthonormalisation of the two
 /// columns in `d`.
 ///
-/// Inverse of [`six_d`] up to the quaternion's sign. Never fails: where the columns are zero,
-/// parallel or not finite, the missing direction is chosen arbitrarily but deterministically.
+/// The inverse of [`six_d`] up to the quaternion's sign. Never fails: for zero, parallel or
+/// infinite columns, the missing direction is arbitrary but deterministic.
 pub fn from_six_d(d: [f32; 6]) -> Quat {
     let a = Vec3::new(d[0], d[1], d[2]);
     let b = Vec3::new(d[3], d[4], d[5]);
@@ -32,7 +32,7 @@ pub fn from_six_d(d: [f32; 6]) -> Quat {
 /// [`from_six_d`] of as many rotations as both `six_d` (six numbers each) and `out` hold. Does not
 /// allocate.
 ///
-/// Four at a time, to the last bit what [`from_six_d`] gives one by one.
+/// Four at a time, equal to [`from_six_d`] one by one to the last bit.
 pub fn from_six_ds(six_d: &[f32], out: &mut [Quat]) {
     let one_by_one = |six_d: &[[f32; 6]], out: &mut [Quat]| {
         for (out, &d) in out.iter_mut().zip(six_d) {
@@ -52,11 +52,10 @@ pub fn from_six_ds(six_d: &[f32], out: &mut [Quat]) {
     one_by_one(rest, out_rest);
 }
 
-/// Four rotations at once, or nothing where the columns of one are not well apart or not of a usual
-/// size.
+/// Four rotations at once. `None` if the columns of one are almost parallel, or of an unusual size.
 ///
-/// The branches of [`from_six_d`], and of the quaternion of a matrix after it, become choices
-/// number by number.
+/// The branches of [`from_six_d`], and of the conversion from a matrix to a quaternion after it,
+/// become selections number by number.
 #[inline]
 fn four_from_six_d(d: &[[f32; 6]; 4]) -> Option<[Quat; 4]> {
     let across_four = |number: usize| f32x4::new([d[0][number], d[1][number], d[2][number], d[3][number]]);
@@ -78,7 +77,7 @@ fn four_from_six_d(d: &[[f32; 6]; 4]) -> Option<[Quat; 4]> {
     let (yx, yy, yz) = (yx * shrink, yy * shrink, yz * shrink);
     let (zx, zy, zz) = (xy * yz - xz * yy, xz * yx - xx * yz, xx * yy - xy * yx);
 
-    // Four times the squares of x, y, z and w; the largest is the one to divide by.
+    // Four times the squares of x, y, z and w; the largest is used as divisor.
     let (one_less, one_more) = (f32x4::ONE - zz, f32x4::ONE + zz);
     let (sum, difference) = (xx + yy, yy - xx);
     let (x4, y4) = (one_less - difference, one_less + difference);
@@ -100,11 +99,11 @@ fn four_from_six_d(d: &[[f32; 6]; 4]) -> Option<[Quat; 4]> {
     Some(f32x4::transpose(columns).map(|row| Quat::from_array(row.to_array())))
 }
 
-/// Square of the sine below which two columns count as nearly along each other: what is left of one
-/// across the other has lost digits then.
+/// Square of the sine below which two columns count as nearly parallel: the component of one across
+/// the other has then lost digits.
 const NEARLY_ALONG: f32 = 1e-3;
 
-/// A direction across `x`, as near to `y` as its digits allow.
+/// A direction perpendicular to `x`, as near to `y` as its digits allow.
 #[cold]
 fn across(x: Vec3, y: Vec3) -> Vec3 {
     match y.try_normalize() {
@@ -116,8 +115,7 @@ fn across(x: Vec3, y: Vec3) -> Vec3 {
     }
 }
 
-/// Spherical interpolation along the shorter way from `a` (`t` = 0) to `b` (`t` = 1), of unit
-/// length.
+/// Spherical interpolation the shorter way from `a` (`t` = 0) to `b` (`t` = 1), of unit length.
 #[inline]
 pub fn slerp(a: Quat, b: Quat, t: f32) -> Quat {
     a.slerp(b, t).normalize()
@@ -154,7 +152,7 @@ pub fn to_wxyz(q: Quat) -> [f32; 4] {
     [q.w, q.x, q.y, q.z]
 }
 
-/// From the wire order `(w, x, y, z)`. Neither checks nor changes the length.
+/// From the wire order `(w, x, y, z)`. The length is neither checked nor changed.
 #[inline]
 pub fn from_wxyz(v: [f32; 4]) -> Quat {
     Quat::from_xyzw(v[1], v[2], v[3], v[0])
@@ -233,7 +231,7 @@ pub(crate) mod tests {
                 .iter()
                 .map(|&(rotation, size, plain)| {
                     let d = six_d(rotation).map(|number| number * size);
-                    // Columns that are not across each other, and some that are the same.
+                    // Columns that are not perpendicular, and some that are.
                     if plain { d } else { [d[0], d[1], d[2], d[3] + bent, d[1], d[2]] }
                 })
                 .collect();
@@ -256,7 +254,7 @@ pub(crate) mod tests {
             prop_assert!(angle_between(slerp(a, b, 0.0), a) < 1e-3);
             prop_assert!(angle_between(slerp(a, b, 1.0), b) < 1e-3);
             let whole = angle_between(a, b);
-            // Close to half a turn the way is not unique.
+            // Near half a turn the shorter way is not unique.
             prop_assume!(whole < 3.1);
             prop_assert!((angle_between(a, slerp(a, b, 0.5)) - whole / 2.0).abs() < 2e-3);
         }

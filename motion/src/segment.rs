@@ -1,5 +1,4 @@
-//! The segment frame, in which the model works, and the pinning of a generated root to given
-//! targets.
+//! The segment frame, in which models work, and the pinning of a generated root to given targets.
 
 use glam::{Quat, Vec3};
 
@@ -8,8 +7,8 @@ use crate::interpolate::smoothstep;
 use crate::root::{GlobalRoot, LocalRoot, wrap_angle};
 use crate::rotation::yaw;
 
-/// A frame on the ground: the projected root of the last context frame is its origin, and that
-/// root's heading is 0 in it. Heights do not change.
+/// A frame of reference on the ground. The projected root of the last context frame is its origin,
+/// and that root's heading is 0 in it. Heights do not change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentFrame {
     /// World position of the origin, y = 0.
@@ -19,7 +18,7 @@ pub struct SegmentFrame {
 }
 
 impl SegmentFrame {
-    /// The frame in which `root` stands at the ground origin with heading 0.
+    /// The frame of reference with `root` at its ground origin, with heading 0.
     pub fn from_root(root: GlobalRoot) -> Self {
         Self {
             origin: root.projected(),
@@ -58,7 +57,7 @@ impl SegmentFrame {
         yaw(self.heading) * q
     }
 
-    /// World root to segment root; the heading comes back in (-π, π].
+    /// World root to segment root; the result's heading is in (-π, π].
     pub fn to_segment_root(&self, r: GlobalRoot) -> GlobalRoot {
         GlobalRoot::new(
             self.to_segment_position(r.position),
@@ -66,7 +65,7 @@ impl SegmentFrame {
         )
     }
 
-    /// Segment root to world root; the heading comes back in (-π, π].
+    /// Segment root to world root; the result's heading is in (-π, π].
     pub fn to_world_root(&self, r: GlobalRoot) -> GlobalRoot {
         GlobalRoot::new(
             self.to_world_position(r.position),
@@ -74,8 +73,8 @@ impl SegmentFrame {
         )
     }
 
-    /// World local root to segment local root: the velocity turns, angular velocity and height
-    /// stay.
+    /// World local root to segment local root: the velocity turns; angular velocity and height are
+    /// unchanged.
     pub fn to_segment_local_root(&self, l: LocalRoot) -> LocalRoot {
         turn_local_root(l, -self.heading)
     }
@@ -86,8 +85,8 @@ impl SegmentFrame {
     }
 
     /// Turns pose features (`[.., joints * 9]`, any number of frames) from the world to the segment
-    /// frame, in place. Their positions are relative to their own projected root, so they only
-    /// turn.
+    /// frame, in place. Their positions are relative to their own projected root, so turning is
+    /// enough.
     pub fn rotate_pose_features_to_segment(&self, features: &mut [f32]) {
         rotate_pose_features(features, -self.heading);
     }
@@ -120,23 +119,23 @@ fn rotate_pose_features(features: &mut [f32], angle: f32) {
 /// A root that a frame must have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RootPin {
-    /// The frame.
+    /// Index of the frame.
     pub frame: usize,
-    /// Its root.
+    /// The required root.
     pub root: GlobalRoot,
 }
 
 /// Moves a generated root to given target roots (root interpolation, MotionBricks fig. 14).
 ///
 /// The residual between given and generated root (position and heading) at each target is spread
-/// over the frames since the one before it (the last context frame, where the residual counts as
-/// zero, for the first target) with a smoothstep ramp; frames behind the last target keep its
-/// residual. Poses turn about their root with the heading's part: `rotations` holds `roots.len() *
-/// joints` rotations of which each frame's joint 0 is in the world and changes. After it the
-/// targets' roots are met to rounding.
+/// with a smoothstep ramp over the frames since the target before. For the first target these begin
+/// at the last context frame, with residual 0. Frames after the last target keep its residual.
+/// Poses turn about their root with the heading: `rotations` has `roots.len() * joints` rotations,
+/// of which each frame's joint 0 is in the world and changes. Afterwards the targets' roots are met
+/// up to rounding.
 ///
-/// Targets may come in any order; those at or before `last_context_frame` or past the end are left
-/// out. All in one frame of reference, world or segment.
+/// Targets may be in any order. Those at or before `last_context_frame`, or beyond the end, are
+/// ignored. Everything is in one frame of reference, world or segment.
 pub fn pin_targets(
     roots: &mut [GlobalRoot],
     rotations: &mut [Quat],
@@ -233,7 +232,7 @@ mod tests {
 
     #[test]
     fn features_and_roots_turn_with_the_clip() {
-        // Turning the features is the same as turning the clip and taking features.
+        // Turning the features equals turning the clip and computing features.
         let clip = walk(12);
         let frame = SegmentFrame::from_root(clip.root_at(3));
         let n = 8 * FEATURES_PER_JOINT;
@@ -249,7 +248,7 @@ mod tests {
             &mut want,
         );
         assert!(turned.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-5));
-        // And local roots turn as their global roots do.
+        // Local roots turn like their global roots.
         let roots = clip.roots();
         let moved: Vec<_> = roots.iter().map(|&r| frame.to_segment_root(r)).collect();
         for (a, b) in local_from_global(&roots, 30.0)
@@ -259,7 +258,7 @@ mod tests {
             let (a, b) = (frame.to_segment_local_root(*a).to_array(), b.to_array());
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3));
         }
-        // Integrating in the segment and going back gives the world's.
+        // Integrating in the segment and converting back gives the world's.
         let back = global_from_local(moved[0], &local_from_global(&moved, 30.0), 30.0);
         let last = frame.to_world_root(back[11]);
         assert!(last.position.abs_diff_eq(roots[11].position, 1e-4));
@@ -311,7 +310,7 @@ mod tests {
             let mut rotations: Vec<Quat> = roots.iter().flat_map(|r| [yaw(r.heading), yaw(1.0)]).collect();
             let targets: Vec<_> = given.iter().map(|&(frame, p, h)| RootPin { frame, root: GlobalRoot::new(Vec3::from(p), h) }).collect();
             pin_targets(&mut roots, &mut rotations, 2, 3, &targets);
-            prop_assert_eq!(&roots[..4], &generated[..4], "context stays");
+            prop_assert_eq!(&roots[..4], &generated[..4], "the context is unchanged");
             for (nth, t) in targets.iter().enumerate() {
                 let first = targets[..nth].iter().all(|o| o.frame != t.frame);
                 if t.frame > 3 && t.frame < 24 && first {
@@ -321,15 +320,15 @@ mod tests {
             }
             for (f, r) in roots.iter().enumerate() {
                 prop_assert!(wrap_angle(heading_of(rotations[2 * f], Vec3::X) - r.heading).abs() < 1e-4, "poses turn along");
-                prop_assert_eq!(rotations[2 * f + 1], yaw(1.0), "parent-relative rotations stay");
+                prop_assert_eq!(rotations[2 * f + 1], yaw(1.0), "parent-relative rotations are unchanged");
             }
         }
     }
 
     #[test]
     fn the_residual_is_spread_with_smoothstep() {
-        // Frames 4..=7 lie between context (3) and target (8), one metre off to the right and half
-        // a turn.
+        // Frames 4..=7 lie between context (3) and target (8), which is off by one metre to the
+        // right and half a turn.
         let mut roots = vec![GlobalRoot::new(Vec3::ZERO, 0.0); 10];
         let mut rotations = vec![Quat::IDENTITY; 10];
         let target = RootPin {
@@ -349,7 +348,7 @@ mod tests {
         assert_eq!(
             (share(8), share(9)),
             (1.0, 1.0),
-            "frames behind the target keep its residual"
+            "frames after the target keep its residual"
         );
     }
 }

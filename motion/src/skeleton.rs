@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::robot::{Robot, RobotDoc, RobotError};
 
-/// The most joints that a skeleton may have.
+/// Most joints of a skeleton.
 pub const MAX_JOINTS: usize = 512;
 
 /// One joint.
@@ -18,41 +18,40 @@ pub struct Joint {
     pub name: String,
     /// Index of the parent, smaller than the joint's own; `None` for joint 0 only.
     pub parent: Option<usize>,
-    /// Offset from the parent in the parent's frame, metres. Joint 0's is not used: its place is
-    /// the root position.
+    /// Offset from the parent in the parent's frame of reference, metres. Ignored for joint 0,
+    /// whose place is the root position.
     pub offset_m: Vec3,
 }
 
-/// Which joints touch the ground, and when they count as touching it. The four lists have one entry
-/// a contact joint.
+/// The joints that touch the ground, and when they count as touching it. The lists have one entry
+/// for each contact joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactParams {
-    /// Joint indices.
+    /// Indices of the contact joints.
     pub joints: Vec<usize>,
     /// A joint is in contact only below this height over the ground, metres.
     pub max_height_m: Vec<f32>,
-    /// A joint is in contact only below this speed (in 3D), metres per second.
+    /// A joint is in contact only below this speed (in 3D), m/s.
     pub max_speed_mps: f32,
-    /// Height of the joint over the ground at rest on it, metres.
+    /// Height of the joint over the ground when it rests there, metres.
     pub clearance_m: Vec<f32>,
 }
 
-/// A validated joint hierarchy. Reads and writes (serde) the `[skeleton]` table of a pack's
-/// `pack.toml`, where parents and contact joints go by name; a robot's hinges have a table of their
-/// own ([`RobotDoc`]).
+/// A validated joint hierarchy. With serde it is the `[skeleton]` table of a pack's `pack.toml`,
+/// with parents and contact joints by name. A robot's hinges have a separate table ([`RobotDoc`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SkeletonDoc", into = "SkeletonDoc")]
 #[non_exhaustive]
 pub struct Skeleton {
     /// Parents before children; joint 0 is the root (the pelvis).
     pub joints: Vec<Joint>,
-    /// Direction of the character's left in the pelvis' own frame, unit length.
+    /// Direction of the character's left in the pelvis' own frame of reference, unit length.
     pub left_axis: Vec3,
     /// Height of the ground plane in the world, metres.
     pub ground_y_m: f32,
-    /// Contact joints, where the skeleton has any.
+    /// The contact joints, if the skeleton has any.
     pub contacts: Option<ContactParams>,
-    /// The hinges, where it is a robot's.
+    /// The hinges, if it is a robot.
     pub robot: Option<Robot>,
 }
 
@@ -69,7 +68,7 @@ pub enum SkeletonError {
     /// A joint without a name.
     #[error("joint {0} has no name")]
     EmptyName(usize),
-    /// Two joints of one name.
+    /// Two joints have the same name.
     #[error("the name {0:?} is used by more than one joint")]
     DuplicateName(String),
     /// Joint 0 has a parent.
@@ -81,37 +80,37 @@ pub enum SkeletonError {
     /// A parent that does not come before its child.
     #[error("the parent of joint {0:?} does not come before it")]
     ParentNotBefore(String),
-    /// A name that is no joint's.
+    /// The skeleton has no joint of this name.
     #[error("{field} names {name:?}, which is no joint of the skeleton")]
     UnknownJoint {
-        /// Where the name stood.
+        /// The field that has the name.
         field: &'static str,
-        /// The name.
+        /// The unknown name.
         name: String,
     },
-    /// An offset with NaN or infinity.
+    /// An offset is NaN or infinite.
     #[error("the offset of joint {0:?} is not finite")]
     NonFiniteOffset(String),
-    /// A left axis that is not of unit length.
+    /// The left axis is not of unit length.
     #[error("left_axis must have unit length within 0.001, but its length is {0}")]
     LeftAxis(f32),
-    /// A ground height that is not finite.
+    /// The ground height is not finite.
     #[error("ground_y_m is not finite")]
     Ground,
-    /// Contact lists of different lengths.
+    /// The contact lists have different lengths.
     #[error("contacts.{field} has {found} entries for {expected} contact joints")]
     ContactLength {
-        /// The list.
+        /// Name of the list.
         field: &'static str,
-        /// Its length.
+        /// Number of its entries.
         found: usize,
-        /// The number of contact joints.
+        /// Number of contact joints.
         expected: usize,
     },
-    /// A contact joint index that is out of range or given twice.
+    /// A contact joint is out of range, or comes twice.
     #[error("contact joint {0} is out of range or given twice")]
     ContactJoint(usize),
-    /// A contact threshold that is not finite, or a speed that is not positive.
+    /// A contact threshold is not finite, or the speed not positive.
     #[error("contacts.{0} must be finite, and a speed positive")]
     ContactValue(&'static str),
 }
@@ -120,7 +119,7 @@ impl Skeleton {
     /// Checks and builds a skeleton.
     ///
     /// # Errors
-    /// Any [`SkeletonError`]; its text names the joint or field.
+    /// Any [`SkeletonError`], with the joint or field.
     pub fn new(
         joints: Vec<Joint>,
         left_axis: Vec3,
@@ -147,10 +146,10 @@ impl Skeleton {
         })
     }
 
-    /// The skeleton as that of a robot, with the hinges of `robot`.
+    /// The skeleton of a robot with the hinges of `robot`.
     ///
     /// # Errors
-    /// [`RobotError`]; its text names field and range.
+    /// [`RobotError`], with field and range.
     pub fn with_robot(mut self, robot: &RobotDoc) -> Result<Self, RobotError> {
         self.robot = Some(robot.on(&self)?);
         Ok(self)
@@ -174,7 +173,7 @@ impl ContactParams {
         self.joints.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no contact joints.
     pub fn is_empty(&self) -> bool {
         self.joints.is_empty()
     }
@@ -253,7 +252,7 @@ struct SkeletonDoc {
 #[serde(deny_unknown_fields)]
 struct JointDoc {
     name: String,
-    /// Empty for the root.
+    /// Name of the parent; empty for the root.
     #[serde(default)]
     parent: String,
     offset_m: Vec3,
@@ -376,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn written_and_read_is_the_same() {
+    fn a_skeleton_is_unchanged_by_writing_and_reading() {
         let skeleton = (*biped()).clone();
         let text = toml::to_string(&skeleton).unwrap();
         assert_eq!(toml::from_str::<Skeleton>(&text).unwrap(), skeleton);
@@ -451,7 +450,7 @@ mod tests {
     }
 
     #[test]
-    fn contact_joints_must_be_there_once() {
+    fn contact_joints_must_exist_and_come_once() {
         let twice = ContactParams {
             joints: vec![3, 3],
             max_height_m: vec![0.1; 2],

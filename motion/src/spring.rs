@@ -5,12 +5,13 @@ use std::ops::{Add, Mul, Sub};
 use crate::root::wrap_angle;
 
 /// Place and velocity after `t` seconds of a spring with damping `gamma` (1/s) that started at `x0`
-/// with velocity `v0` and is drawn to `target`.
+/// with velocity `v0` and is pulled to `target`.
 ///
 /// The place is the paper's equation 6, `x(t) = target + (d + (v0 + γ d) t) e^(-γ t)` with
-/// `d = x0 - target`, the velocity its derivative, `(v0 - γ (v0 + γ d) t) e^(-γ t)`. It solves
-/// `x'' = -2 γ x' - γ² (x - target)`: critically damped, so that it reaches the target as fast as a spring can
-/// without swinging about it.
+/// `d = x0 - target`. The velocity is its derivative, `(v0 - γ (v0 + γ d) t) e^(-γ t)`.
+///
+/// It solves `x'' = -2 γ x' - γ² (x - target)`: critically damped, so it reaches the target as fast
+/// as a spring can without overshooting.
 ///
 /// For `f32`, `glam::Vec2` and `glam::Vec3`.
 #[inline]
@@ -24,8 +25,8 @@ where
     (target + (d + j * t) * decay, (v0 - j * (gamma * t)) * decay)
 }
 
-/// [`critically_damped`] for headings, in radians and radians per second: from `heading` the
-/// shorter way round to `target`. The heading comes back in (-π, π].
+/// [`critically_damped`] for headings, in radians and rad/s: from `heading` the shorter way round
+/// to `target`. The result's heading is in (-π, π].
 #[inline]
 pub fn critically_damped_heading(heading: f32, omega: f32, target: f32, gamma: f32, t: f32) -> (f32, f32) {
     let turn = wrap_angle(target - heading);
@@ -33,9 +34,8 @@ pub fn critically_damped_heading(heading: f32, omega: f32, target: f32, gamma: f
     (wrap_angle(heading + turned), omega)
 }
 
-/// Way that a velocity makes in `t` seconds while it follows a critically damped spring from `v0`
-/// to `target`, from rest: the integral of [`critically_damped`] for velocities with no
-/// acceleration at first.
+/// Travel in `t` seconds of a velocity that follows a critically damped spring from `v0` to
+/// `target`: the integral of [`critically_damped`] for velocities that do not accelerate at first.
 ///
 /// `target t + (v0 - target) (2/γ - (2/γ + t) e^(-γ t))`. `gamma` must be above 0.
 #[inline]
@@ -55,7 +55,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f32::consts::PI;
 
-    /// Runge-Kutta of fourth order on `x'' = -2 γ x' - γ² (x - target)`, in double precision.
+    /// Fourth-order Runge-Kutta on `x'' = -2 γ x' - γ² (x - target)`, in double precision.
     fn integrate(x0: f64, v0: f64, target: f64, gamma: f64, t: f64) -> (f64, f64) {
         let force = |x: f64, v: f64| -2.0 * gamma * v - gamma * gamma * (x - target);
         let steps = 2000;
@@ -127,7 +127,7 @@ mod tests {
         }
 
         #[test]
-        fn two_steps_are_one(
+        fn two_steps_equal_one(
             x0 in -5.0f32..5.0, v0 in -5.0f32..5.0, target in -5.0f32..5.0, gamma in 0.5f32..12.0,
             a in 0.0f32..1.0, b in 0.0f32..1.0,
         ) {

@@ -1,8 +1,8 @@
 //! Motion between two poses with the feet held: sitting down, standing up, picking something up.
 //!
-//! Made, not generated: hips on the path of least jerk, joints turned the short way, legs by
-//! inverse kinematics. Where the feet of the two poses stand apart they step across, one after the
-//! other.
+//! It is constructed, without networks: hips on the path of least jerk, joints turned the short
+//! way, legs by inverse kinematics. If the feet of the two poses are apart, they step across one
+//! after the other.
 
 use std::f32::consts::PI;
 
@@ -14,32 +14,32 @@ use crate::interpolate::{min_jerk, smoothstep};
 use crate::rotation::{angle_between, slerp, slerp_pose};
 use crate::skeleton::Skeleton;
 
-/// Feet that are apart by less slide over instead of stepping: metres and radians.
+/// Feet that differ by less than this slide instead of stepping: metres and radians.
 const SAME_PLACE_M: f32 = 0.002;
 const SAME_TURN: f32 = 0.02;
-/// Height of a step as a share of its length, and at most, metres.
+/// Height of a step as a share of its length, and its limit, metres.
 const LIFT_SHARE: f32 = 0.25;
 const MAX_LIFT_M: f32 = 0.08;
-/// The part of the motion in which feet step.
+/// Start and end of the part of the motion in which feet step, as shares.
 const STEPS_FROM: f32 = 0.1;
 const STEPS_TO: f32 = 0.9;
-/// The longest that a leg may have to be, as a share of its length, before the root comes down for
-/// it, and how far it does at most, metres.
+/// The root is lowered for a leg that would be longer than this share of its length, at most by the
+/// second value, metres.
 const LONGEST: f32 = 0.999;
 const MAX_DROP_M: f32 = 0.15;
-/// Half the window that the root's coming down is smoothed over, and how far from both ends it is
-/// whole, frames.
+/// Half of the window over which the root's lowering is smoothed, and its distance from both ends
+/// at which it is complete, frames.
 const DROP_HALF_WINDOW: usize = 3;
 const EDGE_FRAMES: usize = 6;
 
-/// Hips lower than this over the ground are in no clip that the default pack was trained on,
-/// metres.
+/// No clip that the default pack was trained on has hips lower than this over the ground, metres.
 pub const LOW_HIPS_M: f32 = 0.70;
-/// The same as a share of the legs' length, for robots: that pack's are 0.80 m long.
+/// The same as a share of the legs' length, for robots: that pack's legs are 0.80 m long.
 const LOW_HIPS_SHARE: f32 = LOW_HIPS_M / 0.80;
 
-/// Hips lower than this over the ground are those of one who sits or crouches, and networks hardly
-/// know them, metres. It is [`LOW_HIPS_M`] for people, and goes by the legs for robots.
+/// Hips lower than this over the ground belong to a seated or crouching character, which the
+/// networks hardly know, metres. It is [`LOW_HIPS_M`] for people, and depends on the legs for
+/// robots.
 pub fn low_hips_m(skeleton: &Skeleton) -> f32 {
     let legs = match skeleton.robot {
         Some(_) => legs(skeleton),
@@ -49,17 +49,17 @@ pub fn low_hips_m(skeleton: &Skeleton) -> f32 {
     (shortest.min_by(f32::total_cmp)).map_or(LOW_HIPS_M, |length| length * LOW_HIPS_SHARE)
 }
 
-/// Goes from one pose to another with the feet on the ground.
+/// Moves from one pose to another with the feet on the ground.
 ///
-/// `count` frames (at least one) come back, those after `from`; the last is `to` exactly, up to the
-/// signs of its quaternions. The root goes straight on the path of least jerk. Feet that are at the
-/// same place in both poses stay there; others step, the one in front first, and are in contact but
-/// for the time of their step; where a leg would be too short for that the root comes down. `lean`
-/// bows the trunk forward on the way, by so many radians halfway, arms hanging.
+/// Returns `count` frames (at least one), those after `from`. The last is exactly `to`, up to the
+/// signs of its quaternions. The root moves straight on the path of least jerk. Feet with the same
+/// place in both poses stay there. Others step, the one in front first, and are in contact except
+/// during their step. If a leg would be too short, the root is lowered. `lean` bows the trunk
+/// forward on the way, by this many radians halfway, with hanging arms.
 ///
-/// Where a pose is not finite all frames are `to`; where one lacks rotations there are no frames.
-/// [`Motion::short_m`] tells how far a leg was too short for its foot's place, which can happen
-/// where steps are long.
+/// If a pose is not finite, all frames are `to`; if one lacks rotations, there are no frames.
+/// [`Motion::short_m`] says how far a leg was too short for its foot's place, which can happen with
+/// long steps.
 pub fn stance_transition(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -109,7 +109,7 @@ pub fn stance_transition(
     motion
 }
 
-/// Brings the root down by what the legs need, smoothly, and the feet to their places, in all
+/// Lowers the root smoothly by what the legs need, and brings the feet to their places, in all
 /// frames but the last.
 fn hold_feet(skeleton: &Skeleton, legs: &[Leg], steps: &[Step], needs: &[f32], motion: &mut Motion) {
     let count = motion.frames();
@@ -129,12 +129,12 @@ fn hold_feet(skeleton: &Skeleton, legs: &[Leg], steps: &[Step], needs: &[f32], m
     }
 }
 
-/// How a foot comes from its place in one pose to that in the other.
+/// How a foot moves from its place in one pose to its place in the other.
 struct Step {
     from: (Vec3, Quat),
     to: (Vec3, Quat),
-    /// When it steps, as a part of the motion; `None`: it stands, sliding over what little there
-    /// is.
+    /// When it steps, as shares of the motion. `None`: it stands, and slides over a tiny
+    /// difference.
     time: Option<(f32, f32)>,
 }
 
@@ -168,8 +168,8 @@ impl Step {
     }
 }
 
-/// The steps of all feet, one after the other: first that which is furthest ahead on the way of the
-/// root.
+/// The steps of all feet, one after the other: first the foot that is farthest ahead in the
+/// direction of the root.
 fn steps(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, to: Posed<'_>) -> Vec<Step> {
     let foot = |posed: Posed<'_>, leg: &Leg| joint_transform(skeleton, posed.root, posed.rotations, leg.foot);
     let mut steps: Vec<Step> = legs

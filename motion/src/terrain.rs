@@ -1,9 +1,9 @@
-//! Walking over ground of varying heights: a flat motion is lifted onto it.
+//! Walking over uneven ground: lifts a flat motion onto it.
 //!
-//! Feet take the height of the ground that they are planted on and pass from one to the next in
-//! their swing; the root goes with the mean of the feet, smoothed, and no higher than the legs
-//! allow; legs follow by inverse kinematics. Flat motion and lifts stay apart, so that a buffer of
-//! flat motion can be lifted again whenever the motion or the ground changes.
+//! Feet take the height of the ground on which they are planted, and change to the next height in
+//! their swing. The root follows the mean of the feet, smoothed, but no higher than the legs allow.
+//! Legs follow by inverse kinematics. Flat motion and lifts are kept apart, so a buffer of flat
+//! motion can be lifted again whenever the motion or the ground changes.
 
 use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
@@ -16,41 +16,42 @@ use crate::ik::{Leg, LegTrack, MAX_LEGS, cover, forward, smooth, spans, two_bone
 use crate::interpolate::smoothstep;
 use crate::skeleton::Skeleton;
 
-/// The straightest that the root's height leaves a leg, as a share of its length, unless it is
+/// The root's height leaves a leg at most this straight, as a share of its length, unless it is
 /// straighter in the flat motion.
 const STRAIGHTEST: f32 = 0.9985;
-/// Frames over which new lifts take over from those that are known.
+/// Frames over which new lifts take over from known ones.
 const TAKE_OVER_FRAMES: usize = 10;
-/// The largest half window that counts, frames.
+/// Largest half window that counts, frames.
 const MOST_HALF_WINDOW: usize = 30;
-/// Half the window, frames, that a swing is smoothed over where the ground comes up under it.
+/// Half of the window over which a swing is smoothed if the ground rises under it, frames.
 const SWING_HALF_WINDOW: usize = 2;
-/// A foot may cut a corner of the ground this near to where it is planted, frames.
+/// A foot may cut a corner of the ground within this many frames of being planted.
 const CORNER_FRAMES: usize = 6;
-/// A foot that was in the air before anything that is known is at its new height after so many
+/// A foot that was in the air before the known lifts reaches its new height within this many
 /// frames.
 const GO_ON_FRAMES: usize = 15;
-/// The most that a foot goes up or down in a frame, metres: where it catches up with its way, and
-/// ever.
+/// Highest rate at which a foot rises or sinks, metres a frame: while it catches up with its path,
+/// and in any case.
 const MOST_RATE_M: (f32, f32) = (0.07, 0.1);
 /// A planted foot that moves less than this in a frame stands, metres.
 const STANDS_M: f32 = 1e-4;
-/// Gaps of this many frames in a contact are closed.
+/// Gaps of up to this many frames in a contact are closed.
 const GAP_FRAMES: usize = 1;
-/// A foot goes up in the first part of its swing and down in the last: this many times as fast.
+/// A foot rises in the first part of its swing and sinks in the last, this many times as fast as
+/// evenly.
 const SWING_RATE: f32 = 1.6;
 
-/// What one frame of a flat motion, whose ground is at y = 0, is lifted by, metres.
+/// The lift of one frame of a flat motion, whose ground is at y = 0, metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lift {
-    /// The root.
+    /// Lift of the root, metres.
     pub root_m: f32,
-    /// The feet, in the order of the legs.
+    /// Lifts of the feet, in the order of the legs, metres.
     pub feet_m: [f32; MAX_LEGS],
 }
 
 impl Lift {
-    /// Everything by the same height.
+    /// The same lift for everything.
     pub fn even(height_m: f32) -> Self {
         Self {
             root_m: height_m,
@@ -59,14 +60,14 @@ impl Lift {
     }
 }
 
-/// How a motion is lifted.
+/// Options for lifting a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terrain {
-    /// How much higher than its way a foot swings where it changes its height, metres.
+    /// Extra height with which a foot swings when its height changes, metres.
     pub clear_m: f32,
-    /// Half the window that the root is smoothed over, frames, twice.
+    /// Half of the window over which the root is smoothed, twice, frames.
     pub half_window: usize,
-    /// Shorter contacts are none, frames.
+    /// Shorter contacts do not count, frames.
     pub min_frames: usize,
 }
 
@@ -82,14 +83,14 @@ impl Default for Terrain {
 
 /// The lifts of a flat motion, one a frame, into `out`.
 ///
-/// `ground` answers the height of the ground at `(x, z)`, NaN where there is none to know, which
-/// leaves a foot at the height that it had. `contacts` holds a byte a frame. The first
-/// `known.len()` frames are lifted by `known`, which was shown: the others go on from there, a
-/// planted foot at its height until it leaves the ground, a swinging one from where it is. Ground
-/// that is at `h` everywhere lifts everything by `h`.
+/// `ground` returns the height of the ground at `(x, z)`. NaN if that is unknown, which leaves a
+/// foot at its height. `contacts` has a byte a frame. The first `known.len()` frames are lifted by
+/// `known`, because they were shown. The others continue from there: a planted foot at its height
+/// until it leaves the ground, a swinging one from its place. Ground at height `h` everywhere
+/// lifts everything by `h`.
 ///
-/// The same input gives the same lifts. A foot that is in the air at either end of the motion is
-/// taken to come from or land on the ground below it.
+/// The same input gives the same lifts. A foot in the air at either end of the motion is assumed to
+/// come from the ground below it, or to land there.
 #[expect(clippy::too_many_arguments, reason = "a motion by its columns")]
 pub fn lifts(
     skeleton: &Skeleton,
@@ -133,10 +134,10 @@ pub fn lifts(
 }
 
 /// Lifts one frame: the root and, by the legs, the feet, which keep their rotation in the world.
-/// Answers how far a leg falls short of its foot's place, metres.
+/// Returns the farthest that a leg remains from its foot's place, metres.
 ///
-/// A lift that is the same for root and feet moves the root and leaves the pose bit for bit; one
-/// that is not finite changes nothing and answers infinity. Does not allocate.
+/// The same lift for root and feet moves the root and leaves the pose unchanged bit for bit. A lift
+/// that is not finite changes nothing and returns infinity. Does not allocate.
 pub fn lift_frame(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -169,8 +170,8 @@ pub fn lift_frame(
     short
 }
 
-/// Lifts a whole flat motion ([`lifts`] with nothing known, and [`lift_frame`]); answers the
-/// farthest that a leg falls short, metres.
+/// Lifts a whole flat motion ([`lifts`] without known ones, and [`lift_frame`]). Returns the
+/// farthest that a leg remained from its foot's place, metres.
 pub fn lift_motion(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -212,7 +213,7 @@ fn follow(roots: &[Vec3], frames: usize, ground: &mut impl FnMut(f32, f32) -> f3
     heights.collect()
 }
 
-/// The root's lifts from the means of the feet's, below the cap, from the known ones on.
+/// The root's lifts from the mean of the feet's, below the cap, after the known ones.
 fn lift_root(feet: &[f32], cap: &[f32], known: &[Lift], half: usize, out: &mut [Lift]) {
     let mut root = smooth(&smooth(feet, half), half);
     let over: Vec<f32> = root.iter().zip(cap).map(|(root, cap)| root - cap).collect();
@@ -230,9 +231,9 @@ fn lift_root(feet: &[f32], cap: &[f32], known: &[Lift], half: usize, out: &mut [
     }
 }
 
-/// What was `shown` comes first; what differs from it in the first frame behind fades out until the
-/// foot comes down. A foot that is to stand sooner than it was going to comes down late, for it
-/// goes up and down no faster than it may.
+/// `shown` comes first. The difference to it in the first frame after fades out until the foot
+/// comes down. If a foot is to stand sooner than planned, it comes down late: it rises and sinks no
+/// faster than allowed.
 fn take_over(shown: &[f32], comes_down: usize, lifts: &mut [f32]) {
     let mut meant = lifts[shown.len().saturating_sub(1)];
     if let Some(last) = shown.last() {
@@ -252,7 +253,7 @@ fn take_over(shown: &[f32], comes_down: usize, lifts: &mut [f32]) {
 }
 
 impl LegTrack {
-    /// How much higher than with the foot the hip could be in a frame before the leg is straight,
+    /// How much farther than the foot the hip could rise in a frame before the leg is straight,
     /// metres.
     fn room(&self, frame: usize, leg_m: f32) -> f32 {
         let over = self.hips[frame] - self.feet[frame];
@@ -261,7 +262,7 @@ impl LegTrack {
         (height.max(0.0).sqrt() - over.y).max(0.0)
     }
 
-    /// Height of the ground below foot and toe in a frame, whichever is higher.
+    /// Height of the ground below ankle or toe in a frame, whichever is higher.
     fn ground(&self, frame: usize, ground: &mut impl FnMut(f32, f32) -> f32) -> Option<f32> {
         let height = [self.feet[frame], self.toes[frame]]
             .map(|p| ground(p.x, p.z))
@@ -287,12 +288,12 @@ impl LegTrack {
             options.min_frames,
             [true, false],
         );
-        // Frames at which the foot's height is known, in order: contacts, and the ends.
+        // Frames with a known height of the foot, in order: contacts, and the ends.
         let mut anchors: Vec<(Range<usize>, f32)> = Vec::with_capacity(planted.len() + 2);
         let mut height = None;
         let taken_up = planted.iter().rposition(|span| span.start < shown.len());
         match shown.last() {
-            // In the air since before what is known: it goes on from where it is.
+            // In the air since before the known frames: it continues from its last height.
             Some(&last) if taken_up.is_none() => {
                 height = Some(last);
                 anchors.push((shown.len() - 1..shown.len(), last));
@@ -306,7 +307,7 @@ impl LegTrack {
         for span in planted.into_iter().skip(taken_up.unwrap_or_default()) {
             height = match shown[..span.end.min(shown.len())] {
                 _ if span.start >= shown.len() => None,
-                // A foot that was planted when it was shown stays where it is, unless it was still
+                // A foot that was planted when it was shown keeps its height, unless it was still
                 // on its way down.
                 [.., before, last] if (last - before).abs() < STANDS_M => Some(last),
                 [only] => Some(only),
@@ -339,9 +340,9 @@ impl LegTrack {
         lifts
     }
 
-    /// The foot's lifts between frames `from` and `to`: up early or down late, and over what is in
-    /// between. One that has not taken off here, but before anything that is known, has had its
-    /// clearance: it goes to its new height soon.
+    /// The foot's lifts between frames `from` and `to`: it rises early or sinks late, and clears
+    /// what is in between. A foot that took off before the known frames has had its clearance, and
+    /// goes to its new height soon.
     fn swing(
         &self,
         leg: &Leg,
@@ -371,15 +372,15 @@ impl LegTrack {
             .collect();
         let cover = cover(&needs, SWING_HALF_WINDOW);
         for (frame, over) in (from..=to).zip(cover) {
-            // Next to where it is planted the foot rather cuts a corner than jumps.
+            // Close to a planted frame, the foot cuts a corner rather than jump.
             let planted = (frame - from).min(to - frame) as f32;
             let more = (low + over - lifts[frame]).max(0.0);
             lifts[frame] += more * smoothstep((planted / CORNER_FRAMES as f32).min(1.0));
         }
     }
 
-    /// The least lift that keeps foot and toe over the ground in a frame; minus infinity where the
-    /// ground is not known.
+    /// The least lift that keeps ankle and toe over the ground in a frame; minus infinity if the
+    /// ground is unknown.
     fn least(&self, leg: &Leg, frame: usize, ground: &mut impl FnMut(f32, f32) -> f32) -> f32 {
         let places = [self.feet[frame], self.toes[frame]];
         places

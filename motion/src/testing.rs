@@ -1,4 +1,4 @@
-//! Small motions that the tests share.
+//! Small motions shared by tests.
 
 use std::sync::Arc;
 
@@ -15,8 +15,8 @@ fn joint(name: &str, parent: Option<usize>, offset: [f32; 3]) -> Joint {
     }
 }
 
-/// A pelvis with a spine and two straight legs of 0.9 m, feet with toes; 7 cm ankles and 2 cm toes
-/// over the ground.
+/// A pelvis with a spine and two straight legs of 0.9 m, with feet and toes: ankles 7 cm and toes 2
+/// cm over the ground.
 pub(crate) fn biped() -> Arc<Skeleton> {
     let joints = vec![
         joint("Hips", None, [0.0, 0.0, 0.0]),
@@ -37,7 +37,7 @@ pub(crate) fn biped() -> Arc<Skeleton> {
     Arc::new(Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap())
 }
 
-/// The biped standing still in its rest pose, feet at their clearance.
+/// The biped standing in its rest pose, feet at their clearance.
 pub(crate) fn stand(frames: usize) -> Clip {
     let skeleton = biped();
     let rotations = vec![Quat::IDENTITY; frames * skeleton.joint_count()];

@@ -1,5 +1,5 @@
-//! Rust's measures and pinning against Python's: a small motion whose figures both test suites
-//! compute (`training/tests/evaluate/test_shared_figures.py` writes the file).
+//! Compares Rust's measures and pinning with Python's: a small motion whose figures both test
+//! suites compute (`training/tests/evaluate/test_shared_figures.py` writes the file).
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -68,12 +68,12 @@ fn clip(data: &Value) -> Clip {
     Clip::new(skeleton(), 30.0, roots, rotations).unwrap()
 }
 
-/// The names that differ, with both figures.
+/// The figures that differ: name, Rust's and Python's value.
 fn differences(motion: &Clip, truth: &Clip, wanted: &Value) -> Vec<String> {
     let figures = serde_json::to_value(evaluate(motion, truth, TASK).unwrap().figures).unwrap();
     let wanted = wanted.as_object().unwrap();
     let pairs = wanted.iter().map(|(name, value)| {
-        // Rust's older name of it.
+        // Rust's older name for it.
         let found = figures.get(name).or_else(|| figures.get("reaching_success"));
         (
             name,
@@ -88,7 +88,7 @@ fn differences(motion: &Clip, truth: &Clip, wanted: &Value) -> Vec<String> {
 }
 
 #[test]
-fn figures_are_those_of_python() {
+fn figures_equal_those_of_python() {
     let data = shared();
     let (motion, truth) = (clip(&data["motion"]), clip(&data["truth"]));
     assert_eq!(differences(&motion, &truth, &data["figures"]), [""; 0]);
@@ -96,7 +96,7 @@ fn figures_are_those_of_python() {
     assert_eq!(differences(&pinned, &truth, &data["pinned_figures"]), [""; 0]);
 }
 
-/// Rust's names of Python's figures.
+/// Rust's counterparts of Python's figures.
 const FEASIBILITY: [(&str, Figure); Figure::COUNT] = [
     ("root_speed_mps", Figure::RootSpeed),
     ("root_acceleration_mps2", Figure::RootAcceleration),
@@ -113,7 +113,7 @@ const FEASIBILITY: [(&str, Figure); Figure::COUNT] = [
 ];
 
 #[test]
-fn feasibility_is_that_of_python() {
+fn feasibility_equals_that_of_python() {
     let data = shared();
     let motion = clip(&data["motion"]);
     let doc: LimitsDoc = serde_json::from_value(data["feasibility"]["limits"].clone()).unwrap();
@@ -147,7 +147,7 @@ fn feasibility_is_that_of_python() {
     for (name, figure) in FEASIBILITY {
         let wanted = data["feasibility"]["figures"][name].as_f64().unwrap() as f32;
         let value = found.get(figure).value;
-        // What is on the right side of the ground is not told.
+        // A value on the right side of the ground is not exact.
         let near = (value - wanted).abs() <= 2e-3 * wanted.abs() + 2e-4;
         assert!(
             near || (wanted < 0.0 && value == 0.0),
@@ -156,7 +156,7 @@ fn feasibility_is_that_of_python() {
     }
 }
 
-/// As the server's answers are pinned.
+/// Pinned as the server pins its answers.
 fn pinned(motion: &Clip, truth: &Clip) -> (Vec<GlobalRoot>, Vec<Quat>) {
     let mut roots = motion.roots();
     let mut rotations = motion.rotations.clone();
@@ -179,7 +179,7 @@ fn pinned(motion: &Clip, truth: &Clip) -> (Vec<GlobalRoot>, Vec<Quat>) {
 }
 
 #[test]
-fn pinning_is_that_of_python() {
+fn pinning_equals_that_of_python() {
     let data = shared();
     let (roots, rotations) = pinned(&clip(&data["motion"]), &clip(&data["truth"]));
     let wanted = clip(&data["pinned"]);

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use confique::Config as _;
 
-use crate::api::{Host, Origin};
+use troupe_edge::guard::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs, KeyCommand};
@@ -89,23 +89,15 @@ pub struct Options {
     #[config(env = "TROUPE_METRICS_KEY", layer_attr(arg(long, value_name = "FILE")))]
     pub metrics_key: Option<PathBuf>,
 
-    /// Make a key for one run and print it, if there is no file of keys and allow_anonymous is
-    /// false.
+    /// Who may use the server without keys and jwks. local: everyone on this machine; a server that
+    /// listens on other than loopback addresses does not start. one-time-key: everyone with the key
+    /// that the server makes at each start and prints. anyone: everyone who reaches the port.
     #[config(
-        env = "TROUPE_ONE_TIME_KEY",
-        default = false,
-        layer_attr(arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true"))
+        env = "TROUPE_WITHOUT_KEYS",
+        default = "local",
+        layer_attr(arg(long, value_name = "WHO"))
     )]
-    pub one_time_key: bool,
-
-    /// Let everyone who reaches the port use the server, if there is no file of keys. Otherwise a
-    /// server that listens on other than loopback addresses starts only with keys.
-    #[config(
-        env = "TROUPE_ALLOW_ANONYMOUS",
-        default = false,
-        layer_attr(arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true"))
-    )]
-    pub allow_anonymous: bool,
+    pub without_keys: WithoutKeys,
 
     /// Certificate of the server (PEM file), followed by those of the authorities between it and a
     /// root. With this and tls_key the port speaks only TLS. The server reads changed files within
@@ -197,6 +189,15 @@ pub struct Options {
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub workers: usize,
+
+    /// Folder of the documentation that `make docs` builds, shown at `/docs/`. If the folder does
+    /// not exist, `/docs/` says how to build it.
+    #[config(
+        env = "TROUPE_DOCS",
+        default = "target/site",
+        layer_attr(arg(long, value_name = "FOLDER"))
+    )]
+    pub docs: PathBuf,
 
     /// Cache folder for results of accuracy checks, which make the next start faster. The server
     /// also starts if it cannot write there. Left out: `troupe` in the user's cache folder, such as
@@ -378,6 +379,18 @@ pub struct Options {
         layer_attr(arg(long, value_name = "FORMAT"))
     )]
     pub log_format: LogFormat,
+}
+
+/// Who may use a server without keys and tokens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum WithoutKeys {
+    /// Everyone on this machine. The server must listen on a loopback address.
+    Local,
+    /// Everyone with the key that the server makes at each start and prints.
+    OneTimeKey,
+    /// Everyone who reaches the port.
+    Anyone,
 }
 
 /// Form of log lines.

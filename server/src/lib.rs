@@ -42,7 +42,6 @@
 //! ```
 
 pub mod api;
-pub mod clients;
 pub mod config;
 pub mod doctor;
 pub mod health;

@@ -1,21 +1,14 @@
 //! The running server: loads packs behind an open port, accepts connections, drains on request.
 
 mod access;
-mod activity;
-mod connections;
 #[cfg(test)]
 mod drain_tests;
 mod error;
-mod files;
 mod handle;
 mod keeping;
 mod limits;
-mod listen;
-mod places;
-mod reload;
 #[cfg(feature = "testing")]
 pub mod testing;
-mod tls;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -27,18 +20,16 @@ use tokio::sync::{Notify, watch};
 use tonic_health::server::HealthReporter;
 
 use crate::api;
-use crate::clients::Clients;
 use crate::config::Config;
 use crate::service::Service;
 use access::Access;
 use keeping::{Keeping, OpenRecords};
-use listen::Listen;
-use places::Places;
-use reload::Source;
-use tls::{Tls, TlsFiles};
 use troupe_base::telemetry::Telemetry;
 use troupe_batch::scheduler::Limits;
 use troupe_batch::{Batcher, GeneratorFactory, PackMetrics};
+use troupe_edge::clients::Clients;
+use troupe_edge::port::{self, Listen, Places, Tls, TlsError, TlsFiles};
+use troupe_edge::reload::{self, Source};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
@@ -49,7 +40,6 @@ use troupe_live::world::Store;
 
 pub use error::StartError;
 pub use handle::{ServerHandle, Stopped};
-pub use tls::TlsError;
 
 /// The pack that is the default where nothing else is said.
 const USUAL_DEFAULT: &str = "human";
@@ -104,7 +94,7 @@ impl PackSource {
 /// # Errors
 /// [`StartError::Files`] where there is no room for those that are asked for.
 pub fn max_connections(config: &Config) -> Result<usize, StartError> {
-    files::max_connections(config.max_connections)
+    Ok(port::max_connections(config.max_connections)?)
 }
 
 /// The packs that `config` names, checked but without their networks.
@@ -213,7 +203,7 @@ async fn serve_on(
     let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let mut access = Access::new(&config, address)?;
     let mut sources = std::mem::take(&mut access.sources);
-    let tls = match TlsFiles::of(&config) {
+    let tls = match config.tls_files() {
         None => None,
         Some(files) => {
             let (tls, source) = tls(files)?;
@@ -240,13 +230,14 @@ async fn serve_on(
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
     let clients = Arc::new(Clients::new(config.shares(), &telemetry));
-    let router = api::router(
+    let routes = api::routes(
         &service,
         &health,
         &clients,
         &config.api_limits(),
         config.guard(address),
         access.credentials.clone(),
+        &config.docs,
     )
     .map_err(|error| internal(&error))?;
 
@@ -258,12 +249,12 @@ async fn serve_on(
         &telemetry,
     );
     let (stop, stopping) = watch::channel(false);
-    let accepting = connections::accept(
+    let accepting = port::accept(
         listener,
-        router,
+        routes,
         clients,
         tls.clone(),
-        config.clone(),
+        config.connection_limits(),
         places,
         stopping,
     );

@@ -1,4 +1,4 @@
-"""A running server with the real packs, and the protocol's own server beside it."""
+"""A running Troupe server with real packs, and the protocol's own server for comparison."""
 
 import os
 import threading
@@ -14,7 +14,7 @@ from other_side import Server
 
 
 class Twin(Backbone):
-    """The protocol's own server for one of our models: it claims what ours claims, and stands at rest."""
+    """One of our models on the protocol's own server: the same capabilities, and a motion at rest."""
 
     def __init__(self, spec: ModelSpec):
         self.model_id = spec.id
@@ -59,7 +59,7 @@ def theirs(ours: Server) -> Iterator[Server]:
 
 @pytest.fixture(params=["human", "g1"])
 def walker(request, ours: Server) -> dict:
-    """A model that goes from keyframe to keyframe."""
+    """A model that fills gaps between keyframes."""
     return ours.model(request.param)
 
 

@@ -1,4 +1,4 @@
-"""A request of several samples in one batch, beside one request a sample: how long each takes, in turns."""
+"""Times a request for several samples in one batch and one request per sample, in turns."""
 
 import argparse
 import json
@@ -11,7 +11,7 @@ from motionmcp.client import get_capabilities, pick_model
 
 
 def ask(url: str, body: dict) -> float:
-    """Seconds until the whole answer is there."""
+    """Seconds until the whole answer has arrived."""
     data = json.dumps(body).encode()
     request = urllib.request.Request(url + "/generate", data, {"Content-Type": "application/json"})
     begun = time.perf_counter()
@@ -21,7 +21,7 @@ def ask(url: str, body: dict) -> float:
 
 
 def main() -> None:
-    """Prints a line a model."""
+    """Prints one line per model."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--url", default=os.environ.get("TROUPE_SERVER", "http://127.0.0.1:8080"))
     parser.add_argument("--models", nargs="+", default=["human", "g1", "unimogen/horse"])

@@ -1,4 +1,4 @@
-"""Requests to a server of the protocol, and answers checked and read as the protocol's own client reads them."""
+"""Requests to a server of the protocol, and answers that the protocol's own clients check and read."""
 
 import http.client
 import json
@@ -37,7 +37,7 @@ class Server:
         return answer.status, {name.lower(): value for name, value in answer.getheaders()}, json.loads(text or b"{}")
 
     def error(self, body, **more) -> tuple[str, dict]:
-        """Code and envelope of an answer that must be one of the closed list of errors, with its status."""
+        """Code and envelope of an answer that must be an error of the protocol's list, with its status."""
         status, headers, answer = self.send(body, **more)
         assert list(answer) == ["error"], (status, str(answer)[:500])
         error = answer["error"]
@@ -49,7 +49,7 @@ class Server:
         return error["code"], error
 
     def make(self, body: dict) -> "Answer":
-        """The answer to a request, which must be one of the protocol's."""
+        """The answer to a request. Both must be valid in the protocol."""
         GenerateRequest.model_validate(body)
         status, headers, document = self.send(body)
         assert status == 200, document
@@ -62,7 +62,7 @@ def free(frames: int, **more) -> dict:
 
 
 def request(model: dict, segments=None, **more) -> dict:
-    """A request of a model's own skeleton."""
+    """A request with a model's own skeleton."""
     body = {"protocol_version": "1.4", "model": model["id"], "skeleton": model["canonical_skeleton"]}
     if segments is not None:
         body["segments"] = segments
@@ -75,7 +75,7 @@ def root_path(points: dict[int, tuple[float, float]], headings=None) -> dict:
 
 
 class Answer:
-    """A document, checked against the protocol and read by both of its clients."""
+    """A document that is valid in the protocol, and its samples as both clients read them."""
 
     def __init__(self, body: dict, document: dict, model: dict):
         self.document = document
@@ -118,19 +118,21 @@ class Answer:
         wanted = (body.get("options") or {}).get("num_samples", 1)
         assert len(self.samples) == len(self.extension["samples"]) == wanted
         older = motionmcp_client.gltf_parser.parse_gltf_samples(self.document)
-        for index, (sample, other, told) in enumerate(zip(self.samples, older, self.extension["samples"], strict=True)):
-            assert sample["num_frames"] == other["num_frames"] == told["num_frames"] == self.frames
-            assert told["name"] == self.document["animations"][index]["name"]
+        for index, (sample, other, entry) in enumerate(
+            zip(self.samples, older, self.extension["samples"], strict=True)
+        ):
+            assert sample["num_frames"] == other["num_frames"] == entry["num_frames"] == self.frames
+            assert entry["name"] == self.document["animations"][index]["name"]
             assert sample["joint_names"] == other["joint_names"] == self.names
             assert abs(other["fps"] - self.fps) < 0.01 or self.frames == 1
             assert np.isfinite(sample["local_rot_mats"]).all()
-            boundaries = told["chunk_boundaries"]
+            boundaries = entry["chunk_boundaries"]
             assert boundaries == sorted(set(boundaries))
             assert all(0 < frame < self.frames for frame in boundaries)
-            assert list(told.get("foot_contacts", {})) == model["predicted_contact_joints"] or (
-                set(told.get("foot_contacts", {})) == set(model["predicted_contact_joints"])
+            assert list(entry.get("foot_contacts", {})) == model["predicted_contact_joints"] or (
+                set(entry.get("foot_contacts", {})) == set(model["predicted_contact_joints"])
             )
-            trajectory = told["trajectory"]
+            trajectory = entry["trajectory"]
             assert len(trajectory["position"]) == len(trajectory["yaw"]) == self.frames
             assert trajectory["yaw"][0] == 0
             assert trajectory["loop"] == bool((body.get("options") or {}).get("loop", False))
@@ -165,7 +167,7 @@ class Answer:
         return fk_positions(self.joints, self.names, self.quaternions(), self.roots())[0]
 
     def contacts(self, sample=0) -> np.ndarray:
-        """Contacts of the joints that are told, [frames, contacts]."""
+        """Contacts of the joints that the answer names, [frames, contacts]."""
         return np.array(list(self.extension["samples"][sample]["foot_contacts"].values()), dtype=bool).T
 
 

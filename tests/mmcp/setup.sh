@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes target/mmcp/venv with the protocol's own packages. Does nothing where it is up to date.
+# Makes target/mmcp/venv with the protocol's own packages. Does nothing if the folder is up to date.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 

@@ -1,4 +1,4 @@
-"""What the server says of its models, read as the protocol's own client and schemas read it."""
+"""The server's list of models, read with the protocol's own client and schemas."""
 
 import numpy as np
 from motionmcp import ModelSpec
@@ -24,7 +24,7 @@ def test_every_model_is_one_of_the_protocol(ours):
 def test_the_older_client_reads_it_too(ours):
     caps = client.get_capabilities(ours.url, use_cache=False)
     assert client.pick_model(caps, wanted="G1")["id"] == "g1"
-    assert pick_model(caps, "nobody")["id"] == "human"
+    assert pick_model(caps, "missing")["id"] == "human"
     assert probe_server(ours.url).ok
 
 

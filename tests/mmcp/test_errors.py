@@ -1,4 +1,4 @@
-"""Requests that are not accepted: each answer is one of the closed list, and the one that the protocol's own server gives."""
+"""Invalid requests: each gives an error of the protocol's list, the same that the protocol's own server gives."""
 
 import copy
 
@@ -24,14 +24,14 @@ CHANGES = {
     "no version": lambda b: b.pop("protocol_version"),
     "a version of another form": lambda b: b.update(protocol_version="one"),
     "another major version": lambda b: b.update(protocol_version="2.0"),
-    "an unknown model": lambda b: b.update(model="nobody"),
+    "an unknown model": lambda b: b.update(model="missing"),
     "no model": lambda b: b.pop("model"),
     "an unknown field": lambda b: b.update(speed=1),
     "no skeleton": lambda b: b.pop("skeleton"),
     "an unknown field of the skeleton": lambda b: b["skeleton"].update(scale=1),
     "no joints": lambda b: b["skeleton"].update(joints=[]),
     "two roots": lambda b: b["skeleton"]["joints"][1].update(parent=None),
-    "a parent that is not there": lambda b: b["skeleton"]["joints"][1].update(parent="nobody"),
+    "a parent that is missing": lambda b: b["skeleton"]["joints"][1].update(parent="missing"),
     "a child before its parent": lambda b: b["skeleton"]["joints"].reverse(),
     "a name twice": lambda b: b["skeleton"]["joints"][2].update(name=b["skeleton"]["joints"][1]["name"]),
     "a name that is empty": lambda b: b["skeleton"]["joints"][0].update(name=""),
@@ -43,8 +43,8 @@ CHANGES = {
     "nothing to do but a length": lambda b: (b.pop("segments"), b.update(duration_frames=30)),
     "a constraint without a length": lambda b: (b.pop("segments"), b.update(constraints=[root_path({0: (0, 0)})])),
     "a length beside segments": lambda b: b.update(duration_frames=30),
-    "a length of none": lambda b: b["segments"][0].update(duration_frames=0),
-    "a length below none": lambda b: b["segments"][0].update(duration_frames=-5),
+    "a length of zero": lambda b: b["segments"][0].update(duration_frames=0),
+    "a negative length": lambda b: b["segments"][0].update(duration_frames=-5),
     "a length in words": lambda b: b["segments"][0].update(duration_frames="long"),
     "a length that is too long": lambda b: b["segments"][0].update(duration_frames=100_000),
     "an unknown segment": lambda b: b.update(segments=[{"type": "dance"}]),
@@ -52,11 +52,11 @@ CHANGES = {
     "an unknown field of a segment": lambda b: b["segments"][0].update(mood="glad"),
     "a segment of words": lambda b: b.update(segments=[{"type": "text", "prompt": "walk", "duration_frames": 30}]),
     "a pose of words": lambda b: b.update(segments=[{"type": "pose", "prompt": "sit"}]),
-    "a motion to go by": lambda b: b.update(segments=[{"type": "motion_reference", "anything": "at all"}]),
-    "a video to go by": lambda b: b.update(segments=[{"type": "video_reference"}]),
+    "a reference motion": lambda b: b.update(segments=[{"type": "motion_reference", "anything": "at all"}]),
+    "a reference video": lambda b: b.update(segments=[{"type": "video_reference"}]),
     "a constraint behind the end": lambda b: b.update(constraints=[root_path({90: (0, 0)})]),
     "a pose behind the end": lambda b: b.update(constraints=[pose(90, b["skeleton"]["joints"][0]["name"])]),
-    "a pose before the begin": lambda b: b.update(constraints=[pose(-1, b["skeleton"]["joints"][0]["name"])]),
+    "a pose before the start": lambda b: b.update(constraints=[pose(-1, b["skeleton"]["joints"][0]["name"])]),
     "a pose of an unknown joint": lambda b: b.update(constraints=[pose(5)]),
     "an effector of an unknown joint": lambda b: b.update(
         constraints=[{"type": "effector_target", "joint": "?", "frames": [1], "positions": [[0, 0, 0]]}]
@@ -83,12 +83,12 @@ CHANGES = {
     "a long transition": lambda b: b.update(options={"transition_frames": 61}),
     "thinned curves": lambda b: b.update(options={"keyframe_budget": 0.01}),
     "an option of no model": lambda b: b.update(options={"model_options": {"mood": "glad"}}),
-    "a style that there is not": lambda b: b.update(options={"model_options": {"style": "?"}}),
+    "an unknown style": lambda b: b.update(options={"model_options": {"style": "?"}}),
     "a temperature that is too high": lambda b: b.update(options={"model_options": {"temperature": 3}}),
     "guidance without a weight": lambda b: b.update(options={"guidance": {"type": "regular", "weight": []}}),
     "guidance of another type": lambda b: b.update(options={"guidance": {"type": "free"}}),
     "a loop of two segments": lambda b: (b["segments"].append(free(30)), b.update(options={"loop": True})),
-    "a frame rate of none": lambda b: b.update(timing={"fps": 0}),
+    "a frame rate of zero": lambda b: b.update(timing={"fps": 0}),
     "an unknown field of timing": lambda b: b.update(timing={"fps": 30, "unit": "s"}),
 }
 

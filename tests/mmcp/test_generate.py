@@ -1,4 +1,4 @@
-"""What is made: every feature of the protocol, measured on the answer by the protocol's own kinematics."""
+"""Generated motion: every feature of the protocol, measured on the answer with the protocol's own kinematics."""
 
 import copy
 
@@ -42,7 +42,7 @@ def test_the_same_seed_makes_the_same_and_another_another(ours, mover):
     other = ours.make(request(mover, [free(60)], options=seeded(8)))
     assert not np.allclose(first.quaternions(), other.quaternions())
     drawn = ours.make(request(mover, [free(60)]))
-    assert "seed" in drawn.notes(), "a seed that is drawn is told"
+    assert "seed" in drawn.notes(), "a note names a drawn seed"
 
 
 def test_samples_differ(ours, mover):
@@ -61,9 +61,10 @@ def test_paths_are_met(ours, mover):
     speed = np.linalg.norm(np.diff(roots[:, [0, 2]], axis=0), axis=-1) * 30
     assert 0.6 < np.median(speed) < 1.8
     assert "path_drawn" not in answer.notes()
-    told = answer.extension["samples"][0]["trajectory"]
-    assert told["model"] == "line", told["model"]
-    np.testing.assert_allclose(np.array(told["position"])[-1] - np.array(told["position"])[0], [0, 4.76], atol=0.3)
+    trajectory = answer.extension["samples"][0]["trajectory"]
+    assert trajectory["model"] == "line", trajectory["model"]
+    positions = np.array(trajectory["position"])
+    np.testing.assert_allclose(positions[-1] - positions[0], [0, 4.76], atol=0.3)
 
 
 def test_headings_are_met(ours, walker):
@@ -84,7 +85,7 @@ def test_headings_are_met(ours, walker):
 
 
 def test_feet_stand_still(ours, walker):
-    """The contacts that are told are those of feet that do not slide."""
+    """Feet do not slide in the frames that the answer names as contacts."""
     held = ours.make(request(walker, [free(120)], constraints=[root_path(STRAIGHT)], options=seeded()))
     raw = ours.make(
         request(walker, [free(120)], constraints=[root_path(STRAIGHT)], options=seeded(post_processing=False))
@@ -111,7 +112,7 @@ def test_poses_are_met(ours, walker):
     ]
     answer = ours.make(request(walker, [free(120)], constraints=keys, options=seeded()))
     quaternions, wanted = answer.quaternions()[0], source.quaternions()[0]
-    # A robot's poses are brought onto its hinges, which those of the source are on already.
+    # A robot's poses are fitted to its hinges. Those of the source fit already.
     for at, frame in [(0, 10), (40, 50), (43, 55), (119, 110)]:
         assert angle(quaternions[at], wanted[frame]).max() < 0.02, at
         np.testing.assert_allclose(answer.roots()[0, at], source.roots()[0, frame], atol=2e-3, err_msg=str(at))
@@ -151,7 +152,7 @@ def test_effectors_reach(ours, name, joint):
         assert np.linalg.norm(reached[59] - reached[60]) < 0.2, "it leads there"
 
 
-def test_an_effector_out_of_reach_is_told(ours):
+def test_an_effector_out_of_reach_gives_a_note(ours):
     target = {"type": "effector_target", "joint": "Hand_R", "frames": [60], "positions": [[0, 3.5, 1]]}
     assert "effector_missed" in ours.make(request(ours.model("human"), [free(90)], constraints=[target])).notes()
 
@@ -178,8 +179,7 @@ def test_feet_stand_on_uneven_ground(ours):
         if not name.startswith("Foot"):
             continue
         foot = answer.positions()[0, :, answer.names.index(name)]
-        # In the middle of a contact the ankle is as high over a step below the foot as it is over a
-        # floor.
+        # In the middle of a contact the ankle has the same height over the step as over a floor.
         middle = np.convolve(stands, np.ones(5), "same") == 5
         off = [min(abs(y - height(z + ahead) - 0.12) for ahead in (0, 0.1, 0.2)) for _, y, z in foot[middle]]
         assert len(off) > 5
@@ -195,7 +195,7 @@ def test_loops_close(ours, mover):
             quaternions, roots = answer.quaternions()[sample], answer.roots()[sample]
             assert angle(quaternions[0], quaternions[-1]).max() < 0.01, "the last frame is the first"
             assert abs(roots[0, 1] - roots[-1, 1]) < 1e-3
-            # Played twice, the seam is as smooth as the rest.
+            # If the motion plays twice, the seam is as smooth as the rest.
             turns = angle(quaternions[1:], quaternions[:-1]).max(axis=-1)
             assert turns[[0, 1, -2, -1]].max() < 2 * turns.max() + 0.05
             speed = np.linalg.norm(np.diff(roots, axis=0), axis=-1)
@@ -211,7 +211,7 @@ def test_segments_follow_each_other(ours, mover):
 
     first, second = make(None, None, 5), make(None, None, 6)
     a, b = first.quaternions()[0], second.quaternions()[0]
-    assert angle(a[:40], b[:40]).max() < 0.2, "what was before is nearly as it was"
+    assert angle(a[:40], b[:40]).max() < 0.2, "the first segment is nearly the same"
     assert not np.allclose(a[110:], b[110:], atol=1e-3), "a segment has a seed of its own"
     assert angle(a[1:], a[:-1]).max() < 0.9, "no joint jumps between segments"
     boundaries = first.extension["samples"][0]["chunk_boundaries"]
@@ -228,7 +228,7 @@ def test_other_frame_rates(ours, mover, fps):
 
 
 def test_another_order_of_joints(ours, walker):
-    """Joints go by name: an order of the client's own is that of the answer."""
+    """Joints are matched by name, and the answer keeps the order of the request."""
     joints = walker["canonical_skeleton"]["joints"]
     depth = {}
     for joint in joints:
@@ -243,7 +243,7 @@ def test_another_order_of_joints(ours, walker):
 
 
 def test_rest_rotations_of_the_client(ours, walker):
-    """Channels replace the rest pose, so its rotations may be the client's."""
+    """Channels replace the rest pose, so the client may choose its rotations."""
     body = request(walker, [free(40)], options=seeded())
     other = copy.deepcopy(body)
     for joint in other["skeleton"]["joints"]:
@@ -273,14 +273,14 @@ def test_styles(ours):
 
 
 @pytest.mark.parametrize("name", ["human", "g1", "unimogen/horse"])
-def test_what_the_client_of_blender_asks_of_every_model(ours, name):
+def test_requests_of_the_client_for_blender(ours, name):
     separated = {"type": "separated", "weight": [2.0, 2.0]}
     options = seeded(diffusion_steps=50, num_samples=1, post_processing=True, transition_frames=5, guidance=separated)
     body = request(ours.model(name), [free(120)], constraints=[root_path(STRAIGHT)], options=options)
     assert "guidance" in ours.make(body | {"protocol_version": "1.0"}).notes()
 
 
-def test_a_batch_is_what_its_requests_are(ours):
+def test_a_batch_gives_the_answers_of_its_requests(ours):
     bodies = [
         request(ours.model("human"), [free(60)], options=seeded(num_samples=2)),
         request(ours.model("human"), [free(40)], options=seeded(5)),
@@ -294,12 +294,12 @@ def test_a_batch_is_what_its_requests_are(ours):
     for body, result, document in zip(bodies, answer["results"], alone, strict=True):
         assert list(result) == ["gltf"]
         made = Answer(body, result["gltf"], ours.model(body["model"]))
-        # Another size of batch rounds otherwise.
+        # Rounding depends on the size of the batch.
         single = Answer(body, document, ours.model(body["model"]))
         np.testing.assert_allclose(made.roots(), single.roots(), atol=0.02)
 
 
-def test_both_clients_ask(ours, walker):
+def test_both_clients_get_the_same(ours, walker):
     body = request(walker, [free(20)], options=seeded())
     assert generate(ours.url, body) == client.generate(ours.url, body)
 

@@ -51,8 +51,8 @@ test('a skin that is dropped wins, and files that are none are refused in words'
   await expect(page.getByText(/mine\.glb is the skin of human: 21 joints, \d+ triangles/)).toBeVisible();
   expect(await isSkinned(page)).toBe(true);
   await drop(page, 'broken.glb', glb.subarray(0, 1000));
-  await expect(page.getByText(/no glb that can be read/)).toBeVisible();
+  await expect(page.getByText(/not a glb that can be read/)).toBeVisible();
   await drop(page, 'clip.bvh', new Uint8Array([1]));
-  await expect(page.getByText(/clip\.bvh: is no glb/)).toBeVisible();
+  await expect(page.getByText(/clip\.bvh: is not a glb/)).toBeVisible();
   expect(await isSkinned(page)).toBe(true);
 });

@@ -18,8 +18,8 @@ test('fills a gap and exports it as BVH', async ({ page, open, watched }) => {
     page.waitForEvent('download'),
     page.getByRole('menuitem', { name: 'BVH' }).click(),
   ]);
-  const { joints, rows, told, seconds } = readBvh(readFileSync(await download.path(), 'utf8'));
-  expect(told).toBe(frames);
+  const { joints, rows, count, seconds } = readBvh(readFileSync(await download.path(), 'utf8'));
+  expect(count).toBe(frames);
   expect(rows).toHaveLength(frames);
   expect(seconds).toBeCloseTo(1 / 30, 4);
   // Three numbers a joint, and the place of the first.
@@ -31,9 +31,31 @@ test('fills a gap and exports it as BVH', async ({ page, open, watched }) => {
   expect(watched.errors).toEqual([]);
 });
 
-function readBvh(text: string): { joints: number; rows: number[][]; told: number; seconds: number } {
+test('its tools stand in a frame of their own, clear of title and timeline', async ({ page, open }) => {
+  await open('mode=inbetween&clip=walk');
+  await expect.poll(() => page.evaluate(() => window.editor?.frames() ?? 0), { timeout: 45_000 }).toBeGreaterThan(65);
+  const tools = page.getByRole('navigation', { name: 'Tools' });
+  const [frame, title, timeline] = await Promise.all(
+    [tools, page.locator('.head p'), page.locator('.timeline')].map((one) => one.boundingBox()),
+  );
+  expect(frame!.y).toBeGreaterThan(title!.y + title!.height);
+  expect(frame!.y + frame!.height).toBeLessThan(timeline!.y);
+  const buttons = tools.getByRole('button');
+  expect(await buttons.count()).toBe(4);
+  for (const button of await buttons.all()) {
+    const box = (await button.boundingBox())!;
+    expect(box.x).toBeGreaterThan(frame!.x);
+    expect(box.x + box.width).toBeLessThan(frame!.x + frame!.width);
+    expect(box.y).toBeGreaterThan(frame!.y);
+    expect(box.y + box.height).toBeLessThan(frame!.y + frame!.height);
+  }
+  const background = await tools.evaluate((element) => getComputedStyle(element).backgroundColor);
+  expect(background).not.toBe('rgba(0, 0, 0, 0)');
+});
+
+function readBvh(text: string): { joints: number; rows: number[][]; count: number; seconds: number } {
   const [head = '', motion = ''] = text.split(/^MOTION\s*$/m);
-  const told = /^Frames:\s*(\d+)/m.exec(motion);
+  const count = /^Frames:\s*(\d+)/m.exec(motion);
   const seconds = /^Frame Time:\s*([\d.]+)/m.exec(motion);
   const lines = motion
     .slice(motion.indexOf(seconds?.[0] ?? '') + (seconds?.[0].length ?? 0))
@@ -42,7 +64,7 @@ function readBvh(text: string): { joints: number; rows: number[][]; told: number
   return {
     joints: head.match(/^\s*(?:ROOT|JOINT)\s/gm)?.length ?? 0,
     rows: lines.map((line) => line.trim().split(/\s+/).map(Number)),
-    told: Number(told?.[1]),
+    count: Number(count?.[1]),
     seconds: Number(seconds?.[1]),
   };
 }

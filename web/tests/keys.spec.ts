@@ -90,7 +90,7 @@ test('a key that may do nothing here can be changed for another', async ({ page,
   await waitForCrowd(page, 1);
 });
 
-test('without a key the page says so, and asks again when told to', async ({ page, locked }) => {
+test('without a key the page says so, and asks again on request', async ({ page, locked }) => {
   await page.goto(`${locked.server.page}#mode=live&n=1`);
   const dialog = page.getByRole('dialog', { name: 'This server asks for a key' });
   await expect(dialog).toBeVisible();

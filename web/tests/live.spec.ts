@@ -62,7 +62,7 @@ test('goes where a gamepad says', async ({ page, open }) => {
   await axes(0, -1, 0, 0);
   await expect.poll(async () => apart(await ownPlace(page), before), { timeout: 20_000 }).toBeGreaterThan(1);
   await axes(0, 0, 1, 0);
-  await expect(page.getByRole('button', { name: 'Face where it goes (X)' })).toBeVisible();
+  await expect(page.getByRole('button', { name: 'Face the way it walks (X)' })).toBeVisible();
 });
 
 test('changes style, on the page and on the server', async ({ page, open }) => {

@@ -63,11 +63,11 @@ test('goes on after a restart of the server', async ({ page, open, server }) => 
   const ids = await page.evaluate(() => window.troupe!.ids());
   const before = await ownPlace(page);
   await server.kill();
-  await expect(page.getByText(/The connection is gone/)).toBeVisible();
+  await expect(page.getByText(/The connection is lost/)).toBeVisible();
   await server.run();
-  await expect(page.getByText(/The connection is gone/)).toBeHidden({ timeout: 30_000 });
+  await expect(page.getByText(/The connection is lost/)).toBeHidden({ timeout: 30_000 });
   expect(await page.evaluate(() => window.troupe!.connection())).toBe('live');
-  // The same characters, where they were, and the own one obeys.
+  // The same characters at the same places, and the own one obeys.
   expect(await page.evaluate(() => window.troupe!.ids())).toEqual(ids);
   expect(apart(await ownPlace(page), before)).toBeLessThan(1);
   await focusStage(page);

@@ -128,17 +128,17 @@ test('sit @pictures', async ({ page, open, server }) => {
   await put(`${server.api}/v1/scenes/square`, SQUARE);
   await page.setViewportSize(MIDDLE);
   const events = page.getByRole('log', { name: 'Events' });
-  await open('mode=scenes&scene=square&cam=0,0.6,0.4,0.45,1.2,6.4');
+  await open('mode=scenes&scene=square&n=0&cam=0,0.6,0.4,0.45,1.2,6.4');
   for (const seat of ['bench-0', 'bench-2']) {
     await page.getByRole('button', { name: new RegExp(`^${seat}`) }).click();
-    await page.getByRole('button', { name: /^Put a.* in$/ }).click();
+    await page.getByRole('button', { name: /^Add a(nother one| character)$/ }).click();
     await page.waitForTimeout(2500);
     await page.getByRole('button', { name: 'Use it …' }).click();
     await page.getByRole('menuitem', { name: 'upright' }).click();
     await expect(events.getByText(new RegExp(`reached sit of ${seat}`))).toBeVisible({ timeout: 120_000 });
   }
   await page.getByRole('button', { name: /^cup/ }).click();
-  await page.getByRole('button', { name: /^Put a.* in$/ }).click();
+  await page.getByRole('button', { name: /^Add a(nother one| character)$/ }).click();
   await page.waitForTimeout(2500);
   await focusStage(page);
   await page.keyboard.press('u');

@@ -6,7 +6,7 @@ import { apart, expect, focusStage, openCourtyard, test } from './viewer';
 const EXAMPLES = resolve(import.meta.dirname, '../../examples');
 
 async function putCharacter(page: Page): Promise<void> {
-  await page.getByRole('button', { name: 'Put a character in' }).click();
+  await page.getByRole('button', { name: 'Add a character' }).click();
   await expect.poll(() => page.evaluate(() => window.troupeScenes?.position() !== undefined)).toBe(true);
 }
 
@@ -34,7 +34,7 @@ test('sits down on a stool, and rises', async ({ page, open, watched }) => {
   expect(watched.errors).toEqual([]);
 });
 
-test('carries a cup: it moves with the hand, and stays where it was put down', async ({ page, open }) => {
+test('carries a cup: it moves with the hand, and stays at the place of its release', async ({ page, open }) => {
   test.setTimeout(90_000);
   await openCourtyard(page, open, '&sel=cup-1');
   await putCharacter(page);
@@ -110,7 +110,7 @@ test('takes dropped definitions, and says what is wrong with one', async ({ page
     await page.dispatchEvent('body', 'drop', { dataTransfer: transfer });
   };
   await drop('mug.toml', text.replace('name = "cup"', 'name = "mug"'));
-  await expect(page.getByText('Objects of mug can be put down.')).toBeVisible();
+  await expect(page.getByText('Objects of mug can be placed.')).toBeVisible();
   await drop('mug.toml', text.replace('name = "cup"', 'name = "mug"').replace(/reach_m = .*/, 'reach_m = 60'));
   await expect(page.getByText(/trigger\.reach_m: is 60; allowed: 0 to 10/)).toBeVisible();
 });

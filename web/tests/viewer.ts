@@ -4,7 +4,7 @@ import { test as base, expect } from '@playwright/test';
 import { TroupeServer } from './server';
 
 export interface Watched {
-  /** Errors on the console, and exceptions that nobody caught. */
+  /** Errors on the console, and uncaught exceptions. */
   errors: string[];
   /** Addresses that were asked and are not of this machine. */
   foreign: string[];
@@ -63,7 +63,7 @@ export const test = base.extend<Each, Shared>({
 
 export { expect };
 
-/** Waits until so many live characters are on the stage. */
+/** Waits until `count` live characters are on the stage. */
 export async function waitForCrowd(page: Page, count: number, timeout = 45_000): Promise<void> {
   await expect.poll(() => page.evaluate(() => window.troupe?.shown() ?? 0), { timeout }).toBeGreaterThanOrEqual(count);
 }
@@ -73,6 +73,18 @@ export async function ownPlace(page: Page): Promise<[number, number, number]> {
   const place = await page.evaluate(() => window.troupe?.position());
   if (!place) throw new Error('the own character is not shown');
   return place;
+}
+
+/** Whether a character of a mode is in the part of the picture that no panel covers. */
+export async function isInSight(page: Page, mode: 'troupe' | 'troupeScenes' = 'troupe'): Promise<boolean> {
+  const place = await page.evaluate((of) => window[of]?.onScreen(), mode);
+  const panels = await page.locator('.side').boundingBox();
+  return !!place && place.x > 0 && place.x < (panels?.x ?? place.width) && place.y > 0 && place.y < place.height;
+}
+
+/** Shows another mode, by the control at the top. */
+export async function switchMode(page: Page, label: 'Live' | 'Scenes' | 'In-between'): Promise<void> {
+  await page.getByRole('radiogroup', { name: 'Mode' }).getByText(label, { exact: true }).click();
 }
 
 /** How far two places are from each other over the ground, metres. */
@@ -91,9 +103,9 @@ export async function choose(page: Page, label: string, value: string, panel = p
   await page.getByRole('option', { name: value, exact: true }).click();
 }
 
-/** Opens the courtyard; the first test that comes uploads it, as a person would. */
+/** Opens the courtyard without a character; the first test that comes uploads it, as a person would. */
 export async function openCourtyard(page: Page, open: (link: string) => Promise<void>, more = ''): Promise<void> {
-  await open(`mode=scenes&scene=courtyard${more}`);
+  await open(`mode=scenes&scene=courtyard&n=0${more}`);
   const upload = page.getByRole('button', { name: 'Upload the courtyard' });
   const list = page.getByRole('list', { name: 'Objects of the scene' });
   await expect(upload.or(list).first()).toBeVisible({ timeout: 45_000 });

@@ -1,4 +1,4 @@
-//! Checks of single values, each of which names its field and what is allowed.
+//! Checks of single values. Every error names the field and what is allowed.
 
 use std::collections::HashSet;
 
@@ -8,12 +8,12 @@ use troupe_motion::{Quat, Vec3};
 use crate::limits::UNIT_TOLERANCE;
 use crate::{FieldError, Path};
 
-/// Most characters of a name: letters, digits, '-', '_' or '.'.
+/// Most characters of a name. Allowed: letters, digits, '-', '_' and '.'.
 pub const MAX_NAME_CHARS: usize = 64;
-/// Most names that an error lists.
+/// Most names that an error message lists.
 const MAX_LISTED: usize = 40;
 
-/// Checks the version of a format, of which there is one.
+/// Checks a format number against the only one that is supported.
 pub fn format(path: &Path<'_>, found: u32, version: u32) -> Result<(), FieldError> {
     if found == version {
         return Ok(());
@@ -23,9 +23,10 @@ pub fn format(path: &Path<'_>, found: u32, version: u32) -> Result<(), FieldErro
         .error(format!("is {found}"), version.to_string()))
 }
 
-/// Checks a name.
+/// Checks the characters and the length of a name.
 pub fn name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
-    let allowed = || format!("1 to {MAX_NAME_CHARS} letters, digits, '-', '_' or '.', no '.' first");
+    let allowed =
+        || format!("1 to {MAX_NAME_CHARS} letters, digits, '-', '_' or '.', not beginning with '.'");
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     match (name.chars().count(), name.chars().find(|&c| !fits(c))) {
         (0, _) => Err(path.error("is empty", allowed())),
@@ -36,8 +37,8 @@ pub fn name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
     }
 }
 
-/// Checks that no two of a list share what `key` gives: their names or ids, which are in the field
-/// `field` of each.
+/// Checks that the entries of a list differ in what `key` gives: their names or ids, which each has
+/// in its field `field`.
 pub fn unique<'a, T>(
     path: &Path<'_>,
     list_field: &'static str,
@@ -60,7 +61,8 @@ pub fn unique<'a, T>(
     }
 }
 
-/// Checks how many there are, and each one's name, which no two share. Gives each with its place.
+/// Checks the number of entries, and that their names are valid and differ. Gives each entry with
+/// its place.
 pub fn named<'a, T>(
     path: &'a Path<'a>,
     field: &'static str,
@@ -78,7 +80,7 @@ pub fn named<'a, T>(
     Ok(list.iter().enumerate().map(places))
 }
 
-/// Checks how many entries a list has.
+/// Checks the number of entries of a list.
 pub fn entries(path: &Path<'_>, found: usize, low: usize, high: usize) -> Result<(), FieldError> {
     if (low..=high).contains(&found) {
         return Ok(());
@@ -86,7 +88,7 @@ pub fn entries(path: &Path<'_>, found: usize, low: usize, high: usize) -> Result
     Err(path.error(format!("has {found} entries"), format!("{low} to {high}")))
 }
 
-/// Checks a number against its range; NaN is outside of any.
+/// Checks a number against its range. NaN is outside every range.
 pub fn number(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<(), FieldError> {
     if (low..=high).contains(&value) {
         return Ok(());
@@ -110,12 +112,12 @@ pub fn vector(path: &Path<'_>, field: &'static str, value: [f32; 3], limit: f32)
     Ok(Vec3::from(value))
 }
 
-/// Checks a rotation's length and makes it exactly 1. `what` begins the message.
+/// Checks that a rotation has unit length, and makes it exactly 1. `what` begins the message.
 pub fn rotation(path: &Path<'_>, wxyz: [f32; 4], what: &str) -> Result<Quat, FieldError> {
     let rotation = from_wxyz(wxyz);
     let length = rotation.length();
     let (low, high) = (1.0 - UNIT_TOLERANCE, 1.0 + UNIT_TOLERANCE);
-    // NaN and infinity are outside too.
+    // Rejects NaN and infinity too.
     if (low..=high).contains(&length) {
         return Ok(rotation / length);
     }
@@ -125,7 +127,7 @@ pub fn rotation(path: &Path<'_>, wxyz: [f32; 4], what: &str) -> Result<Quat, Fie
     ))
 }
 
-/// Names with commas between, as many as fit into an error; `none` where there are none.
+/// Names with commas between them, as many as fit into an error message; `none` if there are none.
 pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<_> = names.into_iter().collect();
     if names.is_empty() {
@@ -151,7 +153,7 @@ mod tests {
         for bad in ["", ".", "..", ".hidden", "a/b", "a b", "é"] {
             let error = check(bad).unwrap_err().to_string();
             assert!(
-                error.starts_with("name: ") && error.contains("no '.' first"),
+                error.starts_with("name: ") && error.contains("not beginning with '.'"),
                 "{error}"
             );
         }

@@ -1,4 +1,4 @@
-//! Folders of documents.
+//! Folders of documents, such as the styles and objects that users add.
 
 use std::ffi::OsStr;
 use std::io::{self, Write as _};
@@ -8,11 +8,12 @@ use super::read::unreadable;
 use super::{Document, DocumentError, Format, read_file};
 use crate::FieldError;
 
-/// Reads every `*.toml` and `*.json` of `folder` and makes of each what `check` does; sorted by
-/// name. A folder that is not there has none.
+/// Reads every `*.toml` and `*.json` file of `folder`, runs `check` on each, and returns the
+/// results sorted by name. A folder that does not exist counts as empty.
 ///
 /// # Errors
-/// [`DocumentError`] for the first file that cannot be used, or has the name of another.
+/// [`DocumentError`] for the first file that cannot be used, or that has the same name inside as
+/// another.
 pub fn read_folder<D: Document, T>(
     folder: &FilePath,
     check: impl Fn(D) -> Result<T, FieldError>,
@@ -22,19 +23,19 @@ pub fn read_folder<D: Document, T>(
     Ok(read.into_iter().map(|(_, one)| one).collect())
 }
 
-/// As [`read_folder`], for a folder of [`keep`]: each file is named for what is in it. One that
-/// cannot be used, or is named for something else, is left out with a warning: what one user has
-/// uploaded must not keep a server from starting.
+/// As [`read_folder`], for a folder that [`keep`] writes, whose files are named after the document
+/// inside. A file that cannot be used, or that has another name, is skipped with a warning: a
+/// broken upload must not keep the server from starting.
 ///
 /// # Errors
-/// [`DocumentError`] where the folder cannot be read.
+/// [`DocumentError`] if the folder cannot be read.
 pub fn read_kept<D: Document, T>(
     folder: &FilePath,
     check: impl Fn(D) -> Result<T, FieldError>,
     name_of: impl Fn(&T) -> &str,
 ) -> Result<Vec<T>, DocumentError> {
     let left_out = |error: DocumentError| {
-        tracing::warn!(%error, "a file is left out");
+        tracing::warn!(%error, "skipped a file that cannot be used");
         Ok(())
     };
     let named_for_it = |file: &FilePath, name: &str| match file.file_stem() == Some(OsStr::new(name)) {
@@ -50,7 +51,7 @@ fn misnamed<D: Document>(name: &str) -> DocumentError {
         field: "name".to_owned(),
         ..DocumentError::whole::<D>(
             format!(
-                "is {name:?}, but a file in this folder is named for its {}",
+                "is {name:?}, but the name of a file in this folder must be its {}",
                 D::WHAT
             ),
             "the file's name",
@@ -58,8 +59,8 @@ fn misnamed<D: Document>(name: &str) -> DocumentError {
     }
 }
 
-/// What is in the files of a folder, sorted by name. `fits` looks at a file's path and the name in
-/// it; `on_bad` says whether one that cannot be used is left out.
+/// The documents of a folder, sorted by name. `fits` checks a file's path against the name inside.
+/// `on_bad` decides whether a file that cannot be used is skipped.
 fn read_each<D: Document, T>(
     folder: &FilePath,
     check: impl Fn(D) -> Result<T, FieldError>,
@@ -99,8 +100,8 @@ fn read_each<D: Document, T>(
             let error = DocumentError {
                 field: "name".to_owned(),
                 ..DocumentError::whole::<D>(
-                    format!("is {name:?}, which another file's {} has", D::WHAT),
-                    "a name of its own for each",
+                    format!("is {name:?}, the same as the {} of another file", D::WHAT),
+                    "a different name in each file",
                 )
             };
             on_bad(error.in_file(&file))?;
@@ -112,12 +113,11 @@ fn read_each<D: Document, T>(
     Ok(all)
 }
 
-/// Writes a text into `folder`, which is made where it is not there, as the file of what is named
-/// `name`, in the place of the one that was there. Readers see the old file or the new one, never a
-/// part of one.
+/// Writes a document to `folder` as the file of `name`, and replaces the file that was there.
+/// Creates the folder if needed. Readers see the old file or the new one, never a part of one.
 ///
 /// # Errors
-/// That of the file system.
+/// Those of the file system.
 pub fn keep(folder: &FilePath, name: &str, format: Format, text: &str) -> io::Result<()> {
     write_whole(folder, &file_of(folder, name, format), text)?;
     match format {
@@ -126,20 +126,20 @@ pub fn keep(folder: &FilePath, name: &str, format: Format, text: &str) -> io::Re
     }
 }
 
-/// Writes `file`, which is in `folder`, wholly or not at all, and onto the disk: it is there after
-/// a power cut too. What is left of one that cannot be written goes.
+/// Writes `file` in `folder` completely or not at all, and flushes it to the disk, so that it
+/// survives a power cut. Removes what is left of a write that failed.
 ///
 /// # Errors
-/// That of the file system.
+/// Those of the file system.
 pub fn write_whole(folder: &FilePath, file: &FilePath, text: &str) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
-    // Not of an ending that is read, so that a file that is left behind is not taken for one.
+    // With an ending that is not read, so that a leftover does not count as a document.
     let mut unfinished = file.as_os_str().to_owned();
     unfinished.push(".part");
     let unfinished = PathBuf::from(unfinished);
     let written = write_synced(&unfinished, text).and_then(|()| std::fs::rename(&unfinished, file));
     if written.is_err() {
-        // Why it was not written says more than why it stays.
+        // The reason of the failed write matters more than a leftover file.
         let _ = std::fs::remove_file(&unfinished);
         return written;
     }
@@ -152,7 +152,7 @@ fn write_synced(file: &FilePath, text: &str) -> io::Result<()> {
     file.sync_all()
 }
 
-/// Has the names in a folder written to the disk, where the system knows that.
+/// Flushes the names in a folder to the disk, on systems that support this.
 fn sync_folder(folder: &FilePath) -> io::Result<()> {
     match cfg!(unix) {
         true => std::fs::File::open(folder)?.sync_all(),
@@ -160,7 +160,7 @@ fn sync_folder(folder: &FilePath) -> io::Result<()> {
     }
 }
 
-/// Whether a file was not written because the disk is full.
+/// Whether a write failed because the disk is full.
 pub fn is_full(error: &io::Error) -> bool {
     matches!(
         error.kind(),
@@ -168,10 +168,10 @@ pub fn is_full(error: &io::Error) -> bool {
     )
 }
 
-/// Removes the file of what is named `name`, where there is one.
+/// Removes the file of `name`, if it exists.
 ///
 /// # Errors
-/// That of the file system.
+/// Those of the file system.
 pub fn forget(folder: &FilePath, name: &str) -> io::Result<()> {
     remove(&file_of(folder, name, Format::Toml))?;
     remove(&file_of(folder, name, Format::Json))
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_is_read_again_until_it_is_forgotten() {
+    fn a_document_that_was_written_is_read_until_it_is_removed() {
         let folder = TempFolder::new("kept-documents");
         let inside = folder.path().join("not/yet/there");
         keep(&inside, "a", Format::Toml, "name = \"a\"").unwrap();
@@ -229,22 +229,21 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_named_for_something_else_or_broken_is_left_out() {
+    fn a_broken_file_or_one_with_another_name_is_skipped() {
         let folder = TempFolder::new("misnamed-documents");
         keep(folder.path(), "a", Format::Toml, "name = \"b\"").unwrap();
         keep(folder.path(), "b", Format::Toml, "nonsense").unwrap();
         keep(folder.path(), "c", Format::Toml, "name = \"c\"").unwrap();
         assert_eq!(read(&folder).unwrap(), ["c"]);
         let error = misnamed::<Note>("b").to_string();
-        let wanted =
-            "name: is \"b\", but a file in this folder is named for its note; allowed: the file's name";
+        let wanted = "name: is \"b\", but the name of a file in this folder must be its note; allowed: the file's name";
         assert!(error.ends_with(wanted), "{error}");
     }
 
     #[test]
-    fn nothing_is_left_of_a_file_that_cannot_be_written() {
+    fn a_failed_write_leaves_no_file() {
         let folder = TempFolder::new("unwritten-documents");
-        // A folder where the file should be.
+        // A folder takes the place of the file.
         std::fs::create_dir_all(folder.path().join("a.toml/inside")).unwrap();
         assert!(keep(folder.path(), "a", Format::Toml, "name = \"a\"").is_err());
         let names: Vec<_> = std::fs::read_dir(folder.path())

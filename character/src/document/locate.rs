@@ -1,5 +1,5 @@
-//! Where a field is in a text: from a path such as `sets[1].keyframes[0].height_m` to an offset.
-//! Texts are looked at again only when there is an error to tell.
+//! Finds a field in a text: from a path such as `sets[1].keyframes[0].height_m` to an offset. The
+//! text is parsed again, but only to report an error.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,14 +8,14 @@ use serde_json::value::RawValue;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A step of a path.
+/// One step of a path: a field's name or an index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Step<'a> {
     Key(&'a str),
     Index(usize),
 }
 
-/// The steps of a path; what is not understood ends it.
+/// The steps of a path, up to the first that is not understood.
 fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
     path.split('.').filter(|part| !part.is_empty()).flat_map(|part| {
         let (key, rest) = part.split_once('[').map_or((part, ""), |(key, rest)| (key, rest));
@@ -27,7 +27,7 @@ fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
     })
 }
 
-/// Line and column of an offset, from 1. Columns count characters.
+/// Line and column of an offset, both from 1. Columns count characters.
 pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = text.get(..offset).unwrap_or(text);
     let line = before.matches('\n').count() + 1;
@@ -35,8 +35,8 @@ pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     (line, before[start..].chars().count() + 1)
 }
 
-/// The offset of the field in a TOML text; of the nearest thing that it would be in, where it is
-/// not there.
+/// The offset of the field in a TOML text. If it is missing, that of the nearest table that should
+/// hold it.
 pub(super) fn in_toml(text: &str, path: &str) -> Option<usize> {
     let root = DeTable::parse(text).ok()?;
     let mut steps = steps(path);
@@ -76,7 +76,7 @@ pub(super) fn in_json(text: &str, path: &str) -> Option<usize> {
             None => break,
         }
     }
-    // Raw values are parts of the text itself.
+    // Raw values borrow from the text, so pointers give the offset.
     (at.get().as_ptr() as usize).checked_sub(text.as_ptr() as usize)
 }
 
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_are_taken_apart() {
+    fn a_path_is_split_into_steps() {
         let found: Vec<_> = steps("sets[1].keyframes[0].points_m[3][2]").collect();
         let want = [
             Step::Key("sets"),
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(
             at("sets[1].frames").unwrap().0,
             8,
-            "its table, where it is missing"
+            "a missing field is located at its table"
         );
         assert_eq!(at("format"), None);
     }

@@ -1,8 +1,8 @@
-//! Documents that people write: TOML or JSON texts, files and folders of them, read and checked.
+//! Documents that people write: TOML or JSON texts, files and folders, read and checked.
 //!
-//! A [`Document`] is what stands in a text; a check makes of it what the server works with.
-//! Whatever is wrong, the error names file, line, field and what is allowed ([`DocumentError`]).
-//! Smart objects ([`crate::object`]) and scenes ([`crate::scene`]) are such documents.
+//! A [`Document`] is the content of a text as it is written. A check turns it into what the server
+//! works with. Every error names file, line, field and what is allowed ([`DocumentError`]). Smart
+//! objects ([`crate::object`]) and scenes ([`crate::scene`]) are such documents.
 
 pub mod check;
 mod folder;

@@ -1,4 +1,4 @@
-//! From a text, a file or a folder to what a document means.
+//! Reads documents from texts and files, and checks them.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -10,17 +10,17 @@ use super::locate::{in_json, in_toml, line_and_column};
 use super::words::{missing, plain};
 use crate::FieldError;
 
-/// How a document is written.
+/// The syntax of a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// TOML, files that end in `.toml`.
+    /// TOML: files that end in `.toml`.
     Toml,
-    /// JSON, files that end in `.json`.
+    /// JSON: files that end in `.json`.
     Json,
 }
 
 impl Format {
-    /// What files of this format end in.
+    /// The ending of files of this format, without the dot.
     pub fn ending(self) -> &'static str {
         match self {
             Self::Toml => "toml",
@@ -38,20 +38,20 @@ impl Format {
     }
 }
 
-/// A kind of document, as it is written.
+/// A kind of document, as people write it.
 pub trait Document: DeserializeOwned {
-    /// What it is, for messages.
+    /// What the document describes, for messages: for example `object definition`.
     const WHAT: &'static str;
-    /// Most bytes of one.
+    /// Size limit of a document, bytes.
     const MAX_BYTES: usize;
 }
 
 /// Where a document came from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Source {
-    /// A text; of what, for example `object definition`.
+    /// A text that was sent. The string says what it describes, for example `object definition`.
     Text(&'static str),
-    /// A file or folder.
+    /// A file, or a folder that cannot be read.
     File(PathBuf),
 }
 
@@ -64,19 +64,19 @@ impl fmt::Display for Source {
     }
 }
 
-/// A document that cannot be used, and where it is wrong.
+/// Why a document cannot be used, and at which place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DocumentError {
-    /// Where it came from.
+    /// The text or file that has the error.
     pub source: Source,
-    /// Line and column of what is wrong, from 1, where the text has such a place.
+    /// Line and column of the error, from 1. None if the text has no such place.
     pub place: Option<(usize, usize)>,
-    /// Path of the field, for example `sets[1].keyframes[0].height_m`; empty for the document
-    /// itself.
+    /// Path of the field, for example `sets[1].keyframes[0].height_m`. Empty for an error of the
+    /// whole document.
     pub field: String,
-    /// What is wrong.
+    /// What is wrong, for example `is 200`.
     pub message: String,
-    /// What is allowed instead; empty where the message says it.
+    /// What is allowed instead. Empty if the message already says so.
     pub allowed: String,
 }
 
@@ -98,7 +98,7 @@ impl DocumentError {
         )
     }
 
-    /// The error of a field of `text`.
+    /// The error of a field of `text`, with its line and column.
     fn of_field<D: Document>(error: FieldError, text: &str, format: Format) -> Self {
         let offset = match format {
             Format::Toml => in_toml(text, &error.field),
@@ -111,7 +111,7 @@ impl DocumentError {
         }
     }
 
-    /// What a parser says of the field at `path`.
+    /// An error from the parser about the field at `path`.
     fn of_parser<D: Document>(path: &str, message: &str) -> Self {
         let Some(name) = missing(message) else {
             return Self {
@@ -151,10 +151,10 @@ impl fmt::Display for DocumentError {
 
 impl std::error::Error for DocumentError {}
 
-/// Reads a text; only its form is checked.
+/// Parses a text. Values are not checked.
 ///
 /// # Errors
-/// [`DocumentError`].
+/// [`DocumentError`] for a text of the wrong form.
 pub fn parse<D: Document>(text: &str, format: Format) -> Result<D, DocumentError> {
     if text.len() > D::MAX_BYTES {
         return Err(DocumentError::too_long::<D>(text.len() as u64));
@@ -165,10 +165,10 @@ pub fn parse<D: Document>(text: &str, format: Format) -> Result<D, DocumentError
     }
 }
 
-/// Reads a text, and makes of it what `check` does.
+/// Parses a text, and runs `check` on the result.
 ///
 /// # Errors
-/// [`DocumentError`] for the first thing that is wrong.
+/// [`DocumentError`] for the first error.
 pub fn read<D: Document, T>(
     text: &str,
     format: Format,
@@ -210,10 +210,10 @@ fn field_of(path: &serde_path_to_error::Path) -> String {
     if field == "." { String::new() } else { field }
 }
 
-/// Reads `file`, which ends in `.toml` or `.json`, and makes of it what `check` does.
+/// Reads `file`, which ends in `.toml` or `.json`, and runs `check` on its document.
 ///
 /// # Errors
-/// [`DocumentError`], which names the file, and line and field where there are such.
+/// [`DocumentError`] with the file, and with line and field if the error has them.
 pub fn read_file<D: Document, T>(
     file: &FilePath,
     check: impl FnOnce(D) -> Result<T, FieldError>,
@@ -225,7 +225,7 @@ pub fn read_file<D: Document, T>(
                 "files that end in .toml or .json",
             ));
         };
-        // Its length first: a text that is too long is not worth reading.
+        // Checks the length first, so that a file that is too long is not read.
         let length = std::fs::metadata(file).map_err(unreadable::<D>)?.len();
         if length > D::MAX_BYTES as u64 {
             return Err(DocumentError::too_long::<D>(length));

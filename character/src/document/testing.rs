@@ -1,8 +1,8 @@
-//! Texts changed at random, so that what reads them sees nonsense of all kinds.
+//! Changes texts at random, to test their readers with all kinds of nonsense.
 
 use proptest::prelude::*;
 
-/// Values and pieces that do not belong where they are put.
+/// Values and fragments that are wrong in most places.
 const PIECES: &[&str] = &[
     "nan",
     "-inf",
@@ -37,7 +37,7 @@ const PIECES: &[&str] = &[
     "a.b.c.d = 1\n",
 ];
 
-/// A word of the text: what is between blanks, commas, brackets and signs.
+/// The words of the text: what lies between blanks, commas, brackets and signs.
 fn words(text: &str) -> Vec<(usize, usize)> {
     let mut words = Vec::new();
     let mut start = None;
@@ -55,18 +55,18 @@ fn words(text: &str) -> Vec<(usize, usize)> {
     words
 }
 
-/// A change of a text.
+/// One random change of a text.
 #[derive(Debug, Clone)]
 pub(crate) enum Change {
-    /// A word becomes a piece.
+    /// Replaces a word by a piece.
     Replace(prop::sample::Index, prop::sample::Index),
-    /// A word becomes another word.
+    /// Replaces a word by another word.
     Swap(prop::sample::Index, prop::sample::Index),
-    /// A line goes.
+    /// Deletes a line.
     Drop(prop::sample::Index),
-    /// A line comes twice, the second time elsewhere.
+    /// Copies a line to another place.
     Copy(prop::sample::Index, prop::sample::Index),
-    /// A piece at any place.
+    /// Inserts a piece anywhere.
     Insert(prop::sample::Index, prop::sample::Index),
 }
 
@@ -117,7 +117,7 @@ fn any_change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// A few changes.
+/// One or more random changes.
 pub(crate) fn any_changes() -> impl Strategy<Value = Vec<Change>> {
     prop::collection::vec(any_change(), 1..5)
 }

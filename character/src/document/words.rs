@@ -1,6 +1,6 @@
-//! The parsers' messages in the words of those who write documents.
+//! Rewrites the parsers' messages for people who do not program.
 
-/// Types as the parsers name them, and what people call them.
+/// Types as the parsers name them, and in plain words.
 const TYPES: [(&str, &str); 4] = [
     ("expected f32", "expected a number"),
     ("expected u32", "expected a whole number of 0 or more"),
@@ -8,14 +8,14 @@ const TYPES: [(&str, &str); 4] = [
     ("expected a sequence", "expected a list"),
 ];
 
-/// Most characters of what was found that a message repeats: what was expected is to be seen behind
-/// it.
+/// Most characters that a message repeats of a wrong value. What was expected comes after it and
+/// must stay in view.
 const MAX_FOUND: usize = 100;
 
-/// The message with types as people call them; what has named fields is a `struct`, of whatever
-/// name, to the parsers.
+/// The message with types in plain words. The parsers call everything with named fields a `struct`,
+/// followed by its Rust name.
 pub fn plain(message: &str) -> String {
-    // What was found comes first, and may hold any words.
+    // The value comes first, and may contain any words.
     let Some(at) = message.rfind(", expected ") else {
         return message.to_owned();
     };
@@ -41,7 +41,7 @@ fn replaced(expected: &str) -> String {
     })
 }
 
-/// The name of the field that the message says is missing.
+/// The name of the field that the message calls missing.
 pub(super) fn missing(message: &str) -> Option<&str> {
     message.strip_prefix("missing field `")?.strip_suffix('`')
 }
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn types_are_called_as_people_call_them() {
+    fn messages_name_types_in_plain_words() {
         let cases = [
             (
                 "invalid type: string \"far\", expected f32",

@@ -1,18 +1,18 @@
-//! The crowd's budget: who is planned for how often, and how far ahead, where the networks cannot
-//! serve everybody as often as usual. Pure: time comes in as a number.
+//! The crowd's budget: how often each character is planned for, and how far ahead, when the
+//! networks cannot serve everybody as often as usual. Pure: time comes in as a number.
 //!
-//! [`Controller`] turns what plans have to wait into one number, the **pressure**: 0 where the
-//! networks keep up, 1 where everybody plans once a second, [`MOST_PRESSURE`] where every plan is
-//! as long as the pack allows and lasts as long as it can. [`stretch`] says how much of it falls on
-//! a character of some priority, and [`Pace::new`] what that means in frames:
+//! [`Controller`] turns the delay of plans into one number, the **pressure**. At 0 the networks
+//! keep up. At 1 everybody plans once a second. At [`MOST_PRESSURE`] every plan is as long as the
+//! pack allows and is used to its end. [`stretch`] is a character's share of the pressure, by its
+//! priority; [`Pace::new`] turns that into frames:
 //!
-//! 1. Intervals grow, from the style's to what a plan of the usual length lasts.
-//! 2. Plans grow, by a token at a time, up to the one that lasts a second; each lasts as long as it
-//!    can.
-//! 3. Only once that is true of everybody, plans grow on, up to the pack's longest.
+//! 1. Intervals grow from the style's to the time that a plan of the usual length lasts.
+//! 2. Plans grow token by token to the length that lasts a second, and each is used to its end.
+//! 3. Once that holds for everybody, plans grow further, up to the pack's longest.
 //!
-//! In each step the least important go first. At pressure 0 nothing here has any effect. Characters
-//! on a caller's clock are not under it, so that their frames do not depend on the load.
+//! In each step the characters of lowest priority go first. At pressure 0 nothing here has any
+//! effect. A character on its caller's clock is exempt, so that its frames do not depend on the
+//! load.
 
 use super::CONTEXT_FRAMES;
 use super::buffer::CROSSFADE_FRAMES;
@@ -21,51 +21,51 @@ use troupe_motion::model::Dims;
 
 /// Highest pressure.
 pub const MOST_PRESSURE: f32 = 2.0;
-/// Pressure that nobody feels: a moment's delay changes nothing.
+/// Pressure up to this has no effect, so that a short delay changes nothing.
 const SLIGHT_PRESSURE: f32 = 0.03;
-/// How much sooner a priority of 0 feels the pressure than one of 1, against the pressure that
-/// takes either from the first interval to the last: at 1, the most important begin when the least
-/// important have come to the end.
+/// How much sooner priority 0 feels the pressure than priority 1, relative to the pressure that
+/// leads from the first interval to the last. At 1, the highest priority begins when the lowest has
+/// come to the end.
 const PRIORITY_SPREAD: f32 = 1.0;
-/// Frames that must remain of a plan where the next takes over, under pressure: two fewer than it
-/// takes to fade. Those two are drawn out, at 4 and 13 % of their weight, which is a millimetre or
-/// two of a walk, and every plan lasts two frames longer.
+/// Frames of a plan that are left when the next takes over under pressure: two fewer than the fade
+/// takes. The missing two are drawn out. They have 4 and 13 % of the weight, which makes a
+/// millimetre or two in a walk, and every plan lasts two frames longer.
 pub(super) const LEFT_FRAMES: u32 = CROSSFADE_FRAMES as u32 - 2;
 
-/// Frames by which plans are asked for further ahead under a [`stretch`] of 1, and of 2.
+/// Frames by which plans are asked for further ahead at a [`stretch`] of 1, and of 2.
 const LEAD_FRAMES: (f32, f32) = (8.0, 24.0);
-/// The look-ahead that delays are measured against.
+/// The look-ahead that delays are compared with, frames.
 const LOOK_AHEAD_FRAMES: f32 = 4.0;
-/// How much of that plans may take on average.
+/// Share of that look-ahead that plans may take on average.
 const LEAD_USED: f32 = 0.5;
 
-/// How much of the pressure falls on a character, 0 to 2. Up to 1 it is on the way to a plan a
-/// second.
+/// A character's share of the pressure, 0 to 2. Up to 1 it leads to a plan a second.
 ///
-/// It grows with the pressure and falls with the priority, both at most twice as fast.
+/// It grows with the pressure and falls with the priority, both at a slope of at most 2.
 pub fn stretch(pressure: f32, priority: f32) -> f32 {
     let step =
         |pressure: f32| (pressure * (1.0 + PRIORITY_SPREAD) - PRIORITY_SPREAD * priority).clamp(0.0, 1.0);
     step(pressure) + step(pressure - 1.0)
 }
 
-/// How often a character is planned for, and how far ahead, where not as usual.
+/// How often a character is planned for, and how far ahead, if that is not as usual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pace {
     /// Frames between plans.
     pub interval_frames: u32,
     /// Frames of a plan, context included.
     pub plan_frames: u32,
-    /// Frames by which plans are asked for further ahead than the look-ahead, so that they may wait
-    /// for each other.
+    /// Frames by which plans are asked for further ahead than the look-ahead, so that they can wait
+    /// in the queue.
     pub lead_frames: u32,
 }
 
 impl Pace {
-    /// The pace of a character of a pack under a [`stretch`], or none where it is as usual.
-    /// `interval_frames`: its style's, or none where the style stands still and plans for a low
-    /// buffer only, which lose nothing by long plans. `phase`: any number, best a different one for
-    /// each character; between two steps it says who takes which, so that demand has no jumps.
+    /// The pace of a character of a pack at a [`stretch`]; none if it is as usual.
+    /// `interval_frames` is the style's. It is none for a style that stands still: that plans for a
+    /// low buffer only, so long plans cost it nothing. `phase` is any number, best a different one
+    /// for each character. Between two steps it decides who takes which, so that demand has no
+    /// jumps.
     pub fn new(
         stretch: f32,
         interval_frames: Option<u32>,
@@ -100,17 +100,17 @@ fn lead_frames(stretch: f32) -> f32 {
     second * stretch.min(1.0) + (longest - second) * (stretch - 1.0).clamp(0.0, 1.0)
 }
 
-/// From `a` to `b` in equal ratios, never back.
+/// Interpolates from `a` to `b` in equal ratios; at least `a`.
 fn between(a: f32, b: f32, part: f32) -> f32 {
     a * (b / a).max(1.0).powf(part.clamp(0.0, 1.0))
 }
 
-/// A number from 0 to 1 that is spread evenly over consecutive numbers too.
+/// A number from 0 to 1. Consecutive phases are spread evenly too.
 fn part(phase: u64) -> f32 {
     (phase.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f32 / (1u32 << 24) as f32
 }
 
-/// What plans of a pack may be.
+/// The lengths that plans of a pack may have.
 struct Steps {
     frames_per_token: u32,
     usual_frames: u32,
@@ -133,7 +133,7 @@ impl Steps {
         }
     }
 
-    /// Frames for which a plan of so many frames lasts.
+    /// Frames for which a plan of `frames` frames lasts.
     fn lasts_frames(frames: u32) -> u32 {
         frames.saturating_sub(CONTEXT_FRAMES as u32 + LEFT_FRAMES).max(1)
     }
@@ -142,8 +142,8 @@ impl Steps {
         Self::lasts_frames(tokens * self.frames_per_token)
     }
 
-    /// Frames for which a plan lasts that everybody takes before anybody takes a longer one: the
-    /// longest that is made again within a second.
+    /// Frames that the longest plan lasts which is made again within a second. Everybody reaches it
+    /// before anybody takes a longer one.
     fn second(&self) -> f32 {
         let fits = |tokens: &u32| self.lasts(*tokens) as f32 <= self.fps;
         let tokens = (self.usual_tokens..=self.max_tokens).rev().find(fits);
@@ -154,9 +154,9 @@ impl Steps {
         self.lasts(self.max_tokens) as f32
     }
 
-    /// Interval, at least `least`, and length nearest to an interval: a whole number of frames
-    /// while a plan of the usual number of tokens will do, then as long as one of so many tokens
-    /// lasts, for anything less of it would be more work and not less.
+    /// Interval (at least `least`) and plan length nearest to a wanted interval. Up to the usual
+    /// number of tokens the interval is any whole number of frames. Beyond it, an interval is what
+    /// a whole number of tokens lasts: anything shorter would mean more work.
     fn pace(&self, least: u32, interval: f32, part: f32) -> (u32, u32) {
         let usual = self.lasts(self.usual_tokens);
         if interval <= usual as f32 {
@@ -177,44 +177,41 @@ impl Steps {
     }
 }
 
-/// Time of a plan from asking to answer at which the pressure neither grows nor falls, seconds:
-/// within the usual look-ahead of four frames. A batch takes `c / (1 - load)` where the networks
-/// are at work all the time, and a plan waits for one and travels in another.
+/// Time from request to answer at which the pressure stays as it is, seconds: within the usual
+/// look-ahead of four frames. A batch takes `c / (1 - load)` on networks that are never idle. A
+/// plan waits for one batch and travels in another.
 const WANTED_DELAY_S: f32 = 0.09;
-/// `c` above for the middle between engines, for both batches: it makes a load of a delay. Were it
-/// off by a factor, the pressure would only move by that much faster or slower.
+/// `c` above, for both batches, as a middle between engines: it derives a load from a delay. An
+/// error in it only makes the pressure move faster or slower by that factor.
 const LEAST_DELAY_S: f32 = 0.015;
-/// How fast the pressure moves: its change in a second where the load is off by 1.
+/// Change of the pressure in a second for a load that is off by 1.
 const SPEED: f32 = 1.0;
-/// How fast it builds up by what is urgent: its change in a second for each unit of that.
+/// Change of the pressure in a second for each unit of urgency.
 const URGENT_SPEED: f32 = 1.0;
-/// Loads below this count as this much: an idle engine takes the pressure away in about two
-/// seconds.
+/// Lowest load that counts: an idle engine lowers the pressure to 0 in about two seconds.
 const LEAST_LOAD: f32 = -0.2;
-/// From this delay on the pressure does not wait to be built up, and from the second on there is no
-/// more to add, seconds.
+/// Delays between which urgency grows from 0 to its maximum, seconds. Urgency acts at once.
 const URGENT_DELAY_S: (f32, f32) = (0.14, 0.5);
-/// Shares of the engine's time that plans take, from which on they are taken to be what holds plans
-/// up, and wholly so. Below, it is other work that does, and longer plans would not help.
+/// Shares of the engine's time that plans take. Below the first, other work is the cause of the
+/// delay, and longer plans would not help. Above the second, plans are the only cause.
 const OWN_SHARE: (f32, f32) = (0.3, 0.5);
-/// How many times as long as plans take they are asked for ahead, where other work holds them up.
+/// If other work delays plans, they are asked for this many times their delay ahead.
 const LEAD_MARGIN: f32 = 1.5;
-/// Time over which readings are smoothed, seconds.
+/// Time constant for smoothing readings, seconds.
 const SMOOTHING_S: f32 = 0.3;
 /// Longest time between two readings that counts, seconds.
 const MAX_STEP_S: f32 = 0.5;
 
-/// What is read of a pack's engine and queue.
+/// A reading of a pack's engine and queue.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// How long plans took lately from asking to answer, or would take if asked for now: the
-    /// longer, seconds.
+    /// How long plans took recently from request to answer, or would take now: the longer, seconds.
     pub delay_s: f32,
-    /// Share of the engine's time that plans took lately.
+    /// Share of the engine's time that plans took recently, 0 to 1.
     pub share: f32,
 }
 
-/// Turns readings into pressure: an integral, for what lasts, and a part for what is urgent now.
+/// Turns readings into pressure: an integral for lasting load, and a part for urgency.
 #[derive(Debug, Clone, Default)]
 pub struct Controller {
     lasting: f32,
@@ -234,7 +231,7 @@ impl Controller {
         let (from, to) = OWN_SHARE;
         let own = ((self.share - from) / (to - from)).clamp(0.0, 1.0);
 
-        // Under pressure plans are asked for further ahead, and may take as much longer.
+        // Under pressure, plans are asked for further ahead and may take that much longer.
         let longer = 1.0 + LEAD_USED * lead_frames(self.pressure()) / LOOK_AHEAD_FRAMES;
         let (from, to) = URGENT_DELAY_S;
         let urgent = ((self.delay_s - from * longer) / (to - from)).clamp(0.0, 1.0);
@@ -248,13 +245,12 @@ impl Controller {
         self.own = own;
     }
 
-    /// How far ahead plans are to be asked for, where it is not the plans' own doing that they take
-    /// long, seconds.
+    /// How far ahead plans are to be asked for if other work delays them, seconds.
     pub fn lead_s(&self) -> f32 {
         (1.0 - self.own) * self.delay_s * LEAD_MARGIN
     }
 
-    /// 0 to [`MOST_PRESSURE`].
+    /// The pressure, 0 to [`MOST_PRESSURE`].
     pub fn pressure(&self) -> f32 {
         (self.lasting + self.urgent - SLIGHT_PRESSURE).clamp(0.0, MOST_PRESSURE)
     }

@@ -25,7 +25,7 @@ fn without_pressure_all_is_as_usual() {
 }
 
 #[test]
-fn intervals_grow_before_plans_and_everybody_plans_once_a_second_before_anybody_waits_longer() {
+fn intervals_grow_first_then_plans_and_all_reach_one_second_before_any_goes_further() {
     // Phase 0 takes the lower of two steps.
     let at = |stretch| pace(stretch, Some(9), 0).unwrap();
     assert_eq!(at(0.01), (9, 34));
@@ -34,9 +34,9 @@ fn intervals_grow_before_plans_and_everybody_plans_once_a_second_before_anybody_
     assert_eq!(at(1.0), (30, 40));
     assert_eq!(at(1.5), (38, 48));
     assert_eq!(at(2.0), (54, 64));
-    // One that asks for more than the usual plan lasts gets the plan for it.
+    // An interval longer than the usual plan lasts gets the plan that lasts for it.
     assert_eq!(pace(0.1, Some(30), 0), Some((30, 40)));
-    // Those that stand still only have longer plans, and have the longest at once.
+    // Standing characters only get longer plans, and the longest at once.
     assert_eq!(pace(0.01, None, 0), Some((26, 36)));
     assert_eq!(pace(1.0, None, 0), Some((54, 64)));
 
@@ -47,7 +47,7 @@ fn intervals_grow_before_plans_and_everybody_plans_once_a_second_before_anybody_
 }
 
 #[test]
-fn between_two_steps_characters_go_one_by_one() {
+fn characters_change_steps_one_by_one() {
     let longer = |stretch: f32| {
         (0..1000)
             .filter(|&phase| pace(stretch, Some(9), phase).unwrap().0 > 26)

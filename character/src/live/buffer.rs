@@ -1,4 +1,4 @@
-//! A character's motion: frames of the past that a plan may start from, and of the future.
+//! A character's motion: past frames that a plan may start from, and frames to come.
 
 use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
@@ -12,43 +12,44 @@ use super::SUB_FRAMES;
 /// Frames over which a new plan takes over from the old one.
 pub const CROSSFADE_FRAMES: usize = 8;
 
-/// What is left of each frame's velocity in the next, where a motion is drawn out beyond its end.
+/// Share of each frame's velocity that is left in the next when a motion is drawn out beyond its
+/// end.
 const DRAWN_OUT_VELOCITY: f32 = 0.7;
 
-/// Joints that are farther than this from where a new plan has them, radians, go over in another
-/// way: straight from where they are to where it has them some frames later. To blend two motions
-/// that are about half a turn apart would have them go now this way round and now that; and what a
-/// plan does at first with a pose that the networks do not know is better not shown.
+/// A joint farther than this from its place in a new plan, radians, takes its own way: straight
+/// from its place to where the plan has it some frames later. Blending two motions that are about
+/// half a turn apart would turn the joint now one way round and now the other. It also hides how a
+/// plan begins with a pose that the networks do not know.
 const FAR: f32 = 1.0;
-/// Frames over which a joint goes over that is half a turn off; one that is [`FAR`] off takes
-/// [`CROSSFADE_FRAMES`]. A raised arm that came down in so few would go 0.4 m in a frame.
+/// Frames that a joint takes if it is off by half a turn; at [`FAR`] it takes [`CROSSFADE_FRAMES`].
+/// In so few frames a raised arm would come down by 0.4 m a frame.
 const FAR_FADE_FRAMES: usize = 24;
-/// Most that such a joint goes on turning from where it is, or turns into where it goes, radians a
-/// frame.
+/// Highest rate at which such a joint goes on turning from its old place, or turns into its new
+/// one, radians a frame.
 const MOST_RATE: f32 = 0.15;
 
-/// A joint that is far from where a new motion has it.
+/// A joint that is far from its place in a new motion.
 #[derive(Debug)]
 struct FarJoint {
     joint: usize,
-    /// Frames over which it goes there.
+    /// Frames that its way takes.
     frames: usize,
     way: Way,
 }
 
-/// The way of a joint from one rotation to another, each with how it turns there: about an axis in
-/// its own frame, radians a frame.
+/// The way of a joint from one rotation to another. Each comes with its rate of turn: a rotation
+/// vector in the joint's own frame of reference, radians a frame.
 #[derive(Debug, Clone, Copy)]
 struct Way {
     from: (Quat, Vec3),
     to: (Quat, Vec3),
-    /// The turn between the two in the frame before: the way round is kept.
+    /// The turn between the two in the frame before, so that the joint keeps turning the same way
+    /// round.
     turn: Quat,
 }
 
 impl Way {
-    /// From the first of `old`, frame 0, to the last of `new`, with what they turn by between the
-    /// two.
+    /// A way from `old[0]`, at frame 0, to `new[1]`. The pairs give the rates of turn.
     fn new(old: [Quat; 2], new: [Quat; 2]) -> Self {
         let turn = |[a, b]: [Quat; 2]| {
             let turn = align_sign(a.conjugate() * b, Quat::IDENTITY).to_scaled_axis();
@@ -63,7 +64,7 @@ impl Way {
 
     /// The rotation in frame `step` of `frames`.
     fn at(&mut self, step: usize, frames: usize) -> Quat {
-        // How far what is left of a velocity brings it.
+        // Frames of travel that remain of a fading velocity.
         let goes =
             |frames: usize| (1.0 - DRAWN_OUT_VELOCITY.powi(frames as i32)) / (1.0 - DRAWN_OUT_VELOCITY);
         let from = self.from.0 * Quat::from_scaled_axis(self.from.1 * goes(step));
@@ -78,16 +79,16 @@ impl Way {
 /// Consecutive frames, by column.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frames<'a> {
-    /// Root positions, one a frame.
+    /// Root positions, one a frame, metres.
     pub(super) roots: &'a [Vec3],
     /// Rotations, `frames * joints`.
     pub(super) rotations: &'a [Quat],
-    /// Contacts, one a frame.
+    /// Contacts, one a frame: bit i for contact joint i.
     pub(super) contacts: &'a [u8],
 }
 
 impl<'a> Frames<'a> {
-    /// Without the first `count` frames.
+    /// All but the first `count` frames.
     fn skip(self, count: usize, joints: usize) -> Self {
         Self {
             roots: self.roots.get(count..).unwrap_or_default(),
@@ -104,11 +105,11 @@ impl<'a> Frames<'a> {
 /// How a new plan takes over from the old one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Fade {
-    /// Frames over which it does, [`CROSSFADE_FRAMES`] at most.
+    /// Frames of the fade, at most [`CROSSFADE_FRAMES`].
     pub(super) frames: usize,
-    /// The root goes the plan's way over the ground from its first frame on, which carries on from
-    /// where the old plan was. Faded in it would stay behind at first, and then catch up with twice
-    /// the acceleration.
+    /// The root follows the plan over the ground from the plan's first frame on, which continues
+    /// where the old plan was. A fade would hold the root back at first, and then take twice the
+    /// acceleration to catch up.
     pub(super) own_way: bool,
 }
 
@@ -117,40 +118,39 @@ impl Fade {
         frames: CROSSFADE_FRAMES,
         own_way: false,
     };
-    /// That of a plan for a command: what it fades in over is waited for.
+    /// For a plan for a command: users wait for the fade to end.
     pub(super) const COMMAND: Self = Self {
         frames: 5,
         own_way: true,
     };
 }
 
-/// How far a frame is from what it is to be.
+/// How far a frame is from where it should be.
 #[derive(Debug)]
 pub(super) struct Seam {
-    /// The root, metres.
+    /// Offset of the root, metres.
     pub(super) moved: Vec3,
-    /// For each joint, by what it is turned.
+    /// Rotation of each joint from its pose to the pose that it should have.
     pub(super) turned: Vec<Quat>,
 }
 
-/// Frames by column and by their number on the timeline. It always holds at least one frame; frame
-/// numbers that it does not hold stand for the nearest that it does.
+/// Frames by column, numbered as on the timeline. There is always at least one. A number outside
+/// the buffer stands for the nearest frame in it.
 ///
-/// Memory grows to the longest plan that came and stays: nothing is allocated for a frame.
+/// Memory grows to the longest plan so far and stays: a frame allocates nothing.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct MotionBuffer {
     joints: usize,
-    /// Number of the oldest frame.
+    /// Number of the oldest frame; negative at first.
     first: i64,
     roots: Vec<Vec3>,
-    /// `frames * joints`, joint 0 in the world; no joint changes its hemisphere from one frame to
-    /// the next.
+    /// `frames * joints`, joint 0 in the world. No joint changes its hemisphere between two frames.
     rotations: Vec<Quat>,
     contacts: Vec<u8>,
 }
 
 impl MotionBuffer {
-    /// A buffer of the frames from number `first` on; there must be at least one.
+    /// A buffer of at least one frame, the first of which has number `first`.
     pub(super) fn new(joints: usize, first: i64, frames: Frames<'_>) -> Self {
         debug_assert!(!frames.roots.is_empty() && frames.rotations.len() == frames.roots.len() * joints);
         let mut buffer = Self {
@@ -183,26 +183,26 @@ impl MotionBuffer {
         self.roots[self.index(frame)]
     }
 
-    /// Mean velocity over the ground of so many frames before `frame`, of those that are there,
-    /// m/s.
+    /// Mean velocity over the ground of the `frames` frames before `frame`, or of as many as there
+    /// are, m/s.
     pub(super) fn velocity(&self, frame: i64, frames: i64, fps: f32) -> Vec3 {
         let from = (frame - frames).max(self.first());
         let way = (self.root(frame) - self.root(from)).with_y(0.0);
         way * fps / (frame - from).max(1) as f32
     }
 
-    /// Rotations of a frame, one a joint.
+    /// Rotations of a frame, one a joint: joint 0 in the world.
     pub(super) fn pose(&self, frame: i64) -> &[Quat] {
         &self.rotations[self.index(frame) * self.joints..][..self.joints]
     }
 
-    /// Roots and rotations of the frames behind number `frame`, to be changed.
+    /// Roots and rotations of the frames after number `frame`, to be changed.
     pub(super) fn behind_mut(&mut self, frame: i64) -> (&[Vec3], &mut [Quat]) {
         let start = (frame + 1 - self.first).clamp(0, self.roots.len() as i64) as usize;
         (&self.roots[start..], &mut self.rotations[start * self.joints..])
     }
 
-    /// The frames `from..=to`, as far as they are there.
+    /// The frames `from..=to`, as far as the buffer has them.
     pub(super) fn range(&self, from: i64, to: i64) -> Frames<'_> {
         if from > to || from > self.last() || to < self.first {
             return Frames {
@@ -219,7 +219,7 @@ impl MotionBuffer {
         }
     }
 
-    /// Forgets the frames before number `frame`.
+    /// Drops the frames before number `frame`.
     pub(super) fn trim(&mut self, frame: i64) {
         let count = self.index(frame);
         self.roots.drain(..count);
@@ -228,10 +228,10 @@ impl MotionBuffer {
         self.first += count as i64;
     }
 
-    /// Whether all columns have as many frames, of `joints` joints.
+    /// Checks that all columns have the same number of frames, of `joints` joints.
     ///
     /// # Errors
-    /// What does not fit.
+    /// The lengths that do not fit.
     pub(super) fn check(&self, joints: usize) -> Result<(), String> {
         let (frames, rotations, contacts) = (self.roots.len(), self.rotations.len(), self.contacts.len());
         let fits = self.joints == joints && rotations == frames * joints && contacts == frames;
@@ -244,8 +244,8 @@ impl MotionBuffer {
         }
     }
 
-    /// Frames up to number `frame` are moved and turned as `seam` says, and those behind it go over
-    /// to the rotations and heights that they had.
+    /// Moves and turns the frames up to number `frame` by `seam`. The frames after it return to the
+    /// rotations and heights that they had.
     pub(super) fn rejoin(&mut self, frame: i64, seam: &Seam) {
         for index in 0..self.roots.len() {
             let behind = (self.first + index as i64 - frame).max(0) as f32;
@@ -277,7 +277,7 @@ impl MotionBuffer {
         }
     }
 
-    /// Adds frames up to number `to`, all like the last.
+    /// Repeats the last frame up to number `to`.
     pub(super) fn hold(&mut self, to: i64) {
         let last = self.roots.len() - 1;
         while self.last() < to {
@@ -288,7 +288,7 @@ impl MotionBuffer {
         }
     }
 
-    /// Replaces what comes behind frame `at`, which must be there, by `frames`, at once.
+    /// Replaces what comes after frame `at`, which must be there, by `frames` at once.
     pub(super) fn replace(&mut self, at: i64, frames: Frames<'_>) {
         let start = self.index(at) + 1;
         self.roots.truncate(start);
@@ -297,9 +297,9 @@ impl MotionBuffer {
         self.append(frames);
     }
 
-    /// Replaces what comes behind frame `at` by `plan`, which fades in over its first frames,
-    /// joints that are far from where it has them over up to [`FAR_FADE_FRAMES`]. Where the old
-    /// motion is too short for that it is drawn out.
+    /// Replaces what comes after frame `at` by `plan`, which fades in over its first frames. Joints
+    /// that are far from their place take up to [`FAR_FADE_FRAMES`]. An old motion that is too
+    /// short for the fade is drawn out.
     pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>, over: Fade) {
         let usual = CROSSFADE_FRAMES.min(plan.roots.len());
         self.draw_out(at + usual as i64);
@@ -319,13 +319,13 @@ impl MotionBuffer {
         self.append(plan.skip(longest, self.joints));
     }
 
-    /// The joints that are far from where `plan` has them, whose first frame comes to `start`: most
-    /// often none.
+    /// The joints that are far from their place in `plan`, whose first frame has index `start`.
+    /// Mostly none.
     fn far_joints(&self, start: usize, plan: &Frames<'_>, fade: usize) -> Vec<FarJoint> {
         if fade < CROSSFADE_FRAMES {
             return Vec::new();
         }
-        // A plan ends in what it was made for: by then all of it counts.
+        // A plan ends in its target, which must hold completely.
         let most = FAR_FADE_FRAMES.min(plan.roots.len() * 3 / 4).max(fade);
         let far = |joint: usize| {
             let old = |step: usize| self.rotations[(start + step) * self.joints + joint];
@@ -342,7 +342,7 @@ impl MotionBuffer {
         (0..self.joints).filter_map(far).collect()
     }
 
-    /// Moves the frame at `index` towards frame `step` of the plan.
+    /// Blends the frame at `index` towards frame `step` of the plan.
     fn fade(&mut self, (index, step): (usize, usize), plan: &Frames<'_>, over: Fade, far: &mut [FarJoint]) {
         let rotations = &mut self.rotations[index * self.joints..][..self.joints];
         if step < over.frames {
@@ -379,7 +379,7 @@ impl MotionBuffer {
         }
     }
 
-    /// Keeps the rotations of a frame in the hemisphere of those before.
+    /// Keeps the rotations of a frame in the hemisphere of the frame before.
     fn align(&mut self, index: usize) {
         let Some(before) = index.checked_sub(1) else {
             return;
@@ -391,8 +391,8 @@ impl MotionBuffer {
         }
     }
 
-    /// The motion at `cursor`, in sub-frames: linear between two frames' roots, spherical between
-    /// rotations, contacts of the nearer frame. Rotations go to `out`; root and contacts come back.
+    /// The motion at `cursor`, in sub-frames: roots linear, rotations spherical between two frames,
+    /// contacts of the nearer frame. Writes rotations to `out`, returns root and contacts.
     pub(super) fn sample(&self, cursor: i64, out: &mut Vec<Quat>) -> (Vec3, u8) {
         let sub_frames = i64::from(SUB_FRAMES);
         let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));

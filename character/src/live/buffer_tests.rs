@@ -46,7 +46,7 @@ fn angle(buffer: &MotionBuffer, frame: i64) -> f32 {
 }
 
 #[test]
-fn frames_go_by_their_numbers() {
+fn frames_are_found_by_number() {
     let mut buffer = buffer(10);
     assert_eq!((buffer.first(), buffer.last()), (-3, 6));
     assert_eq!(buffer.root(0).z, 0.3);
@@ -71,11 +71,10 @@ fn between_frames_the_motion_is_interpolated() {
     let (root, _) = buffer.sample(-SUB, &mut pose);
     assert_eq!((root, pose.as_slice()), (buffer.root(-1), buffer.pose(-1)));
     let (root, _) = buffer.sample(1000 * SUB + 1, &mut pose);
-    assert_eq!(root, buffer.root(6), "behind the end stands the last frame");
+    assert_eq!(root, buffer.root(6), "after the end comes the last frame");
 }
 
-/// However far away a joint is and whichever way it turns: it comes there smoothly, and the others
-/// as ever.
+/// A joint that is far away arrives smoothly, whichever way it turns, and the others fade as usual.
 #[test]
 fn a_joint_that_is_far_away_takes_longer() {
     for away in [2.0, 2.8, 3.1, 3.2, 4.0] {
@@ -96,12 +95,12 @@ fn a_joint_that_is_far_away_takes_longer() {
         assert_eq!(
             buffer.pose(13)[0],
             plan.rotations[8 * JOINTS],
-            "the joint that is there"
+            "a joint at its place"
         );
         assert_eq!(buffer.root(13), plan.roots[8]);
         assert_eq!(buffer.last(), 44);
     }
-    // A short plan is all there at its end.
+    // A short plan holds completely at its end.
     let mut buffer = buffer(40);
     let plan = Walk::new(12, 3.0, 0.1, 0.0);
     buffer.splice(4, plan.frames(), Fade::USUAL);
@@ -119,7 +118,7 @@ fn a_new_plan_fades_in_and_then_stands_alone() {
         assert_eq!(
             buffer.root(frame),
             old[(frame + 3) as usize],
-            "what comes before stays"
+            "earlier frames stay"
         );
     }
     for step in 0..8 {
@@ -137,15 +136,15 @@ fn a_new_plan_fades_in_and_then_stands_alone() {
 }
 
 #[test]
-fn a_plan_for_a_command_goes_its_own_way_at_once() {
+fn a_plan_for_a_command_moves_the_root_at_once() {
     let mut buffer = buffer(40);
-    // From where the old plan is in frame 5, with another velocity.
+    // Begins where the old plan is in frame 5, with another velocity.
     let plan = Walk::new(30, 0.8, 0.0, 0.0);
     buffer.splice(5, plan.frames(), Fade::COMMAND);
     let places: Vec<f32> = (4..9).map(|frame| buffer.root(frame).z).collect();
     assert!((places[0] - 0.7).abs() < 1e-6 && (places[1] - 0.8).abs() < 1e-6);
     assert_eq!(places[2..], [0.8; 3], "no frame of the old velocity");
-    // Poses fade all the same.
+    // Poses still fade.
     assert!(angle(&buffer, 6) < 0.3 && (angle(&buffer, 11) - 0.8).abs() < 1e-4);
 }
 
@@ -188,8 +187,8 @@ fn nothing_is_allocated_once_the_buffer_is_warm() {
 }
 
 proptest! {
-    /// However far the new plan lies from the old, and however little is left of the old, no step
-    /// is larger than the motions' own and what the fade has to make up.
+    /// However far the new plan is from the old, and however little is left of the old, a step is
+    /// never larger than those of both motions plus the share of the fade.
     #[test]
     fn seams_have_no_jump(
         left in 0usize..20, used in 9usize..40, gap in -2.0f32..2.0, speed in -0.2f32..0.2, turn in -0.1f32..0.1,
@@ -198,7 +197,7 @@ proptest! {
         let start = buffer.root(5).z;
         let plan = Walk::new(used, start + gap, speed, turn);
         buffer.splice(5, plan.frames(), Fade::USUAL);
-        // Where the motions part by `speed` a frame over the fade, they are this far apart at most.
+        // Motions that diverge by `speed` a frame are at most this far apart over the fade.
         let apart = gap.abs() + 9.0 * (speed.abs() + 0.1);
         let bound = speed.abs().max(0.1) + apart / 6.0 + 1e-3;
         for frame in 0..buffer.last() {

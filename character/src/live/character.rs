@@ -1,38 +1,35 @@
 //! A character's state machine: commands, ticks and plans in; requests for plans and frames out. It
 //! knows no clock, no thread and no engine, so the same events give the same frames.
 //!
-//! In a scene, [`Behaviour`] has the first word about every frame, [`Footing`] lifts frames onto
-//! what is there to stand on, for the buffer's heights count from a flat ground, and [`Carry`]
-//! bends an arm that carries something.
+//! In a scene, [`Behaviour`] has the first word about every frame. The buffer's heights count from
+//! a flat ground: [`PostProcess`] lifts frames onto what the character stands on, and bends an arm
+//! that carries something.
 
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use troupe_motion::GlobalRoot;
+use serde::{Deserialize, Serialize};
 use troupe_motion::ik::Posed;
+use troupe_motion::model::Rig;
 use troupe_motion::robot::Fitted;
-use troupe_motion::rotation::yaw;
 
-use super::behaviour::{self, Behaviour, Body, Carry, Footing, Next, SetPlan};
-use super::budget::Pace;
+use super::behaviour::{self, Behaviour, CharacterParts, Next, PostProcess, SetPlan};
 use super::buffer::{Frames, MotionBuffer};
+use super::event::EventLog;
 use super::inbox::Inbox;
 use super::performance::Performance;
-use super::policy::Policy;
-use super::request::{self, Context};
-use super::timeline::{Stop, Ticket, Timeline};
+use super::planning::{Planned, Planning};
+use super::request::Context;
+use super::timeline::{Barrier, Stop, Timeline};
 use super::{
     Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    EventKind, HeldObject, Intent, LivePlan, LiveShape, PerformanceEnd, Pins, PlanCause, PlanFailed,
-    PlanRecord, PlanRequest, Refusal, Start, Stats, Strain, WaitingCommand, WordsRequest, World,
+    EventKind, HeldObject, Intent, LivePlan, PerformanceEnd, PlanFailed, PlanRequest, Refusal, Start, Stats,
+    Strain, WaitingCommand, World,
 };
 use crate::post::part_legs;
 use crate::primitives::path::MAX_LEAD_M;
-use crate::primitives::recipe::VELOCITY_FRAMES;
-use crate::primitives::{Locomotion, LocomotionCommand, PlanContext, PlanTargets};
+use crate::primitives::{Locomotion, LocomotionCommand};
 use crate::skill::Skills;
 use crate::style::Style;
-use troupe_motion::model::Rig;
 
 /// Frame of the first context frame of a new character.
 const FIRST_FRAME: i64 = 1 - CONTEXT_FRAMES as i64;
@@ -43,42 +40,21 @@ pub struct Character {
     #[serde(with = "crate::saved::rig")]
     pub(super) rig: Arc<Rig>,
     pub(super) options: CharacterOptions,
-    /// What it can do where it stands.
+    /// The skills of the character's pack.
     #[serde(with = "crate::saved::skills")]
     skills: Arc<Skills>,
-    /// What it does in its scene; none without one, before it does its first skill.
+    pub(super) inbox: Inbox,
+    /// None in a session without a scene, before its first skill.
     pub(super) behaviour: Option<Behaviour>,
-    /// What it stands on; none where that is the ground at height 0 always.
-    footing: Option<Footing>,
-    /// How it carries what is in its hand.
-    carry: Carry,
-    /// What happened outside of what it does in a scene.
-    pub(super) events: Vec<CharacterEvent>,
-    pub(super) timeline: Timeline,
-    /// How much of the crowd's pressure falls on it.
-    stretch: f32,
-    /// The newest plan leaves off in the middle of a turn.
-    pub(super) unfinished: bool,
-    inbox: Inbox,
-    pub(super) locomotion: Locomotion,
-    /// What it acts out, or is about to.
+    /// None while the character stands on the ground at height 0.
+    pub(super) post: Option<PostProcess>,
+    /// None unless a command to perform holds.
     pub(super) performance: Option<Performance>,
-    /// Sequence number of the current command, and the frame from which it held.
-    current: (u64, u64),
-    /// The frame at which it was told what is done instead of a command; none since a command that
-    /// can be followed.
-    told: Option<u64>,
-    /// A plan to ask for.
-    #[serde(skip)]
-    outbox: Option<PlanRequest>,
-    /// Words to ask for.
-    #[serde(skip)]
-    pub(super) words_outbox: Option<WordsRequest>,
-    /// What the newest plan was asked with.
-    #[serde(skip)]
-    asked: Option<(Ticket, Arc<LiveShape>)>,
-    #[serde(skip)]
-    newest: Option<Arc<PlanRecord>>,
+    pub(super) locomotion: Locomotion,
+    pub(super) planning: Planning,
+    pub(super) timeline: Timeline,
+    /// Events of paths, performances and commands; those of a scene are its behaviour's.
+    pub(super) events: EventLog,
 }
 
 impl Character {
@@ -97,16 +73,7 @@ impl Character {
         world: Option<World>,
     ) -> Self {
         let moving = matches!(start, Start::Context { .. });
-        let under = |place, hips_m| move |world: &World| Behaviour::floor_under(world, place, hips_m);
-        let level = |place, hips_m| world.as_ref().map_or(0.0, under(place, hips_m));
-        let (context, level) = match start {
-            Start::Standing(root) => (standing(&command.style, root), level(root.position, 0.0)),
-            Start::Context { roots, rotations } => {
-                let level = level(roots[CONTEXT_FRAMES - 1], command.style.idle().height_m);
-                let roots = roots.map(|root| root.with_y(root.y - level));
-                (Context { roots, rotations }, level)
-            }
-        };
+        let (context, level) = first_frames(start, &command.style, world.as_ref());
         let buffer = MotionBuffer::new(
             rig.skeleton.joint_count(),
             FIRST_FRAME,
@@ -117,48 +84,37 @@ impl Character {
             },
         );
         let facing = context.global_roots(rig.skeleton.left_axis)[CONTEXT_FRAMES - 1].heading;
-        let timeline = Timeline::new(buffer, options.look_ahead_frames, options.seed);
         let mut character = Self {
-            timeline: match world {
-                Some(_) => timeline.looks_ahead(),
-                None => timeline,
-            },
-            stretch: 0.0,
-            unfinished: false,
+            timeline: Timeline::new(buffer, options.look_ahead_frames, options.seed),
+            planning: Planning::default(),
             inbox: Inbox::default(),
             locomotion: Locomotion::new(0, facing, rig.fps, command),
             performance: None,
-            current: (0, 0),
-            told: None,
-            outbox: None,
-            words_outbox: None,
-            asked: None,
-            newest: None,
-            footing: world.is_some().then(|| Footing::new(&rig.skeleton, level)),
+            post: world.is_some().then(|| PostProcess::new(&rig.skeleton, level)),
             behaviour: world.map(Behaviour::new),
             skills: Arc::default(),
-            carry: Carry::default(),
-            events: Vec::new(),
+            events: EventLog::default(),
             rig,
             options,
         };
         if moving {
             let ticket = character.timeline.ask_first();
-            character.ask(ticket, None);
+            let by = planned(&character.rig, &character.options, &character.timeline);
+            (character.planning).ask_locomotion(ticket, None, &mut character.locomotion, by);
         }
         character
     }
 
-    /// The same, with what it can do where it stands.
+    /// The same character with the skills of its pack.
     #[must_use]
     pub fn with_skills(mut self, skills: Arc<Skills>) -> Self {
         self.skills = skills;
         self
     }
 
-    /// Gives a command, to hold from `at_frame` on, after those before it. Without it, or where
-    /// that frame is past: from the next frame that the cursor leaves in [`Clock::Waits`], or
-    /// reaches in [`Clock::Runs`].
+    /// Gives a command, to hold from `at_frame` on, after those before it. Without `at_frame`, or
+    /// if that frame is past, it holds from the next frame that the cursor leaves in
+    /// [`Clock::Waits`], or reaches in [`Clock::Runs`].
     ///
     /// # Errors
     /// [`Refusal`] for what the character could not do now.
@@ -168,7 +124,7 @@ impl Character {
         at_frame: Option<u64>,
         intent: Intent,
     ) -> Result<CommandOutcome, Refusal> {
-        let now = self.timeline.frame() as u64;
+        let now = self.frame();
         let at = at_frame.unwrap_or(now).max(now);
         if sequence > self.inbox.last_sequence() {
             self.inbox.check(&intent)?;
@@ -177,7 +133,7 @@ impl Character {
         Ok(self.inbox.offer(sequence, at, intent))
     }
 
-    /// Whether a command could be carried out now.
+    /// Whether the character could carry out a command now.
     fn check(&mut self, intent: &Intent) -> Result<(), Refusal> {
         match intent {
             Intent::Interact { .. } if self.rig.by_path.is_some() => return Err(Refusal::ByPath),
@@ -197,33 +153,31 @@ impl Character {
             _ => {}
         }
         match (self.acting(), intent) {
-            (Some((act, body)), intent) => act.check(intent, &body),
+            (Some((behaviour, parts)), intent) => behaviour.check(intent, &parts),
             (None, Intent::Interact { .. }) => Err(Refusal::NoScene),
             (None, _) => Ok(()),
         }
     }
 
-    /// What the character does in its scene, and what that works on.
-    pub(super) fn acting(&mut self) -> Option<(&mut Behaviour, Body<'_>)> {
-        let (act, footing) = (self.behaviour.as_mut()?, self.footing.as_mut()?);
-        let body = Body {
+    /// The behaviour of a character in a scene, and what it works on.
+    pub(super) fn acting(&mut self) -> Option<(&mut Behaviour, CharacterParts<'_>)> {
+        let (behaviour, post) = (self.behaviour.as_mut()?, self.post.as_mut()?);
+        let parts = CharacterParts {
             rig: &self.rig,
             options: &self.options,
             timeline: &mut self.timeline,
             locomotion: &mut self.locomotion,
-            footing,
-            carry: &mut self.carry,
+            post,
             skills: &self.skills,
         };
-        Some((act, body))
+        Some((behaviour, parts))
     }
 
-    /// One without a scene has level ground of its own from its first skill on.
+    /// Gives a character without a scene level ground of its own, for its first skill.
     fn stand_on_level_ground(&mut self) {
         if self.behaviour.is_none() {
             self.behaviour = Some(Behaviour::new(World::level()));
-            self.footing = Some(Footing::new(&self.rig.skeleton, 0.0));
-            self.timeline.look_ahead_from_now();
+            self.post = Some(PostProcess::new(&self.rig.skeleton, 0.0));
         }
     }
 
@@ -239,18 +193,18 @@ impl Character {
         given.expect("moving over the ground is never refused")
     }
 
-    /// Moves what happened since the last call to the end of `into`, in order; to be called after
-    /// every other call.
+    /// Moves what happened since the last call to the end of `into`, in the order of frames. To be
+    /// called after every other call.
     pub fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
         let first = into.len();
-        into.append(&mut self.events);
-        if let Some(act) = &mut self.behaviour {
-            act.take_events(into);
+        self.events.take(into);
+        if let Some(behaviour) = &mut self.behaviour {
+            behaviour.take_events(into);
             into[first..].sort_by_key(|event| event.frame);
         }
     }
 
-    /// What the character is about.
+    /// What the character does at the cursor.
     pub fn activity(&self) -> Activity {
         if let Some(text) = self.performance.as_ref().and_then(Performance::shown) {
             return Activity::Performing { text: text.clone() };
@@ -261,41 +215,45 @@ impl Character {
             .unwrap_or_default()
     }
 
-    /// What is in its hand, where that is something.
+    /// The object in the character's hand.
     pub fn held(&self) -> Option<HeldObject> {
-        let act = self.behaviour.as_ref().filter(|act| act.holds())?;
+        let behaviour = self.behaviour.as_ref().filter(|behaviour| behaviour.holds())?;
         let mut rotations = Vec::new();
         let (root, _) = self.shown(self.timeline.cursor(), &mut rotations, &mut Fitted::default());
         let rotations = rotations.as_slice();
-        act.held(&self.rig, self.timeline.cursor(), Posed { root, rotations })
+        behaviour.held(&self.rig, self.timeline.cursor(), Posed { root, rotations })
     }
 
-    /// Takes the character out of its scene for good, as its session ends: what it holds is put
-    /// down, what it reserved is free.
+    /// Takes the character out of its scene for good, as its session ends: puts down what it holds
+    /// and frees what it reserved.
     pub fn leave(&mut self) {
         let held = self.held().map(|held| held.transform);
-        if let Some(act) = self.behaviour.take() {
-            act.leave(held);
+        if let Some(behaviour) = self.behaviour.take() {
+            behaviour.leave(held);
         }
     }
 
-    /// Takes the number of a command that asks for no motion: the character goes on with what it
-    /// does.
+    /// Takes the number of a command that asks for no motion: the character goes on as before.
     pub fn note_command(&mut self, sequence: u64) -> CommandOutcome {
         self.inbox.note(sequence)
     }
 
-    /// How it is with the networks from now on.
+    /// Takes the load of the networks, which holds until the next call.
     pub fn under_load(&mut self, strain: Strain) {
         self.timeline.expect(strain.expected_frames, strain.lead_frames);
-        self.stretch = strain.stretch;
+        self.planning.set_stretch(strain.stretch);
     }
 
-    /// Moves the cursor by `sub_frames` of the [`SUB_FRAMES`] that a frame has.
+    /// Moves the cursor by `sub_frames`, of which a frame has
+    /// [`SUB_FRAMES`](super::SUB_FRAMES).
     pub fn advance(&mut self, sub_frames: u32, clock: Clock) -> Advance {
         self.timeline.push(sub_frames);
         loop {
-            match self.timeline.run(clock) {
+            let barrier = Barrier {
+                plan_early: self.post.is_some(),
+                frame: self.performance.as_ref().and_then(Performance::barrier),
+            };
+            match self.timeline.run(clock, barrier) {
                 Stop::AtFrame(frame) => self.settle(frame, clock),
                 Stop::NeedsPlan => return Advance::NeedsPlan,
                 Stop::Done => return Advance::Moved,
@@ -303,12 +261,12 @@ impl Character {
         }
     }
 
-    /// The plan to ask for, if there is one; to be called after every other call.
+    /// The plan to ask for, if there is one. To be called after every other call.
     pub fn take_request(&mut self) -> Option<PlanRequest> {
-        self.outbox.take()
+        self.planning.take_request()
     }
 
-    /// A plan that was asked for has come, or will not.
+    /// Takes a plan that was asked for, or that it failed.
     pub fn plan_arrived(&mut self, number: u64, plan: Result<LivePlan, PlanFailed>) -> Arrival {
         let Ok(plan) = plan else {
             let arrival = self.timeline.fail(number);
@@ -320,33 +278,22 @@ impl Character {
         if !matches!(arrival, Arrival::InTime { .. } | Arrival::Late) {
             return arrival;
         }
-        let for_object =
-            |(ticket, _): &(Ticket, _)| ticket.number == number && ticket.cause == PlanCause::Object;
-        if !self.asked.as_ref().is_some_and(for_object) {
+        if !self.planning.is_for_object(number) {
             let (roots, rotations) = self.timeline.last_plan_mut();
             part_legs(&self.rig, roots, rotations);
         }
-        if let Some((act, mut body)) = self.acting() {
-            act.landed(number, &plan.trace.off, &mut body);
+        if let Some((behaviour, mut parts)) = self.acting() {
+            behaviour.landed(number, &plan.trace.off, &mut parts);
         }
-        if let Some((ticket, shape)) = self.asked.take_if(|(ticket, _)| ticket.number == number) {
-            self.newest = Some(Arc::new(PlanRecord {
-                number: ticket.number,
-                cause: ticket.cause,
-                asked_at: ticket.asked_at as u64,
-                splice: ticket.splice as u64,
-                shape,
-                trace: plan.trace,
-            }));
-        }
+        self.planning.arrived(number, plan.trace);
         arrival
     }
 
     fn lost(&mut self, number: u64, arrival: Arrival) {
         if matches!(arrival, Arrival::Failed | Arrival::Dropped)
-            && let Some((act, mut body)) = self.acting()
+            && let Some((behaviour, mut parts)) = self.acting()
         {
-            act.lost(number, &mut body);
+            behaviour.lost(number, &mut parts);
         }
     }
 
@@ -355,7 +302,7 @@ impl Character {
         self.timeline.frame() as u64
     }
 
-    /// Another whenever the character has gone on, was given a command or a plan.
+    /// Differs from any earlier stamp once the character has gone on, or taken a command or a plan.
     pub fn stamp(&self) -> (i64, u64, i64) {
         let (cursor, last) = (self.timeline.cursor(), self.timeline.buffer().last());
         (cursor, self.inbox.last_sequence(), last)
@@ -372,12 +319,13 @@ impl Character {
         while let Some(due) = self.inbox.take_due(frame as u64) {
             let sequence = due.sequence;
             if self.take_up(due, frame) {
-                self.current = (sequence, frame as u64);
-                self.tell_instead(frame);
+                self.inbox.set_current(sequence, frame as u64);
+                let second = self.rig.fps as u64;
+                self.events.push_bounded(frame, second, self.locomotion.instead());
             }
         }
         let next = match self.acting() {
-            Some((act, mut body)) => act.settle(frame, &mut body),
+            Some((behaviour, mut parts)) => behaviour.settle(frame, &mut parts),
             None => Next::Locomotion,
         };
         match next {
@@ -393,7 +341,7 @@ impl Character {
         }
     }
 
-    /// Takes up a command. Answers whether locomotion goes by another from now on.
+    /// Takes up a command. Answers whether locomotion goes by another command from now on.
     fn take_up(&mut self, due: WaitingCommand, frame: i64) -> bool {
         let intent = match due.intent {
             Intent::Perform(command) => {
@@ -408,53 +356,29 @@ impl Character {
         if let Intent::Skill { .. } = intent {
             self.stand_on_level_ground();
         }
-        if let Some((act, mut body)) = self.acting() {
-            return act.take_up(intent, frame, &mut body);
+        if let Some((behaviour, mut parts)) = self.acting() {
+            return behaviour.take_up(intent, frame, &mut parts);
         }
-        let now = self.locomotion.command();
         let command = match intent {
             Intent::Locomote(command) => command,
+            Intent::Cancel => LocomotionCommand::standing(&self.locomotion.command().style),
             Intent::FollowPath(path) => {
                 self.locomotion.set_path(frame as u64, path);
                 self.timeline.command_changed();
                 return true;
             }
-            Intent::Cancel => LocomotionCommand::standing(&now.style),
             Intent::Interact { .. }
             | Intent::Skill { .. }
             | Intent::EndInteraction
             | Intent::Drop
-            | Intent::Perform(_) => {
-                return false;
-            }
+            | Intent::Perform(_) => return false,
         };
-        if self.locomotion.path().is_none() && same(now, &command) {
+        if self.locomotion.goes_by(&command) {
             return false;
         }
         self.locomotion.set_command(frame as u64, command);
         self.timeline.command_changed();
         true
-    }
-
-    /// Tells what is done instead of a command that the style cannot follow, at most once a second
-    /// while commands change.
-    fn tell_instead(&mut self, frame: i64) {
-        let Some(instead) = self.locomotion.instead() else {
-            self.told = None;
-            return;
-        };
-        let second = self.rig.fps as u64;
-        if self.told.is_none_or(|told| told + second <= frame as u64) {
-            self.told = Some(frame as u64);
-            self.events.push(CharacterEvent {
-                frame: frame as u64,
-                kind: EventKind::Bounded {
-                    wanted_mps: instead.wanted_mps,
-                    speed_mps: instead.speed_mps,
-                    facing: instead.facing,
-                },
-            });
-        }
     }
 
     /// Leaves a frame to locomotion, and to the end of its path.
@@ -463,7 +387,7 @@ impl Character {
         self.settle_locomotion(clock);
     }
 
-    /// Has one stand who has come to the end of a path.
+    /// Lets a character stand that has come to the end of its path.
     fn end_path(&mut self, frame: i64) {
         let root = self.timeline.buffer().root(frame);
         let Some(end) = self.locomotion.end_path(frame as u64, root) else {
@@ -471,10 +395,7 @@ impl Character {
         };
         self.timeline.command_changed();
         let (late_s, off_m) = (end.late_s, end.off_m);
-        self.events.push(CharacterEvent {
-            frame: frame as u64,
-            kind: EventKind::Arrived { late_s, off_m },
-        });
+        self.events.push(frame, EventKind::Arrived { late_s, off_m });
     }
 
     /// Asks for the plan to the keyframes of an object.
@@ -482,111 +403,45 @@ impl Character {
         let Some(ticket) = self.timeline.settle_for(Some(plan.wish)) else {
             return;
         };
-        if let Some(act) = &mut self.behaviour {
-            act.asked(ticket.number);
+        if let Some(behaviour) = &mut self.behaviour {
+            behaviour.asked(ticket.number);
         }
-        let context = self.context(ticket.splice);
-        self.unfinished = false;
-        self.send(ticket, context, plan.targets, Some(Arc::new(plan.pins)));
+        let by = planned(&self.rig, &self.options, &self.timeline);
+        self.planning.ask_set(ticket, plan, by);
     }
 
     /// Leaves the frame that the cursor is at to locomotion.
     fn settle_locomotion(&mut self, clock: Clock) {
         let style = &self.locomotion.command().style;
-        let interval = self
-            .options
-            .replan_interval_frames
-            .unwrap_or(style.replan_interval_frames);
-        let interval_frames = (!style.is_static).then_some(interval);
-        let policy = Policy {
-            interval_frames,
-            pace: self.pace(interval_frames),
-            unfinished: self.unfinished,
-        };
+        let policy = self.planning.policy(&self.rig, &self.options, style);
         if let Some(ticket) = self.timeline.settle(clock, policy) {
-            self.ask(ticket, policy.pace);
-        }
-    }
-
-    fn pace(&self, interval_frames: Option<u32>) -> Option<Pace> {
-        let (dims, fps) = (&self.rig.dims, self.rig.fps);
-        Pace::new(self.stretch, interval_frames, self.options.seed, dims, fps)
-    }
-
-    fn ask(&mut self, ticket: Ticket, pace: Option<Pace>) {
-        let context = self.context(ticket.splice);
-        let skeleton = &self.rig.skeleton;
-        let targets = self.locomotion.plan(&PlanContext {
-            frame: ticket.splice as u64,
-            roots: context.global_roots(skeleton.left_axis),
-            rotations: &context.rotations,
-            velocity: (self.timeline.buffer()).velocity(ticket.splice, VELOCITY_FRAMES as i64, self.rig.fps),
-            seed: self.options.seed,
-            skeleton,
-            fps: self.rig.fps,
-            frames_per_token: self.rig.dims.frames_per_token,
-            plan_frames: pace.map(|pace| pace.plan_frames as usize),
-        });
-        self.unfinished = targets.unfinished;
-        self.send(ticket, context, targets, None);
-    }
-
-    fn send(&mut self, ticket: Ticket, context: Context, targets: PlanTargets, pins: Option<Arc<Pins>>) {
-        let (item, shape) = request::build(&self.rig, &self.options, ticket.number, context, targets);
-        let shape = Arc::new(shape);
-        self.asked = Some((ticket, Arc::clone(&shape)));
-        self.outbox = Some(PlanRequest {
-            number: ticket.number,
-            cause: ticket.cause,
-            item,
-            shape,
-            pins,
-            splice_in_frames: (ticket.splice - ticket.asked_at) as u32,
-            due_in_frames: (ticket.due - ticket.asked_at) as u32,
-            spacing_frames: ticket.spacing.map(|frames| frames.max(0) as u32),
-        });
-    }
-
-    /// The frames that a plan with this splice frame starts from.
-    fn context(&self, splice: i64) -> Context {
-        let buffer = self.timeline.buffer();
-        let frames = std::array::from_fn::<i64, CONTEXT_FRAMES, _>(|i| splice + FIRST_FRAME + i as i64);
-        Context {
-            roots: frames.map(|frame| buffer.root(frame)),
-            rotations: frames
-                .iter()
-                .flat_map(|&frame| buffer.pose(frame))
-                .copied()
-                .collect(),
+            let by = planned(&self.rig, &self.options, &self.timeline);
+            (self.planning).ask_locomotion(ticket, policy.pace, &mut self.locomotion, by);
         }
     }
 }
 
-/// Four frames of a style's standing pose.
-fn standing(style: &Style, root: GlobalRoot) -> Context {
-    let key = style.idle();
-    let mut pose = key.rotations.clone();
-    if let Some(pelvis) = pose.first_mut() {
-        *pelvis = yaw(root.heading) * *pelvis;
-    }
-    Context {
-        roots: [root.position.with_y(key.height_m); CONTEXT_FRAMES],
-        rotations: pose.repeat(CONTEXT_FRAMES),
+fn planned<'a>(rig: &'a Rig, options: &'a CharacterOptions, timeline: &'a Timeline) -> Planned<'a> {
+    Planned {
+        rig,
+        options,
+        buffer: timeline.buffer(),
     }
 }
 
-/// Whether two commands ask for the same.
-pub(super) fn same(a: &LocomotionCommand, b: &LocomotionCommand) -> bool {
-    (Arc::ptr_eq(&a.style, &b.style) || a.style == b.style)
-        && (a.velocity, a.facing, &a.gait, a.height_m) == (b.velocity, b.facing, &b.gait, b.height_m)
+/// The four frames that a character starts from, its root's height over the ground, and the height
+/// of that ground, metres.
+fn first_frames(start: Start, style: &Style, world: Option<&World>) -> (Context, f32) {
+    let level = |place, hips_m| world.map_or(0.0, |world| Behaviour::floor_under(world, place, hips_m));
+    match start {
+        Start::Standing(root) => (Context::standing(style, root), level(root.position, 0.0)),
+        Start::Context { roots, rotations } => {
+            let level = level(roots[CONTEXT_FRAMES - 1], style.idle().height_m);
+            let roots = roots.map(|root| root.with_y(root.y - level));
+            (Context { roots, rotations }, level)
+        }
+    }
 }
-
-#[path = "rejoin.rs"]
-mod rejoin;
-#[path = "shown.rs"]
-mod shown;
-
-pub use rejoin::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 
 #[cfg(test)]
 #[path = "character_tests.rs"]

@@ -1,6 +1,6 @@
 use proptest::prelude::*;
-use troupe_motion::rotation::angle_between;
-use troupe_motion::{Quat, Vec3};
+use troupe_motion::rotation::{angle_between, yaw};
+use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::*;
 use crate::live::{FrameOut, PlanCause, PlanTrace, SUB_FRAMES, Stats};
@@ -29,7 +29,7 @@ fn gait(name: &str, forward_mps: f32, keys: Vec<StyleKey>) -> Gait {
     }
 }
 
-/// Stands with the foot at 0.1 rad, walks at 1.2 m/s.
+/// A style that stands with its foot at 0.1 rad and walks at 1.2 m/s.
 fn style(name: &str) -> Arc<Style> {
     let walk = (0..10)
         .map(|k| key(0.0, 1.2, 0.3 * (k as f32 * 0.628).sin()))
@@ -139,7 +139,7 @@ fn a_new_character_stands_in_its_styles_idle_pose() {
 }
 
 #[test]
-fn a_character_in_motion_asks_at_once_and_goes_on_from_its_context() {
+fn a_moving_character_asks_at_once_and_continues_its_context() {
     let roots = std::array::from_fn(|frame| Vec3::new(0.0, 0.9, 0.04 * frame as f32));
     let start = Start::Context {
         roots,
@@ -186,11 +186,11 @@ fn commands_hold_once_and_in_order() {
 }
 
 #[test]
-fn what_is_done_instead_of_a_command_is_told_once_a_second() {
+fn a_bounded_command_is_an_event_once_a_second() {
     let calm = style("calm");
     let mut character = standing_character(&calm);
-    let mut told = Vec::new();
-    // Within what the style does, then far beyond it, a little otherwise every frame, and within
+    let mut events = Vec::new();
+    // Within the style's speed, then far beyond it, changing a little every frame, and within it
     // again.
     for frame in 0..90 {
         let z = match frame {
@@ -201,21 +201,21 @@ fn what_is_done_instead_of_a_command_is_told_once_a_second() {
         character.command(1 + frame, None, going(&calm, 0.0, z));
         character.advance(SUB_FRAMES, Clock::Waits);
         serve(&mut character);
-        character.take_events(&mut told);
+        character.take_events(&mut events);
     }
-    let frames: Vec<u64> = told.iter().map(|event| event.frame).collect();
-    assert_eq!(frames.len(), 3, "{told:?}");
+    let frames: Vec<u64> = events.iter().map(|event| event.frame).collect();
+    assert_eq!(frames.len(), 3, "{events:?}");
     assert_eq!((frames[1] - frames[0], frames[2] - frames[1]), (30, 30));
     let EventKind::Bounded {
         wanted_mps,
         speed_mps,
         facing,
-    } = told[0].kind
+    } = events[0].kind
     else {
-        panic!("{told:?}")
+        panic!("{events:?}")
     };
     assert!((6.0..6.3).contains(&wanted_mps) && (1.2..1.4).contains(&speed_mps));
-    assert_eq!(facing, None, "nobody said where to face");
+    assert_eq!(facing, None, "no command says where to face");
 }
 
 #[test]
@@ -235,7 +235,7 @@ fn the_newest_command_gets_the_plan() {
     let toward = request.shape.targets.r_g1.position - request.shape.context_roots[3];
     assert!(
         (toward.x / toward.z - 1.0).abs() < 0.2,
-        "it goes where the last one said: {toward}"
+        "it follows the last command: {toward}"
     );
     let record = character.peek(1).plan.unwrap();
     assert_eq!(
@@ -334,7 +334,7 @@ fn event() -> impl Strategy<Value = Event> {
 
 proptest! {
     #[test]
-    fn whatever_happens_a_character_goes_on(events in proptest::collection::vec(event(), 1..200), runs: bool) {
+    fn a_character_goes_on_whatever_happens(events in proptest::collection::vec(event(), 1..200), runs: bool) {
         let calm = style("calm");
         let clock = if runs { Clock::Runs } else { Clock::Waits };
         let mut character = standing_character(&calm);
@@ -381,7 +381,7 @@ proptest! {
             }
             if let Some(request) = character.take_request() {
                 prop_assert!(character.take_request().is_none());
-                // A command had it asked for instead of the one that is open.
+                // A command had it requested instead of the open one.
                 if let Some(given_up) = open.take() {
                     let arrival = character.plan_arrived(given_up.number, Ok(answer(&given_up)));
                     prop_assert_eq!((request.cause, arrival), (PlanCause::Command, Arrival::Stray));
@@ -400,7 +400,7 @@ proptest! {
     }
 
     #[test]
-    fn a_waiting_clock_gives_the_same_frames_whenever_plans_come(
+    fn a_waiting_clock_does_not_depend_on_when_plans_arrive(
         delays in proptest::collection::vec(0u32..9, 1..12), rate in prop_oneof![Just(30u32), Just(50), Just(60)],
     ) {
         let run = |delays: &[u32]| {

@@ -1,4 +1,4 @@
-//! The whole loop by model: characters' timelines, an engine of given speed, the load and the
+//! A model of the whole loop: characters' timelines, an engine of a given speed, the load and the
 //! budget.
 
 use std::collections::HashSet;
@@ -12,25 +12,25 @@ use super::{Pace, dims, stretch};
 use crate::live::load::PlanLoad;
 use crate::live::policy::Policy;
 use crate::live::testing::still_buffer;
-use crate::live::timeline::{Stop, Ticket, Timeline};
+use crate::live::timeline::{Barrier, Stop, Ticket, Timeline};
 use crate::live::{Clock, LivePlan, PlanTrace, SUB_FRAMES};
 
-/// Frames a second.
+/// Frames a second of all timelines.
 const FPS: u64 = 30;
-/// Milliseconds of simulated time that pass at once.
+/// Step of the simulated time, milliseconds.
 const STEP: u64 = 1;
 
-/// An engine of two workers.
+/// An engine with two workers.
 #[derive(Debug, Clone, Copy)]
 struct Engine {
-    /// Plans of 34 and of 64 frames a second, in large batches.
+    /// Plans a second of 34 and of 64 frames, in large batches.
     plans: (f32, f32),
-    /// Time of a batch apart from its plans, milliseconds.
+    /// Fixed time of a batch, without its plans, milliseconds.
     batch_ms: f32,
 }
 
 const WORKERS: usize = 2;
-/// Plans of a batch: as many as take a worker about 70 ms.
+/// Plans of a batch: about 70 ms of a worker's time.
 const MAX_BATCH: usize = 16;
 /// What two cores do with 32-bit floats, and with bf16.
 const F32: Engine = Engine {
@@ -49,8 +49,8 @@ impl Engine {
         usual + (long - usual) * (frames.div_ceil(4) as f32 - 9.0) / 7.0
     }
 
-    /// The most characters that it can keep alive with nothing but its longest plans, and a command
-    /// every so many seconds, each of which is a plan before its time.
+    /// Most characters that it can keep moving with its longest plans and a command every
+    /// `commands_every_s` seconds. Each command costs a plan ahead of time.
     fn limit(&self, commands_every_s: f32) -> usize {
         let lasts_s = 54.0 / FPS as f32;
         let plans_a_second = 1.0 / commands_every_s / (1.0 - (-lasts_s / commands_every_s).exp());
@@ -70,7 +70,7 @@ struct Somebody {
     timeline: Timeline,
     priority: f32,
     phase: u64,
-    /// Mean time between its commands.
+    /// Mean time between a character's commands, seconds.
     commands_every_s: f32,
     present: bool,
 }
@@ -86,7 +86,7 @@ struct Crowd {
     random: ChaCha8Rng,
     busy_ms: f32,
     pressures: Vec<f32>,
-    /// Intervals between plans, by when, whose and how long.
+    /// Intervals between plans: time in milliseconds, priority, and length in frames.
     intervals: Vec<(u64, f32, i64)>,
 }
 
@@ -101,7 +101,8 @@ fn somebody(seed: u64, priority: f32, commands_every_s: f32) -> Somebody {
 }
 
 impl Crowd {
-    /// `priorities`: of each of them; each has a command every so many seconds.
+    /// A crowd with one character for each of `priorities`; each has a command every
+    /// `commands_every_s` seconds.
     fn new(engine: Engine, priorities: impl Iterator<Item = f32>, commands_every_s: f32) -> Self {
         Self {
             engine,
@@ -163,7 +164,7 @@ impl Crowd {
                 unfinished: false,
             };
             of.timeline.push(SUB_FRAMES);
-            while let Stop::AtFrame(_) = of.timeline.run(Clock::Runs) {
+            while let Stop::AtFrame(_) = of.timeline.run(Clock::Runs, Barrier::default()) {
                 let Some(ticket) = of.timeline.settle(Clock::Runs, policy) else {
                     continue;
                 };
@@ -178,7 +179,7 @@ impl Crowd {
                     due_ms: self.now_ms + due * 1000 / FPS,
                     asked_ms: self.now_ms,
                 };
-                // A newer plan takes the place of one that waits.
+                // A newer plan replaces one that waits.
                 if let Some(place) = self.queue.iter().position(|plan| plan.who == who) {
                     let old = self.queue.swap_remove(place);
                     plan.due_ms = plan.due_ms.min(old.due_ms);
@@ -205,12 +206,12 @@ impl Crowd {
         if idle == 0 || self.queue.is_empty() {
             return;
         }
-        // At most one plan of each is with the engine.
+        // A character has at most one plan with the engine.
         let here = self.workers.iter().flatten().flat_map(|(_, _, plans)| plans);
         let here: HashSet<usize> = here.map(|plan| plan.who).collect();
         let (held, mut ready): (Vec<Plan>, _) =
             self.queue.drain(..).partition(|plan| here.contains(&plan.who));
-        // Last in the list is first to go.
+        // The last in the list goes first.
         ready.sort_by_key(|plan| std::cmp::Reverse((plan.due_ms, plan.asked_ms)));
         let share = ready.len().div_ceil(idle).min(MAX_BATCH);
         for worker in &mut self.workers {
@@ -254,7 +255,7 @@ impl Crowd {
         self.people.iter().map(|of| of.timeline.stats().late_plans).sum()
     }
 
-    /// Mean interval of those with a priority in a range, in the last `seconds`.
+    /// Mean interval of the characters in a range of priorities, in the last `seconds`, frames.
     fn interval(&self, priorities: std::ops::RangeInclusive<f32>, seconds: u64) -> f32 {
         let since = self.now_ms.saturating_sub(seconds * 1000);
         let these = self
@@ -265,7 +266,7 @@ impl Crowd {
         sum as f32 / count.max(1) as f32
     }
 
-    /// Least and most pressure of the last `seconds`.
+    /// Lowest and highest pressure of the last `seconds`.
     fn pressure(&self, seconds: u64) -> (f32, f32) {
         let ticks = (seconds * FPS) as usize;
         let last = &self.pressures[self.pressures.len().saturating_sub(ticks)..];
@@ -278,7 +279,7 @@ fn mixed(count: usize) -> impl Iterator<Item = f32> {
     (0..count).map(move |nth| (nth as f32 * 0.618_034).fract())
 }
 
-/// How it went in the last seconds.
+/// Figures of the last seconds of a run.
 #[derive(Debug)]
 #[allow(dead_code)] // Some of it is for whoever reads a failure.
 struct Report {
@@ -286,7 +287,7 @@ struct Report {
     underruns: u64,
     late: u64,
     pressure: (f32, f32),
-    /// Mean intervals of the thirds of priority.
+    /// Mean intervals of the thirds by priority, frames.
     intervals: [f32; 3],
     plans_a_second: f32,
     busy: f32,
@@ -323,7 +324,7 @@ fn small_crowds_are_planned_for_as_usual() {
 }
 
 #[test]
-fn up_to_what_the_engine_can_make_nobody_stops() {
+fn up_to_the_engines_limit_everybody_moves() {
     let mut before = 0.0;
     for (engine, count) in [(F32, 200), (F32, 300), (F32, 360), (BF16, 600), (BF16, 720)] {
         assert!(count < engine.limit(2.5), "{}", engine.limit(2.5));
@@ -339,11 +340,11 @@ fn up_to_what_the_engine_can_make_nobody_stops() {
             report.late as f32 <= 0.002 * report.plans_a_second * 10.0,
             "{report:?}"
         );
-        // Nothing is left idle, and the pressure stands still.
+        // The engine is never idle, and the pressure is steady.
         assert!(report.busy > 0.95, "{report:?}");
         let (least, most) = report.pressure;
         assert!(most - least < 0.12, "{report:?}");
-        // More pressure with more characters, and the more important the shorter.
+        // More characters mean more pressure; higher priority means shorter intervals.
         if engine.plans == F32.plans {
             assert!(least > before, "{report:?}");
             before = least;
@@ -377,7 +378,7 @@ fn four_hundred_plan_once_a_second_with_32_bit_floats() {
 }
 
 #[test]
-fn one_priority_for_all_is_no_worse() {
+fn equal_priorities_are_no_worse() {
     let alike = std::iter::repeat_n(0.5, 300);
     let mut crowd = Crowd::new(F32, alike, 2.5);
     let (start, report) = (crowd.report(15), crowd.report(10));
@@ -390,7 +391,7 @@ fn one_priority_for_all_is_no_worse() {
 }
 
 #[test]
-fn pressure_goes_within_seconds_when_the_crowd_goes() {
+fn pressure_falls_within_seconds_when_the_crowd_leaves() {
     let mut crowd = Crowd::new(F32, mixed(400), 2.5);
     crowd.run(15);
     assert!(crowd.load.pressure() > 0.7);
@@ -406,7 +407,7 @@ fn pressure_goes_within_seconds_when_the_crowd_goes() {
 }
 
 #[test]
-fn more_than_the_engine_can_make_slow_down_and_come_back() {
+fn a_crowd_beyond_the_limit_slows_down_and_recovers() {
     let mut crowd = Crowd::new(F32, mixed(900), 2.5);
     let report = crowd.run(5).report(5);
     assert!(

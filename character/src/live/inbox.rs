@@ -1,39 +1,53 @@
-//! Commands by their sequence numbers, and those that wait for their frames.
+//! Commands by sequence number, and those that wait for their frames.
 
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
 use super::{CommandOutcome, Intent, Refusal, WaitingCommand};
 
-/// Most commands of a session that wait for their frames, beside the one to move over the ground.
+/// Most commands of a session that wait for their frames, plus one to move over the ground.
 pub const MAX_WAITING_COMMANDS: usize = 8;
 
-/// Takes every command once and in order. The newest to move over the ground is all there is to say
-/// about that; everything else is done once each, so none of it takes the place of another.
+/// Takes every command once and in order. Only the newest command to move over the ground counts.
+/// All others are carried out once each, so a newer one does not replace them.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Inbox {
     last_sequence: u64,
     locomote: Option<WaitingCommand>,
-    /// All but locomotion, at most [`MAX_WAITING_COMMANDS`], in order of their numbers.
+    /// All but the one to move over the ground: at most [`MAX_WAITING_COMMANDS`], in the order of
+    /// their numbers.
     others: Vec<WaitingCommand>,
+    /// Sequence number and first frame of the command that locomotion goes by; none before the
+    /// first.
+    current: Option<(u64, u64)>,
 }
 
 impl Inbox {
-    /// Highest sequence number of a command so far.
+    /// Highest sequence number of a command so far; 0 before the first.
     pub(super) fn last_sequence(&self) -> u64 {
         self.last_sequence
     }
 
-    /// Of the commands that wait for their frames, the one that holds first.
+    /// Sequence number and first frame of the command that locomotion goes by.
+    pub(super) fn current(&self) -> Option<(u64, u64)> {
+        self.current
+    }
+
+    /// Notes that locomotion goes by a command from `frame` on.
+    pub(super) fn set_current(&mut self, sequence: u64, frame: u64) {
+        self.current = Some((sequence, frame));
+    }
+
+    /// The waiting command that holds first.
     pub(super) fn waiting(&self) -> Option<&WaitingCommand> {
         let all = self.locomote.iter().chain(&self.others);
         all.min_by_key(|waiting| (waiting.frame, waiting.sequence))
     }
 
-    /// Whether there is a place for a command.
+    /// Checks that there is room for a command.
     ///
     /// # Errors
-    /// [`Refusal::TooManyCommands`].
+    /// [`Refusal::TooManyCommands`] if not.
     pub(super) fn check(&self, intent: &Intent) -> Result<(), Refusal> {
         let stay = self.others.iter().filter(|waiting| !replaces(intent, waiting));
         match intent {
@@ -43,7 +57,7 @@ impl Inbox {
         }
     }
 
-    /// Takes a command that is to hold from `frame` on, for which there is a place.
+    /// Takes a command, for which there must be room, to hold from `frame` on.
     pub(super) fn offer(&mut self, sequence: u64, frame: u64, intent: Intent) -> CommandOutcome {
         let outcome = self.note(sequence);
         if outcome == CommandOutcome::Accepted {
@@ -62,7 +76,7 @@ impl Inbox {
         outcome
     }
 
-    /// Takes the number of a command that asks for no motion. Those that wait go on waiting.
+    /// Takes the number of a command that asks for no motion. Waiting commands go on waiting.
     pub(super) fn note(&mut self, sequence: u64) -> CommandOutcome {
         match sequence.cmp(&self.last_sequence) {
             Ordering::Equal => CommandOutcome::Repeated,
@@ -74,8 +88,7 @@ impl Inbox {
         }
     }
 
-    /// Hands over, one a call, the commands that wait and whose frames are not after `frame`, in
-    /// order of their numbers.
+    /// Hands over the next waiting command that holds at `frame`, in the order of their numbers.
     pub(super) fn take_due(&mut self, frame: u64) -> Option<WaitingCommand> {
         let other = (self.others.iter()).position(|waiting| waiting.frame <= frame);
         let before = other.map_or(u64::MAX, |index| self.others[index].sequence);
@@ -85,7 +98,8 @@ impl Inbox {
     }
 }
 
-/// What is to be used or acted out gives way to what is to be instead, and to a cancel.
+/// Whether a waiting command to use an object or to perform gives way to `intent`: another such
+/// command, or a cancel.
 fn replaces(intent: &Intent, waiting: &WaitingCommand) -> bool {
     let is_done_instead = |intent: &Intent| {
         matches!(

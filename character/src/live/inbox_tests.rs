@@ -14,7 +14,7 @@ fn interact() -> Intent {
     }
 }
 
-/// The numbers of what is due at a frame, as they come.
+/// The sequence numbers of the commands that hold at a frame, in order.
 fn due(inbox: &mut Inbox, frame: u64) -> Vec<u64> {
     std::iter::from_fn(|| inbox.take_due(frame))
         .map(|due| due.sequence)
@@ -22,7 +22,7 @@ fn due(inbox: &mut Inbox, frame: u64) -> Vec<u64> {
 }
 
 #[test]
-fn all_that_is_due_comes_in_order_and_of_walks_the_newest() {
+fn due_commands_come_in_order_with_the_newest_walk() {
     let mut inbox = Inbox::default();
     inbox.offer(1, 0, walk());
     inbox.offer(2, 0, Intent::Drop);
@@ -38,7 +38,7 @@ fn all_that_is_due_comes_in_order_and_of_walks_the_newest() {
 }
 
 #[test]
-fn a_walk_that_waits_for_its_frame_gives_way_to_a_walk_alone() {
+fn only_a_walk_replaces_a_waiting_walk() {
     let mut inbox = Inbox::default();
     inbox.offer(1, 12, walk());
     inbox.offer(2, 0, Intent::Drop);
@@ -48,7 +48,7 @@ fn a_walk_that_waits_for_its_frame_gives_way_to_a_walk_alone() {
 }
 
 #[test]
-fn what_is_to_be_used_gives_way() {
+fn a_waiting_interaction_gives_way() {
     for intent in [interact(), Intent::Cancel] {
         let mut inbox = Inbox::default();
         inbox.offer(1, 7, interact());
@@ -63,7 +63,7 @@ fn what_is_to_be_used_gives_way() {
 }
 
 #[test]
-fn no_more_wait_than_there_are_places() {
+fn the_number_of_waiting_commands_is_limited() {
     let mut inbox = Inbox::default();
     for sequence in 1..=MAX_WAITING_COMMANDS as u64 {
         inbox.check(&interact()).unwrap();
@@ -75,7 +75,7 @@ fn no_more_wait_than_there_are_places() {
         full.to_string(),
         "8 commands of the session wait for their frames; at most 8 may, beside a locomote"
     );
-    // A walk has its own place, and what replaces another takes that one's.
+    // A walk needs no room, and a command that replaces another takes its room.
     inbox.check(&walk()).unwrap();
     inbox.check(&interact()).unwrap();
     inbox.offer(20, 9, interact());

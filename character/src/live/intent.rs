@@ -1,4 +1,4 @@
-//! What a character is asked to do, and in which scene.
+//! What a command asks of a character, and in which scene.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -11,16 +11,16 @@ use crate::scene::{Holder, SceneCell};
 /// The scene that a character lives in.
 #[derive(Debug, Clone)]
 pub struct World {
-    /// The scene; shared with others, and changed by them.
+    /// The scene, which several characters share and change.
     pub scene: Arc<SceneCell>,
-    /// What its objects can be used for.
+    /// The definitions of the scene's objects.
     pub definitions: Arc<Definitions>,
-    /// The character's name in the scene: what it reserves and holds is reserved and held by this.
+    /// The character's name in the scene, which marks what it reserves and holds.
     pub holder: Holder,
 }
 
 impl World {
-    /// Level ground at height 0 with nothing on it, of one character alone.
+    /// Empty level ground at height 0, for one character alone.
     pub fn level() -> Self {
         Self {
             scene: Arc::default(),
@@ -31,12 +31,12 @@ impl World {
 }
 
 impl Intent {
-    /// Whether it says how to move over the ground; of those, the newest alone counts.
+    /// Whether it says how to move over the ground. Only the newest such command counts.
     pub(super) fn moves(&self) -> bool {
         matches!(self, Self::Locomote(_) | Self::FollowPath(_))
     }
 
-    /// Whether it ends what is acted out.
+    /// Whether it ends a performance.
     pub(super) fn ends_performance(&self) -> bool {
         !matches!(self, Self::EndInteraction | Self::Drop)
     }
@@ -51,7 +51,7 @@ pub enum Intent {
     FollowPath(PathCommand),
     /// Go to an object of the scene and use it.
     Interact {
-        /// The object.
+        /// Id of the object in the scene.
         instance: Arc<str>,
         /// Name of the variant. `None`: one by weight and seed.
         variant: Option<String>,
@@ -60,111 +60,111 @@ pub enum Intent {
     },
     /// Do a skill of the pack where the character stands.
     Skill {
-        /// The skill.
+        /// Name of the skill.
         name: Arc<str>,
         /// Name of the variant. `None`: one by weight and seed.
         variant: Option<String>,
     },
-    /// Act out words, and go on in locomotion.
+    /// Perform a text, then go on as before.
     Perform(PerformCommand),
-    /// Leave what is held by the variant's exit; nothing where there is no interaction.
+    /// Leave what is held by the variant's exit. Does nothing without an interaction.
     EndInteraction,
-    /// Break off whatever it does, at once, let go of what is in the hand, and stand.
+    /// Break off everything at once, let go of the object in the hand, and stand.
     Cancel,
-    /// Put down what is in the hand, by its definition's rule; nothing where the hand is empty.
+    /// Put down the object in the hand by its definition's rule. Does nothing if the hand is empty.
     Drop,
 }
 
-/// Why a command is not accepted: the character could not do it now. Nothing has changed then, and
-/// its sequence number is free. What is found out later is told by [`EventKind::Failed`].
+/// Why a command is refused: the character could not carry it out now. Nothing has changed, and the
+/// sequence number is free. A reason that is found later comes as [`EventKind::Failed`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// The session is in no scene.
+    /// The session has no scene.
     #[error("the session has no scene; set `scene` when you create it")]
     NoScene,
-    /// The session's pack plans by paths, and cannot go to the keyframes of an object.
+    /// The session's pack plans by paths, so it cannot go to the keyframes of an object.
     #[error("the session's pack follows paths, and cannot use objects")]
     ByPath,
     /// A path begins too far from the character.
     #[error("the path begins {off_m:.2} m from the character")]
     PathTooFar {
-        /// How far, metres.
+        /// Distance from the character, metres.
         off_m: f32,
     },
-    /// The session's pack plans by paths, and cannot do skills.
+    /// The session's pack plans by paths, so it has no skills.
     #[error("the session's pack follows paths, and has no skills")]
     SkillByPath,
-    /// The pack has no such skill.
+    /// The pack has no skill of this name.
     #[error("pack {pack} has no skill {name:?}")]
     UnknownSkill {
-        /// The pack.
+        /// Name of the pack.
         pack: String,
-        /// What was asked for.
+        /// The unknown name.
         name: Arc<str>,
-        /// The skills that there are.
+        /// The skills of the pack.
         there_are: Vec<String>,
     },
-    /// The skill has no such variant.
+    /// The skill has no variant of this name.
     #[error("skill {skill:?} has no variant {name:?}")]
     UnknownSkillVariant {
-        /// The skill.
+        /// Name of the skill.
         skill: String,
-        /// What was asked for.
+        /// The unknown name.
         name: String,
-        /// The variants that there are.
+        /// The variants of the skill.
         there_are: Vec<String>,
     },
-    /// No such object in the scene.
+    /// The scene has no object of this id.
     #[error("the scene has no object {id:?}")]
     UnknownObject {
-        /// Its id.
+        /// The unknown id.
         id: Arc<str>,
     },
     /// The object's definition is for characters of another pack.
     #[error("object {id:?} can be used by characters of pack {pack} only")]
     WrongPack {
-        /// The object.
+        /// Id of the object in the scene.
         id: Arc<str>,
-        /// The pack that its definition was checked for.
+        /// The pack that the definition was checked for.
         pack: String,
     },
-    /// The definition has no such variant.
+    /// The definition has no variant of this name.
     #[error("object definition {definition:?} has no variant {name:?}")]
     UnknownVariant {
-        /// The definition.
+        /// Name of the definition.
         definition: String,
-        /// What was asked for.
+        /// The unknown name.
         name: String,
-        /// The variants that there are.
+        /// The variants of the definition.
         there_are: Vec<String>,
     },
-    /// The definition has no such approach.
+    /// The definition has no approach of this name.
     #[error("object definition {definition:?} has no approach {name:?}")]
     UnknownApproach {
-        /// The definition.
+        /// Name of the definition.
         definition: String,
-        /// What was asked for.
+        /// The unknown name.
         name: String,
-        /// The approaches that there are.
+        /// The approaches of the definition.
         there_are: Vec<String>,
     },
     /// Another character has reserved or holds the object.
     #[error("object {id:?} is reserved or held by {by}")]
     Taken {
-        /// The object.
+        /// Id of the object in the scene.
         id: Arc<str>,
-        /// Who has it.
+        /// The other character.
         by: Holder,
     },
-    /// Something stands between the character and where it would start.
+    /// Something stands between the character and the place where it would start.
     #[error("the way to object {id:?} is blocked by {by}")]
     Blocked {
-        /// The object.
+        /// Id of the object in the scene.
         id: Arc<str>,
-        /// What is in the way, for example `object "crate"` or `collider "wall"`.
+        /// What stands in the way, for example `object "crate"` or `collider "wall"`.
         by: String,
     },
-    /// As many commands as may wait for their frames do.
+    /// [`MAX_WAITING_COMMANDS`] commands wait for their frames already.
     #[error(
         "{MAX_WAITING_COMMANDS} commands of the session wait for their frames; at most {MAX_WAITING_COMMANDS} may, beside a \
          locomote"
@@ -173,7 +173,7 @@ pub enum Refusal {
     /// The hand holds another object.
     #[error("the character already holds object {id:?}; drop it first")]
     HandFull {
-        /// What it holds.
+        /// Id of the object in the hand.
         id: Arc<str>,
     },
 }

@@ -1,5 +1,5 @@
-//! What the plans of a pack ask of its engine at the moment, and what follows for those who ask:
-//! how long a plan takes, and how much pressure there is.
+//! The load that the plans of a pack put on its engine, and what follows from it: how long a plan
+//! takes, and the pressure on its characters.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, TryLockError};
@@ -7,32 +7,32 @@ use std::time::{Duration, Instant};
 
 use super::budget::{Controller, Reading};
 
-/// Time of a plan before any was made.
+/// Assumed time of a plan before the first measurement.
 const FIRST_GUESS: Duration = Duration::from_millis(5);
-/// A new measurement's weight is one part of this many.
+/// A new measurement has a weight of 1 / this.
 const SMOOTHING: u64 = 16;
-/// How many times its turn in the queue a plan may take: what comes after it and travels in its
-/// batch holds it up as well.
+/// A plan may take its turn in the queue times this: plans that come after it and share its batch
+/// delay it too.
 const MARGIN: u64 = 2;
-/// How fast the lead follows what the controller says, seconds a second: while it grows, plans are
-/// asked for that much sooner, which is more of them.
+/// Fastest change of the lead, in seconds a second. While the lead grows, plans are asked for that
+/// much sooner, which makes more of them.
 const LEAD_SPEED: f32 = 0.1;
 /// Time between two readings of the controller.
 const READING: Duration = Duration::from_millis(100);
 
-/// The plans of one pack that are under way. Nobody waits here: all of it is counted without a
-/// lock, but for the reading now and then, which is left out where somebody else is at it.
+/// The plans of one pack that are under way. Nothing here blocks: counters are atomic, and only the
+/// occasional reading takes a lock, which is skipped if it is taken.
 #[derive(Debug)]
 pub struct PlanLoad {
     waiting: AtomicUsize,
     /// Time of a worker for one plan of a batch, smoothed, microseconds.
     plan_us: AtomicU64,
-    /// Since the last reading: plans that came back, their time from asking to answer, and what
-    /// they took of a worker's.
+    /// Plans answered since the last reading, their time from request to answer, and the time that
+    /// workers took for them.
     came: AtomicU64,
     delays_us: AtomicU64,
     work_us: AtomicU64,
-    /// The bits of the pressure and of the lead in seconds, floats.
+    /// Bits of two `f32`: the pressure, and the lead in seconds.
     pressure: AtomicU32,
     lead_s: AtomicU32,
     readings: Mutex<Readings>,
@@ -61,25 +61,25 @@ impl Default for PlanLoad {
 }
 
 impl PlanLoad {
-    /// A plan is asked for.
+    /// Notes that a plan is asked for.
     pub fn asked(&self) {
         self.waiting.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// It has come, or will not.
+    /// Notes that a plan has arrived, or will not.
     pub fn answered(&self) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
     }
 
-    /// Plans that were asked for and have not come.
+    /// Plans that were asked for and have not arrived.
     pub fn waiting(&self) -> usize {
         self.waiting.load(Ordering::Relaxed)
     }
 
-    /// Notes how long a plan took from asking to answer, and of the workers' time.
+    /// Notes how long a plan took from request to answer, and how much of a worker's time.
     pub fn measured(&self, delay: Duration, work: Duration) {
         let plan = work.as_micros() as u64;
-        // Two at once may lose one of them; it is an estimate.
+        // Of two concurrent measurements one may be lost: this is an estimate.
         let before = self.plan_us.load(Ordering::Relaxed);
         let after = (before * (SMOOTHING - 1) + plan) / SMOOTHING;
         self.plan_us.store(after, Ordering::Relaxed);
@@ -89,7 +89,7 @@ impl PlanLoad {
         self.work_us.fetch_add(plan, Ordering::Relaxed);
     }
 
-    /// Time until a plan asked for now has had its turn, where `workers` serve.
+    /// Time until a plan asked for now has been made, with `workers` workers.
     fn turn(&self, workers: usize) -> Duration {
         let waiting = self.waiting.load(Ordering::Relaxed) as u64 + 1;
         let us = waiting * self.plan_us.load(Ordering::Relaxed);
@@ -102,8 +102,8 @@ impl PlanLoad {
         (turn.as_secs_f32() * fps).ceil() as u32
     }
 
-    /// Has the controller read the load at `now`, where the last time is long enough ago; answers
-    /// the pressure where it did.
+    /// Has the controller read the load at `now`, unless the last reading is too recent. Answers
+    /// the pressure if it did.
     pub fn read(&self, now: Instant, workers: usize) -> Option<f32> {
         let mut readings = match self.readings.try_lock() {
             Ok(readings) => readings,
@@ -134,12 +134,12 @@ impl PlanLoad {
         Some(pressure)
     }
 
-    /// Frames by which plans should be asked for ahead, as long as they lately took.
+    /// Frames by which plans should be asked for ahead: as long as they recently took.
     pub fn lead_frames(&self, fps: f32) -> u32 {
         (f32::from_bits(self.lead_s.load(Ordering::Relaxed)) * fps).ceil() as u32
     }
 
-    /// The pressure on those who ask.
+    /// The pressure on the pack's characters, 0 to 2: see [`super::budget`].
     pub fn pressure(&self) -> f32 {
         f32::from_bits(self.pressure.load(Ordering::Relaxed))
     }
@@ -154,13 +154,13 @@ mod tests {
     }
 
     #[test]
-    fn what_waits_and_how_fast_it_was_make_the_expectation() {
+    fn the_expectation_follows_queue_and_speed() {
         let load = PlanLoad::default();
         assert_eq!(load.expected_frames(1, 30.0), 1);
         for _ in 0..24 {
             load.asked();
         }
-        // Twice 25 plans of 5 ms are 250 ms, and half of that where two workers serve.
+        // Twice 25 plans of 5 ms are 250 ms, and half of that with two workers.
         assert_eq!(load.expected_frames(1, 30.0), 8);
         assert_eq!(load.expected_frames(2, 30.0), 4);
         for _ in 0..200 {
@@ -175,13 +175,13 @@ mod tests {
     }
 
     #[test]
-    fn slow_plans_that_fill_the_engine_are_pressure_and_slow_plans_alone_are_none() {
+    fn only_slow_plans_that_fill_the_engine_are_pressure() {
         for (plans, pressed) in [(20, true), (2, false)] {
             let load = PlanLoad::default();
             let start = Instant::now();
             assert_eq!(load.read(start, 2), None);
             for step in 1..40u32 {
-                // 10 ms of a worker each.
+                // 10 ms of a worker for each.
                 for _ in 0..plans {
                     load.measured(Duration::from_millis(200), plan_of(10));
                 }

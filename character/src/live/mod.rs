@@ -1,4 +1,4 @@
-//! One live character as a pure state machine: events in, plans to ask for and frames out.
+//! A live character as a pure state machine: events in, plan requests and frames out.
 //!
 //! A [`Character`] knows no clock, no thread and no engine.
 
@@ -13,15 +13,18 @@ pub mod load;
 mod performance;
 mod pin;
 mod plan;
+mod planning;
 mod policy;
+mod rejoin;
 pub mod request;
+mod shown;
 #[cfg(test)]
 mod testing;
 mod timeline;
 mod types;
 
 pub use buffer::CROSSFADE_FRAMES;
-pub use character::{Character, LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
+pub use character::Character;
 pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
 pub use inbox::MAX_WAITING_COMMANDS;
 pub use intent::{Intent, Refusal, World};
@@ -31,6 +34,7 @@ pub use performance::{
 };
 pub use pin::Pins;
 pub use plan::finish_live;
+pub use rejoin::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 pub use types::{
     Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
     PathItem, Peek, PlanCause, PlanFailed, PlanItem, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start,

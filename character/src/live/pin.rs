@@ -1,9 +1,9 @@
-//! Has a plan meet the keyframes of an object.
+//! Makes a plan meet the keyframes of an object.
 //!
-//! The networks come near a keyframe, and what comes after them meets it exactly: what the root
-//! lacks is spread over the gap, what the pose lacks fades over 8 frames ([`troupe_motion::pin`]),
-//! the last frames come to rest in a pose that is held, and feet that stand are kept where they
-//! stand, for all of that would have them slide.
+//! The networks come near a keyframe. This step then meets it exactly. The root's error is spread
+//! over the gap, and the pose's error fades in over 8 frames ([`troupe_motion::pin`]). The last
+//! frames come to rest if the pose is held. Standing feet are kept in place, because all of this
+//! would make them slide.
 
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -20,31 +20,31 @@ use crate::post::{PIN_REACH_FRAMES, bits_of};
 use crate::primitives::object::Key;
 use crate::primitives::object::recipe::SETTLE_FRAMES;
 
-/// A foot that goes at least so far, metres, in at least so many frames, steps: it is lifted by so
-/// much, metres.
+/// A foot makes a step if it travels at least this far, metres, in at least this many frames. It is
+/// then lifted by the third, metres.
 const LEAST_STEP_M: f32 = 0.05;
 const LEAST_STEP_FRAMES: usize = 5;
 const STEP_OVER_M: f32 = 0.06;
-/// At most so many frames are taken off an end of a contact, and so many are left of it.
+/// Most frames taken off an end of a contact, and fewest that are left of it.
 const MOST_TAKEN_OFF: usize = 4;
 const LEAST_LEFT: usize = 3;
 
-/// What an answer is to meet.
+/// The keyframes that a plan is to meet.
 #[derive(Debug, Clone)]
 pub struct Pins {
     /// The last frames, in the plan's own space: heights count from what the character stands on.
     pub keys: Vec<Key>,
-    /// Whether the last is a pose to come to rest in.
+    /// Whether the motion comes to rest in the last of them.
     pub settles: bool,
-    /// The legs of the pack's skeleton.
+    /// The legs of the pack's skeleton, in its order.
     pub legs: Arc<[Leg]>,
     /// Frames a second of plans.
     pub fps: f32,
 }
 
 impl Pins {
-    /// Draws the last frames of `plan` to the keyframes; notes in its trace how far off they were.
-    /// A plan that is too short for context and keyframes stays as it is.
+    /// Pins the last frames of `plan` to the keyframes. Notes in its trace how far off they were. A
+    /// plan too short for context and keyframes stays as it is.
     pub fn pin_to_targets(&self, plan: &mut LivePlan, skeleton: &Skeleton) {
         let joints = skeleton.joint_count();
         let frames = plan.roots.len();
@@ -144,7 +144,7 @@ impl Pins {
     }
 }
 
-/// What touches the ground in the last frame, in which nothing moves.
+/// Contact bits of the last frame, in which nothing moves.
 fn standing_contacts(plan: &LivePlan, skeleton: &Skeleton) -> u8 {
     let (Some(contacts), Some(&root)) = (&skeleton.contacts, plan.roots.last()) else {
         return 0;
@@ -154,7 +154,7 @@ fn standing_contacts(plan: &LivePlan, skeleton: &Skeleton) -> u8 {
     bits_of(contacts.joints.iter().zip(&contacts.max_height_m).map(touches))
 }
 
-/// Frames behind the context whose contacts are such, in runs.
+/// The frames after the context whose contacts satisfy `is_such`, as runs.
 fn runs(contacts: &[u8], is_such: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     let mut runs = Vec::new();
     let mut start = None;
@@ -172,10 +172,9 @@ fn runs(contacts: &[u8], is_such: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     runs
 }
 
-/// Takes those frames off the ends of a contact in which the foot is on its way already, faster
-/// than any that stands. To hold it in them would leave it too few frames to go where it goes, and
-/// its knee would jump. Faster: by more than `goes_m` in a frame, over the ground. Frames from
-/// `first` on may not change.
+/// Takes frames off the ends of a contact in which the foot is already on its way: faster over the
+/// ground than `goes_m` a frame, which no standing foot is. Holding it there would leave too few
+/// frames for its way, and the knee would jump. Frames from `first` on may not change.
 fn let_go(
     leg: &Leg,
     span: Range<usize>,
@@ -194,7 +193,7 @@ fn let_go(
         (now - before).with_y(0.0).length() > goes_m
     };
     let most = span.len().saturating_sub(LEAST_LEFT).min(2 * MOST_TAKEN_OFF);
-    // One that goes on in the context, or in a keyframe, is not shortened there.
+    // A contact that continues into the context, or into a keyframe, is not shortened at that end.
     let (begins, ends) = (span.start > CONTEXT_FRAMES, span.end < first);
     let late = (0..MOST_TAKEN_OFF.min(most))
         .take_while(|taken| ends && goes(plan, span.end - 1 - taken))
@@ -207,8 +206,8 @@ fn let_go(
     }
 }
 
-/// Lifts a foot that goes from one place to another low over the ground: what a plan is drawn to
-/// its keyframe by would have it slide there.
+/// Lifts a foot that moves low over the ground from one place to another: pinning the plan would
+/// make it slide.
 fn step_over(leg: &Leg, swing: Range<usize>, plan: &mut LivePlan, skeleton: &Skeleton) {
     let joints = skeleton.joint_count();
     let foot = |plan: &LivePlan, frame: usize| {

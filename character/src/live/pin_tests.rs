@@ -31,7 +31,7 @@ fn key(x: f32, y: f32, z: f32, heading: f32, bend: f32) -> Key {
     }
 }
 
-/// A foot that goes farther in a frame does not stand, metres.
+/// A foot that travels farther than this in a frame does not stand, metres.
 const GOES_M: f32 = 0.4 / 30.0;
 
 fn pins(keys: Vec<Key>, settles: bool) -> Pins {
@@ -51,7 +51,7 @@ fn a_plan_that_is_too_short_stays_as_it_is() {
 }
 
 #[test]
-fn one_that_settles_comes_to_rest() {
+fn a_settling_plan_comes_to_rest() {
     let mut plan = walk(40);
     pins(vec![key(0.1, 0.9, 1.0, 0.2, 0.4)], true).pin_to_targets(&mut plan, &doll());
     let step = |frame: usize| plan.roots[frame].distance(plan.roots[frame - 1]);
@@ -64,7 +64,7 @@ fn one_that_settles_comes_to_rest() {
 #[test]
 fn feet_that_stand_do_not_slide() {
     let mut plan = walk(40);
-    // On the spot, and the keyframe a little aside.
+    // On the spot, with the keyframe a little to the side.
     plan.roots.fill(Vec3::new(0.0, 0.9, 0.0));
     plan.contacts.fill(3);
     let foot = |plan: &LivePlan, frame: usize| {
@@ -79,12 +79,12 @@ fn feet_that_stand_do_not_slide() {
 }
 
 #[test]
-fn a_foot_that_is_on_its_way_is_let_go() {
+fn a_moving_foot_is_released() {
     let leg = &legs(&doll())[0];
     let bits = leg.contact_bits();
     let mut plan = walk(40);
-    // Stands to frame 20 and goes on at 6 cm a frame; the networks say that it stands for three
-    // frames more.
+    // Stands up to frame 20, then moves at 6 cm a frame. The networks report three more frames of
+    // contact.
     for (frame, root) in plan.roots.iter_mut().enumerate() {
         *root = Vec3::new(0.0, 0.9, 0.06 * frame.saturating_sub(20) as f32);
     }
@@ -93,7 +93,7 @@ fn a_foot_that_is_on_its_way_is_let_go() {
     let mut loose = plan.clone();
     let_go(leg, 4..24, (36, GOES_M), &mut loose, &doll());
     assert_eq!(stands(&loose), 21, "up to the last frame in which it stood");
-    // It is not shortened where a keyframe begins, nor to nothing.
+    // A contact is not shortened at a keyframe, nor to nothing.
     let mut key = plan.clone();
     let_go(leg, 4..24, (24, GOES_M), &mut key, &doll());
     assert_eq!(stands(&key), 24);

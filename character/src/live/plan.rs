@@ -1,4 +1,4 @@
-//! From a live plan's raw motion to frames in the world.
+//! Turns the networks' raw motion of a live plan into frames in the world.
 
 use std::sync::Arc;
 
@@ -19,17 +19,17 @@ use crate::primitives::Follow;
 use troupe_motion::model::Motion;
 use troupe_motion::model::Rig;
 
-/// The frame that a plan carries on from.
+/// Index of the frame that a plan carries on from.
 const LAST_CONTEXT: usize = CONTEXT_FRAMES - 1;
 
-/// Turns what the stages made into a plan that carries on from its context.
+/// Turns the networks' raw motion into a plan that carries on from its context.
 ///
-/// What the last context frame lacks goes to the frames behind it: the place on the ground and the
-/// heading as they are, height and pose fading over [`PIN_REACH_FRAMES`]. Targets are guidance and
-/// not met: the next plan starts before the cursor comes near them.
+/// The difference to the last context frame moves into the frames after it. Place on the ground and
+/// heading keep it; height and pose lose it over [`PIN_REACH_FRAMES`]. Targets are guidance and not
+/// met: the next plan starts before the cursor comes near them.
 ///
 /// # Errors
-/// [`NonFinite`] where the stages gave numbers that are not finite.
+/// [`NonFinite`] if the networks gave numbers that are not finite.
 pub fn finish_live(raw: &Motion, shape: &LiveShape, rig: &Rig) -> Result<LivePlan, NonFinite> {
     check_finite(raw)?;
     let dims = &rig.dims;
@@ -69,7 +69,8 @@ fn world_roots(values: &[f32], frames: usize, frame: &SegmentFrame) -> Vec<Globa
         .collect()
 }
 
-/// Draws frames to a gait that the networks do not know. What the context is off it fades.
+/// Pulls frames towards a gait that the networks do not know. The difference to the context fades
+/// out.
 fn follow_gait(
     follow: &Follow,
     shape: &LiveShape,
@@ -91,7 +92,7 @@ fn follow_gait(
     rotations[..shape.context_rotations.len()].copy_from_slice(&shape.context_rotations);
 }
 
-/// What touches the ground where frames are a gait's more than the networks'.
+/// Contact bits of frames that belong more to the gait than to the networks.
 fn own_contacts(follow: &Follow, rig: &Rig, positions: &[Vec3], rotations: &[Quat], contacts: &mut [u8]) {
     let Some(params) = &rig.skeleton.contacts else {
         return;
@@ -117,8 +118,8 @@ fn own_contacts(follow: &Follow, rig: &Rig, positions: &[Vec3], rotations: &[Qua
     }
 }
 
-/// Has the roots go on from the context: the path over the ground moves as a whole, the height's
-/// part fades.
+/// Joins the roots to the context: the path over the ground moves as a whole, the difference in
+/// height fades out.
 fn join_roots(positions: &mut [Vec3], context: &[Vec3; CONTEXT_FRAMES]) {
     let lacking = context[LAST_CONTEXT] - positions[LAST_CONTEXT];
     for (frame, position) in positions.iter_mut().enumerate() {
@@ -128,7 +129,7 @@ fn join_roots(positions: &mut [Vec3], context: &[Vec3; CONTEXT_FRAMES]) {
     positions[..CONTEXT_FRAMES].copy_from_slice(context);
 }
 
-/// Has the poses go on from the context's: all turn by what the heading lacks, the rest fades.
+/// Joins the poses to the context: all turn by the difference in heading, the rest fades out.
 fn join_poses(rotations: &mut [Quat], context: &[Quat], left_axis: Vec3) {
     let joints = context.len() / CONTEXT_FRAMES;
     let given = &context[LAST_CONTEXT * joints..];

@@ -12,8 +12,8 @@ const FRAME: SegmentFrame = SegmentFrame {
     heading: FRAC_PI_2,
 };
 
-/// Walks along the segment's +Z at 0.1 m a frame, 5 cm to its left and 3 cm too low, with its
-/// heading at 0.2 and its foot at 0.3.
+/// Walks along the segment's +Z at 0.1 m a frame, 5 cm to its left and 3 cm too low, with heading
+/// 0.2 rad and foot 0.3 rad.
 fn raw() -> Motion {
     let root = |frame: usize| [0.05, 0.87, 0.1 * (frame as f32 - 3.0), 0.2f32.cos(), 0.2f32.sin()];
     let pose = |_| {
@@ -34,7 +34,7 @@ fn raw() -> Motion {
     }
 }
 
-/// The context walks along the world's +X at 0.1 m a frame, heading along it, its foot straight.
+/// The context walks along the world's +X at 0.1 m a frame, facing that way, with a straight foot.
 fn shape(frames: Option<usize>) -> LiveShape {
     LiveShape {
         frame: FRAME,
@@ -67,7 +67,7 @@ fn the_plan_goes_on_from_its_context() {
     assert_eq!(plan.roots[..4], shape.context_roots);
     assert_eq!(plan.rotations[..8], shape.context_rotations);
     for frame in 4..26 {
-        // The path moves as a whole; heights come to the networks' own.
+        // The path moves as a whole; heights return to the networks' own.
         let lacking = if frame < 11 {
             0.9 - plan.roots[frame].y
         } else {
@@ -80,7 +80,7 @@ fn the_plan_goes_on_from_its_context() {
             "{:?} is not {want:?}",
             plan.roots[frame]
         );
-        // Headings turn as a whole, the foot comes to the networks' own.
+        // Headings turn as a whole; the foot returns to the networks' own.
         assert!(angle_between(plan.rotations[frame * 2], yaw(FRAC_PI_2)) < 1e-4);
         let foot = angle_between(plan.rotations[frame * 2 + 1], Quat::IDENTITY);
         let t = ((frame - 3) as f32 / 8.0).min(1.0);
@@ -91,16 +91,16 @@ fn the_plan_goes_on_from_its_context() {
 }
 
 #[test]
-fn the_trace_is_the_networks_own() {
+fn the_trace_shows_the_networks_own_motion() {
     let plan = finish_live(&raw(), &shape(None), &toy_rig()).unwrap();
-    assert_eq!(plan.roots.len(), 28, "all that was made");
+    assert_eq!(plan.roots.len(), 28, "every frame that was made");
     let trace = plan.trace;
     assert_eq!(
         (trace.r_g3.len(), trace.tokens.len(), trace.count_probs.len()),
         (28, 14, 14)
     );
     assert_eq!(trace.r_g3, trace.r_g4);
-    // The segment's left is the world's -Z here.
+    // Left of the segment is -Z of the world here.
     assert!(
         trace.r_g4[13]
             .position
@@ -116,14 +116,14 @@ fn a_plan_cannot_have_more_frames_than_were_made() {
 }
 
 #[test]
-fn what_is_not_finite_is_refused() {
+fn numbers_that_are_not_finite_are_refused() {
     let mut raw = raw();
     raw.root[77] = f32::NAN;
     assert_eq!(finish_live(&raw, &shape(None), &toy_rig()), Err(NonFinite));
 }
 
 #[test]
-fn a_followed_gait_is_met_with_what_touches_the_ground() {
+fn a_followed_gait_brings_its_own_contacts() {
     let mut shape = shape(Some(26));
     let path = |frame: usize| GlobalRoot::new(Vec3::new(10.0, 0.83, 0.05 * frame as f32), 0.0);
     shape.targets.guide = Some(Guide {
@@ -158,6 +158,6 @@ fn a_followed_gait_is_met_with_what_touches_the_ground() {
         assert!(plan.roots[frame].abs_diff_eq(path(frame).position, 1e-5));
         assert!(angle_between(plan.rotations[frame * 2 + 1], Quat::from_rotation_x(0.4)) < 1e-3);
     }
-    // The foot is 3 cm over the ground and goes at 1.5 m/s, which is no contact either.
+    // The foot is 3 cm over the ground and moves at 1.5 m/s: no contact either.
     assert!(plan.contacts[16..].iter().all(|&bits| bits == 0));
 }

@@ -1,73 +1,72 @@
-//! A character that goes on after its server was gone: what it woke up with, and what its client
-//! saw meanwhile.
+//! How a character goes on after a restart of its server: from what was saved, and from what its
+//! client saw since then.
 
 use troupe_motion::robot::Fitted;
 use troupe_motion::{Quat, Vec3};
 
-use super::super::buffer::Seam;
-use super::super::{Clock, PerformanceEnd};
-use super::Character;
+use super::buffer::Seam;
+use super::{Character, Clock, PerformanceEnd};
 
-/// Most frames that a client may have seen beyond what a character remembers.
+/// Most frames that a client may have seen beyond the saved one.
 pub const MAX_REJOIN_FRAMES: u64 = 90;
-/// How far from there a character may have been seen, metres.
+/// Farthest that a client may have seen a character from its saved place, metres.
 pub const MAX_REJOIN_M: f32 = 5.0;
 
 /// The last frame that a client saw of a character.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LastSeen {
-    /// Its number.
+    /// Number of the frame on the character's timeline.
     pub frame: u64,
-    /// How the character was shown in it: root position, and a rotation for each joint, the first
-    /// in the world.
+    /// The pose that was shown: root position, and a rotation for each joint, the first in the
+    /// world.
     pub pose: Option<(Vec3, Vec<Quat>)>,
 }
 
-/// Why a character does not go on from what was seen.
+/// Why a character cannot go on from what its client saw.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RejoinError {
-    /// It cannot have been seen.
+    /// The client cannot have seen this frame.
     #[error("is {seen}, and the character is at frame {frame}")]
     Frame {
-        /// What was seen.
+        /// The client's frame.
         seen: u64,
-        /// Where it is.
+        /// The character's frame.
         frame: u64,
     },
-    /// It was seen elsewhere.
+    /// The client cannot have seen this place.
     #[error("is {metres:.1} m from where the character is")]
     Place {
-        /// How far off.
+        /// Distance between the two places, metres.
         metres: f32,
     },
 }
 
 impl Character {
-    /// Makes a character that was just read from its bytes one that works: it asks for the plans
-    /// again that it waited for.
+    /// Prepares a character that was just read from its bytes: it asks again for the plans that it
+    /// waited for.
     ///
     /// # Errors
-    /// What of it makes no sense.
+    /// What of the saved character makes no sense.
     pub(crate) fn wake(&mut self) -> Result<(), String> {
         if let Some(number) = self.timeline.wake(self.rig.skeleton.joint_count())? {
             self.forgo(number);
         }
-        // Words that were on their way are gone.
+        // Frames of a performance that were on their way are lost.
         let frame = self.timeline.frame();
         self.stop_performing(frame, PerformanceEnd::Restarted);
         Ok(())
     }
 
-    /// A plan that was asked for will not come, and is not counted as one that failed.
+    /// Takes it that a plan will not arrive, without counting it as failed.
     fn forgo(&mut self, number: u64) {
-        if let Some((act, mut body)) = self.acting() {
-            act.lost(number, &mut body);
+        if let Some((behaviour, mut parts)) = self.acting() {
+            behaviour.lost(number, &mut parts);
         }
     }
 
-    /// Goes on from the last frame that a client saw: frames behind it follow from its pose. A
-    /// character that is there already, or beyond, stays as it is. Its client may have seen as much
-    /// more as [`MAX_REJOIN_FRAMES`] and [`MAX_REJOIN_M`] say.
+    /// Goes on from the last frame that a client saw: the frames after it continue its pose. A
+    /// character that is at that frame or beyond stays as it is. The limits are
+    /// [`MAX_REJOIN_FRAMES`] and [`MAX_REJOIN_M`].
     ///
     /// # Errors
     /// [`RejoinError`]; then nothing has changed.
@@ -96,7 +95,7 @@ impl Character {
         Ok(())
     }
 
-    /// Has the frame at the cursor be shown as `root` and `rotations`, and those behind it go over
+    /// Shows the frame at the cursor as `root` and `rotations`, and lets the frames after it return
     /// to what they were.
     fn meet(&mut self, root: Vec3, rotations: &[Quat]) {
         let mut shown = Vec::new();
@@ -107,9 +106,8 @@ impl Character {
                 .map(|(seen, shown)| *seen * shown.inverse())
                 .collect(),
         });
-        // A plan that was asked for on the way would start from the frames as they were.
-        self.outbox = None;
-        self.asked = None;
+        // A plan that was asked for on the way would start from the frames before the change.
+        self.planning.forget_request();
         if let Ok(Some(number)) = self.timeline.wake(rotations.len()) {
             self.forgo(number);
         }

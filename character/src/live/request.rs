@@ -1,27 +1,54 @@
-//! From what a primitive asks for to a work item in its segment frame.
+//! Turns what a primitive asks for into a work item in its segment frame.
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use troupe_motion::root::heading_of;
+use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
+use super::buffer::MotionBuffer;
 use super::{CONTEXT_FRAMES, CharacterOptions, LiveShape, PathItem, PlanItem};
 use crate::keyframe::{Checked, KeyWriter};
 use crate::primitives::{self, Guide, PathGoal, PlanTargets, TargetKey};
+use crate::style::Style;
 use troupe_motion::model::{Dims, Rig};
 use troupe_motion::model::{GapPose, KeyframeTask, RootGuide};
 
 /// The four frames that a plan starts from, in the world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Context {
-    /// Root positions, oldest first.
+    /// Root positions, oldest first, metres.
     pub roots: [Vec3; CONTEXT_FRAMES],
-    /// `4 * joints`.
+    /// `4 * joints`, oldest first: joint 0 in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
 }
 
 impl Context {
-    /// Roots with the headings of the poses.
+    /// The frames that a plan with this splice frame starts from.
+    pub(super) fn at(buffer: &MotionBuffer, splice: i64) -> Self {
+        let first = splice + 1 - CONTEXT_FRAMES as i64;
+        let frames: [i64; CONTEXT_FRAMES] = std::array::from_fn(|index| first + index as i64);
+        let poses = frames.iter().flat_map(|&frame| buffer.pose(frame));
+        Self {
+            roots: frames.map(|frame| buffer.root(frame)),
+            rotations: poses.copied().collect(),
+        }
+    }
+
+    /// Four frames of a style's idle pose at `root`, whose height does not count.
+    pub(super) fn standing(style: &Style, root: GlobalRoot) -> Self {
+        let key = style.idle();
+        let mut pose = key.rotations.clone();
+        if let Some(pelvis) = pose.first_mut() {
+            *pelvis = yaw(root.heading) * *pelvis;
+        }
+        Self {
+            roots: [root.position.with_y(key.height_m); CONTEXT_FRAMES],
+            rotations: pose.repeat(CONTEXT_FRAMES),
+        }
+    }
+
+    /// Roots with the headings of the poses, oldest first.
     pub fn global_roots(&self, left_axis: Vec3) -> [GlobalRoot; CONTEXT_FRAMES] {
         let joints = self.rotations.len() / CONTEXT_FRAMES;
         std::array::from_fn(|frame| {
@@ -31,7 +58,7 @@ impl Context {
     }
 }
 
-/// Makes the work item of plan `number`, and what it takes to finish the answer.
+/// Makes the work item of plan `number`, and what is needed to finish its answer.
 pub fn build(
     rig: &Rig,
     options: &CharacterOptions,
@@ -81,7 +108,7 @@ pub fn build(
     (item, shape)
 }
 
-/// A path of so many frames: where it is shorter, it stays at its end.
+/// A path of `frames` frames. A shorter path stays at its end.
 fn path(frame: &SegmentFrame, goal: &PathGoal, frames: usize) -> Box<[[f32; 3]]> {
     let last = goal.roots.last().copied();
     let roots = goal
@@ -147,7 +174,7 @@ fn gap_poses(
         .collect()
 }
 
-/// Which token counts the root stage may choose: the one that `frames` takes, those that the
+/// Which token counts the root stage may choose: the count that `frames` takes, those that the
 /// primitive lists, or all that have room for the keyframes.
 fn allowed_counts(dims: &Dims, targets: &PlanTargets) -> Vec<bool> {
     let fewest = dims.tokens_for(dims.context_frames + targets.targets.len());
@@ -164,8 +191,8 @@ fn allowed_counts(dims: &Dims, targets: &PlanTargets) -> Vec<bool> {
     }
 }
 
-/// The seed of plan `number` of a character: every plan has its own, and plans that are skipped do
-/// not shift it.
+/// The seed of plan `number` of a character. Every plan has its own, and a skipped plan does not
+/// shift the others.
 fn plan_seed(seed: u64, number: u64) -> u64 {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(number);

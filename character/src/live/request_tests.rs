@@ -81,7 +81,7 @@ fn guides_and_poses_in_the_gap_go_to_the_segment_frame() {
     let (item, shape) = build(&toy_rig(), &options, 0, context, targets);
     let item = item.keyframes().unwrap();
     let guide = item.root_guide.as_ref().unwrap();
-    // The segment stands at (5.3, 2) and looks along the world's X.
+    // The segment's origin is at (5.3, 2), and it looks along the world's X.
     for (got, want) in guide.path[20].iter().zip([0.0, 0.8, 1.0, 0.1]) {
         assert!((got - want).abs() < 1e-5, "{:?}", guide.path[20]);
     }
@@ -113,11 +113,7 @@ fn token_counts_are_those_that_the_primitive_allows() {
     assert_eq!(counts(Some(34), &[3]), [9]);
     assert_eq!(counts(None, &[7, 9, 400]), [7, 9]);
     assert_eq!(counts(None, &[]), (3..=16).collect::<Vec<_>>());
-    assert_eq!(
-        counts(None, &[1]),
-        (3..=16).collect::<Vec<_>>(),
-        "never none at all"
-    );
+    assert_eq!(counts(None, &[1]), (3..=16).collect::<Vec<_>>(), "at least one");
 }
 
 #[test]
@@ -131,11 +127,11 @@ fn a_segment_is_never_longer_than_the_pack_allows() {
 }
 
 #[test]
-fn every_plan_has_a_seed_of_its_own() {
+fn every_plan_has_its_own_seed() {
     let mut seeds: Vec<u64> = (0..50)
         .flat_map(|number| [plan_seed(1, number), plan_seed(2, number)])
         .collect();
-    assert_eq!(plan_seed(1, 3), seeds[6], "and always the same");
+    assert_eq!(plan_seed(1, 3), seeds[6], "always the same one");
     seeds.sort_unstable();
     seeds.dedup();
     assert_eq!(seeds.len(), 100);

@@ -1,21 +1,20 @@
-//! A character as it is shown, and as it stands.
+//! What a character shows: its frames, its state, and its future.
 
 use troupe_motion::robot::Fitted;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::super::{FrameOut, Intent, Peek, SUB_FRAMES, View, WaitingCommand};
-use super::Character;
+use super::{Character, FrameOut, Intent, Peek, SUB_FRAMES, View, WaitingCommand};
 
 impl Character {
-    /// The frame at the cursor.
+    /// Samples the frame at the cursor.
     pub fn sample(&self, out: &mut FrameOut) {
         (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations, &mut out.fitted);
         out.frame = self.timeline.frame() as u64;
         out.underrun = self.timeline.slowing();
     }
 
-    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the
-    /// character stands on, with the arm bent that carries something, a robot's pose on its hinges.
+    /// The motion at `cursor`, in sub-frames, as it is shown: that of the buffer after
+    /// post-processing.
     pub(super) fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>, fitted: &mut Fitted) -> (Vec3, u8) {
         let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
         let sub_frames = i64::from(SUB_FRAMES);
@@ -25,8 +24,8 @@ impl Character {
         (root, contacts)
     }
 
-    /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is
-    /// shown.
+    /// Turns a frame of the buffer, `part` of the way (0 to 1) to the next, into one that is shown:
+    /// lifted onto the ground, with a bent arm if it carries something, and on a robot's hinges.
     fn post_process(
         &self,
         (frame, part): (i64, f32),
@@ -35,18 +34,17 @@ impl Character {
         fitted: &mut Fitted,
     ) {
         let skeleton = &self.rig.skeleton;
-        if let Some(footing) = &self.footing {
-            footing.lift(skeleton, frame, part, root, rotations);
-            self.carry.bend(skeleton, frame, part, *root, rotations);
+        if let Some(post) = &self.post {
+            post.apply(skeleton, (frame, part), root, rotations);
         }
-        // Last, so that everything that is said of the frame is said of the same pose.
+        // Last, so that everything reported about the frame is about the same pose.
         match &skeleton.robot {
             Some(robot) => robot.fit(rotations, fitted),
             None => fitted.clear(),
         }
     }
 
-    /// The character as it stands.
+    /// The character's state at the cursor.
     pub fn view(&self) -> View {
         let cursor = self.timeline.cursor();
         let (mut pose, mut before, mut fitted) = (Vec::new(), Vec::new(), Fitted::default());
@@ -64,7 +62,7 @@ impl Character {
         }
     }
 
-    /// Up to `frames` frames of the future, and the plan behind them.
+    /// Up to `frames` frames beyond the cursor, and the plan that they come from.
     pub fn peek(&self, frames: usize) -> Peek {
         let first = self.timeline.frame() + 1;
         let last = first.saturating_add_unsigned(frames as u64).saturating_sub(1);
@@ -80,18 +78,18 @@ impl Character {
             roots,
             rotations,
             contacts: future.contacts.to_vec(),
-            plan: self.newest.clone(),
+            plan: self.planning.newest().cloned(),
             in_flight: self.timeline.awaits_plan(),
             waiting: self.waiting(),
         }
     }
 
-    /// The first of the commands that wait for their frames, or the current one where no plan was
-    /// asked for with it yet.
+    /// The command that waits: the first for its frame, or the current one if no plan was asked for
+    /// with it yet.
     fn waiting(&self) -> Option<WaitingCommand> {
         self.inbox.waiting().cloned().or_else(|| {
-            let (sequence, frame) = self.current;
-            (sequence > 0 && self.timeline.command_waits()).then(|| WaitingCommand {
+            let (sequence, frame) = self.inbox.current()?;
+            self.timeline.command_waits().then(|| WaitingCommand {
                 sequence,
                 frame,
                 intent: match self.locomotion.path() {

@@ -1,10 +1,10 @@
-//! What the tests of live characters share.
+//! Shared by the tests of live characters.
 
 use troupe_motion::{Quat, Vec3};
 
 use super::buffer::{Frames, MotionBuffer};
 
-/// The frames -3 to 0 of somebody with one joint who stands still.
+/// Frames -3 to 0 of a standing character with one joint.
 pub(super) fn still_buffer() -> MotionBuffer {
     let frames = Frames {
         roots: &[Vec3::ZERO; 4],

@@ -1,4 +1,4 @@
-//! What goes into a character and what comes out of it.
+//! Inputs and outputs of a character.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -11,45 +11,44 @@ use crate::primitives::PlanTargets;
 use crate::primitives::object::KeyframeError;
 use troupe_motion::model::{KeyTensors, KeyframeTask};
 
-/// Parts that a frame of the timeline is counted in: 30, 50 and 60 Hz all take whole numbers of
-/// them.
+/// Sub-frames of a frame. A tick at 30, 50 or 60 Hz is a whole number of them.
 pub const SUB_FRAMES: u32 = 300;
 
 /// Context frames that a plan starts from.
 pub const CONTEXT_FRAMES: usize = 4;
 
-/// Who may hold a character up.
+/// Whether a character waits for its plans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Clock {
-    /// The character waits for a plan that it needs.
+    /// The cursor stops for a plan that the character needs.
     Waits,
-    /// Time goes on: without its plan the character moves on what it has.
+    /// Time goes on. Without its plan the character moves on what it has, and slows down.
     Runs,
 }
 
-/// How it is with the networks for one character. By default nothing holds plans up, as for a clock
-/// that waits for them.
+/// The load of the networks for one character. By default there is none, as for a clock that waits
+/// for its plans.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Strain {
-    /// Frames that a plan asked for now is expected to take: it is to take over no sooner.
+    /// Frames that a plan asked for now is expected to take; it takes over no sooner.
     pub expected_frames: u32,
-    /// Frames that plans take at the moment: they are asked for as much ahead.
+    /// Frames that plans take at the moment; they are asked for that far ahead.
     pub lead_frames: u32,
-    /// How much of the crowd's pressure falls on this character, 0 to 2 (see [`super::budget`]):
-    /// plans are fewer and longer.
+    /// The character's share of the crowd's pressure, 0 to 2 (see [`super::budget`]). It makes
+    /// plans fewer and longer.
     pub stretch: f32,
 }
 
-/// How a character was set up.
+/// Options of a character, which do not change.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CharacterOptions {
     /// Seed of all random choices.
     pub seed: u64,
-    /// Frames between the cursor and the point where a new plan takes over.
+    /// Frames between the cursor and where a new plan takes over.
     pub look_ahead_frames: u32,
-    /// Frames between plans, where not the style's.
+    /// Frames between plans. `None`: the style's.
     pub replan_interval_frames: Option<u32>,
-    /// How closely the root follows the spring's path, where not the style's.
+    /// How closely the root follows the spring's path, 0 to 1.2. `None`: the style's.
     pub root_ratio: Option<f32>,
     /// Sampling temperature of poses.
     pub temperature: f32,
@@ -58,15 +57,13 @@ pub struct CharacterOptions {
 /// How a character begins.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Start {
-    /// Standing in the style's idle pose, root position over the ground (its y is not used) and
-    /// heading.
+    /// Standing in the style's idle pose. Position over the ground (y is ignored) and heading.
     Standing(GlobalRoot),
-    /// Four frames, oldest first; the last is frame 0. Rotations: `4 * joints`, joint 0 in the
-    /// world.
+    /// Four frames, oldest first; the last is frame 0.
     Context {
-        /// Root positions.
+        /// Root positions, metres.
         roots: [Vec3; CONTEXT_FRAMES],
-        /// Poses.
+        /// `4 * joints`: joint 0 in the world, others relative to their parents.
         rotations: Vec<Quat>,
     },
 }
@@ -74,34 +71,34 @@ pub enum Start {
 /// Result of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CommandOutcome {
-    /// It holds, or will at its frame.
+    /// It holds now, or will from its frame on.
     Accepted,
-    /// Its sequence number came before.
+    /// A command with this sequence number came before.
     Repeated,
-    /// A higher sequence number came before.
+    /// A command with a higher sequence number came before.
     Late,
 }
 
 /// Result of a step of the cursor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Advance {
-    /// The cursor is where it should be.
+    /// The cursor has made the whole step.
     Moved,
-    /// The cursor waits at a frame for its plan. Once that has come (or has failed and the next one
-    /// was asked for), `advance` by 0 takes it the rest of the way.
+    /// The cursor waits at a frame for its plan. Once the plan has arrived, or has failed and the
+    /// next was asked for, `advance` by 0 goes the rest of the way.
     NeedsPlan,
 }
 
-/// What called for a plan.
+/// What made a character ask for a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PlanCause {
     /// The command changed.
     Command,
     /// The buffer ran low.
     LowBuffer,
-    /// The style's interval went by.
+    /// The time between two plans is over.
     Interval,
-    /// The next keyframes of an object.
+    /// Keyframes of an object come next.
     Object,
 }
 
@@ -110,19 +107,19 @@ pub enum PlanCause {
 pub struct PlanRequest {
     /// Counts the character's plans from 0.
     pub number: u64,
-    /// What called for it.
+    /// What made the character ask.
     pub cause: PlanCause,
-    /// The work, in its segment frame.
+    /// The work, in the plan's segment frame.
     pub item: PlanItem,
-    /// What it takes to turn the answer into frames.
+    /// What is needed to turn the answer into frames.
     pub shape: Arc<LiveShape>,
-    /// The keyframes that the answer is to meet; none for locomotion, whose targets are guidance.
+    /// The keyframes that the plan must meet. None for locomotion, whose targets are guidance.
     pub pins: Option<Arc<Pins>>,
-    /// Frames until the plan is to take over; after that it is late.
+    /// Frames until the plan is to take over. After that it is late.
     pub splice_in_frames: u32,
-    /// Frames until it is missed: the scheduler's deadline.
+    /// Frames until the scheduler's deadline.
     pub due_in_frames: u32,
-    /// Frames from where the plan before took over to where this one is to; none for the first.
+    /// Frames between where the plan before took over and where this one is to; none for the first.
     pub spacing_frames: Option<u32>,
 }
 
@@ -135,12 +132,12 @@ pub enum PlanItem {
     Path(PathItem),
 }
 
-/// A path to follow, apart from what follows from the pack and the body.
+/// A path to follow, without what the pack and the body already say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathItem {
     /// The context frames, each with root and pose.
     pub context: Vec<KeyTensors>,
-    /// `[frames][x, z, heading]`, metres and radians; it passes the context's roots.
+    /// `[frames][x, z, heading]`, metres and radians. The context's roots lie on it.
     pub path: Box<[[f32; 3]]>,
     /// Words that say how to move, with their weights.
     pub words: Vec<(String, f32)>,
@@ -149,7 +146,7 @@ pub struct PathItem {
 }
 
 impl PlanItem {
-    /// Frames of the segment, where they are fixed.
+    /// Frames of the segment; none if the root stage chooses.
     pub fn frames(&self) -> Option<usize> {
         match self {
             Self::Keyframes(task) => task.frames,
@@ -157,7 +154,7 @@ impl PlanItem {
         }
     }
 
-    /// The keyframes to go to, where it is those.
+    /// The keyframes to go to; none for a path.
     pub fn keyframes(&self) -> Option<&KeyframeTask> {
         match self {
             Self::Keyframes(task) => Some(task),
@@ -166,23 +163,24 @@ impl PlanItem {
     }
 }
 
-/// What it takes to turn a plan's raw motion into frames.
+/// What is needed to turn a plan's raw motion into frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveShape {
-    /// Where the segment lies in the world.
+    /// The segment frame in the world.
     pub frame: SegmentFrame,
-    /// The four context frames in the world: root positions.
+    /// Root positions of the four context frames in the world, metres.
     pub context_roots: [Vec3; CONTEXT_FRAMES],
-    /// The four context poses, `4 * joints`: joint 0 in the world.
+    /// The four context poses, `4 * joints`: joint 0 in the world, others relative to their
+    /// parents.
     pub context_rotations: Vec<Quat>,
-    /// What was asked for.
+    /// What the plan was asked for.
     pub targets: PlanTargets,
 }
 
 /// A plan's frames in the world, from the first context frame on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LivePlan {
-    /// Root positions, one a frame.
+    /// Root positions, one a frame, metres.
     pub roots: Vec<Vec3>,
     /// Rotations, `frames * joints`: joint 0 in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
@@ -195,23 +193,23 @@ pub struct LivePlan {
 /// What the stages made on the way to a plan, in the world.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlanTrace {
-    /// r_g3, one a frame.
+    /// Root after the root stage, one a frame.
     pub r_g3: Vec<GlobalRoot>,
-    /// r_g4, one a frame.
+    /// Root after the decoder, one a frame.
     pub r_g4: Vec<GlobalRoot>,
     /// Pose tokens, `tokens * heads`.
     pub tokens: Vec<u32>,
     /// Probability of each token count.
     pub count_probs: Vec<f32>,
-    /// How far the answer was from each keyframe that it was to meet, before it was drawn to them.
+    /// How far the answer was from each keyframe that it must meet, before it was pinned.
     pub off: Vec<KeyframeError>,
 }
 
-/// A plan that could not be made.
+/// The networks could not make a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlanFailed;
 
-/// Result of a plan that arrived.
+/// What happens with a plan that arrived.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Arrival {
     /// It takes over at its splice frame, this many frames from now.
@@ -219,27 +217,27 @@ pub enum Arrival {
         /// Frames of the timeline, with a fraction.
         lead_frames: f32,
     },
-    /// It came after its splice frame and takes over at the next frame.
+    /// It came after its splice frame, and takes over at the next frame.
     Late,
-    /// It came so late that too little of it was left; another one is asked for.
+    /// It came so late that too little of it was left. The character asks for another.
     Dropped,
-    /// It failed; another one is asked for.
+    /// It failed. The character asks for another.
     Failed,
-    /// Nobody waits for it: it came before, or was never asked for.
+    /// The character does not wait for it: it came before, or was never asked for.
     Stray,
 }
 
-/// A frame to send; buffers are reused.
+/// One frame to send. Its memory is reused.
 #[derive(Debug, Clone, Default)]
 pub struct FrameOut {
     /// Frame of the timeline, rounded down.
     pub frame: u64,
-    /// Root position in the world, native convention.
+    /// Root position in the world, native convention, metres.
     pub root: Vec3,
-    /// One for each joint: the first in the world, others relative to their parents.
+    /// One rotation a joint: the first in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
-    /// Angles of a robot's hinges, which the rotations are of, and what it took; empty where it is
-    /// none.
+    /// Angles of a robot's hinges, which the rotations follow, and how far the pose was from them.
+    /// Empty for other bodies.
     pub fitted: Fitted,
     /// Bit i for contact joint i.
     pub contacts: u8,
@@ -247,63 +245,75 @@ pub struct FrameOut {
     pub underrun: bool,
 }
 
-/// What a character has done so far.
+/// Counters since the character began.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stats {
-    /// Plans that took over, for a command.
+    /// Plans for a command that took over.
     pub plans_for_command: u64,
-    /// For a low buffer.
+    /// Plans for a low buffer that took over.
     pub plans_for_low_buffer: u64,
-    /// For the interval.
+    /// Plans for the interval that took over.
     pub plans_for_interval: u64,
-    /// For the keyframes of objects.
+    /// Plans for the keyframes of objects that took over.
     pub plans_for_object: u64,
     /// Plans that came after their splice frame.
     pub late_plans: u64,
-    /// Times that the character had to slow down.
+    /// Times that the character began to slow down without a plan.
     pub underruns: u64,
-    /// Plans that failed.
+    /// Plans that the networks could not make.
     pub failed_plans: u64,
 }
 
-/// A character as it stands.
+impl Stats {
+    /// How many plans for this cause have taken over.
+    pub(super) fn plans_for(&mut self, cause: PlanCause) -> &mut u64 {
+        match cause {
+            PlanCause::Command => &mut self.plans_for_command,
+            PlanCause::LowBuffer => &mut self.plans_for_low_buffer,
+            PlanCause::Interval => &mut self.plans_for_interval,
+            PlanCause::Object => &mut self.plans_for_object,
+        }
+    }
+}
+
+/// State of a character at its cursor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// The cursor's frame.
+    /// The cursor's frame, rounded down.
     pub frame: u64,
-    /// Where the root is and faces.
+    /// Position and heading of the root.
     pub root: GlobalRoot,
     /// Speed over the ground, m/s.
     pub speed_mps: f32,
-    /// Frames beyond the cursor.
+    /// Whole frames in the buffer beyond the cursor.
     pub buffered_frames: u32,
-    /// Highest sequence number of a command.
+    /// Highest sequence number of a command; 0 before the first.
     pub last_sequence: u64,
-    /// What it has done so far.
+    /// Counters since the character began.
     pub stats: Stats,
 }
 
-/// A plan that took over: what was asked of the networks and what each stage made of it.
+/// A plan that took over: what it was asked for, and what each stage made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanRecord {
     /// Counts the character's plans from 0.
     pub number: u64,
-    /// What called for it.
+    /// What made the character ask.
     pub cause: PlanCause,
     /// The cursor's frame when it was asked for.
     pub asked_at: u64,
-    /// The frame of its last context frame.
+    /// Frame of the plan's last context frame.
     pub splice: u64,
-    /// What was asked.
+    /// What the plan was asked for.
     pub shape: Arc<LiveShape>,
-    /// What came.
+    /// What the stages made of it.
     pub trace: PlanTrace,
 }
 
 /// A command that waits for its frame, or for the plan in flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WaitingCommand {
-    /// Its sequence number.
+    /// Sequence number of the command.
     pub sequence: u64,
     /// Frame from which it holds.
     pub frame: u64,
@@ -311,21 +321,21 @@ pub struct WaitingCommand {
     pub intent: Intent,
 }
 
-/// A character's future and the plan behind it.
+/// A character's frames to come, and the plan that they come from.
 #[derive(Debug, Clone)]
 pub struct Peek {
-    /// Frame of the first frame below.
+    /// Number of the first of the frames below.
     pub first_frame: u64,
-    /// Root positions beyond the cursor.
+    /// Root positions beyond the cursor, one a frame, metres.
     pub roots: Vec<Vec3>,
-    /// Poses beyond the cursor.
+    /// Rotations beyond the cursor, `frames * joints`.
     pub rotations: Vec<Quat>,
-    /// Contacts beyond the cursor.
+    /// Contacts beyond the cursor, one a frame: bit i for contact joint i.
     pub contacts: Vec<u8>,
     /// The newest plan in the buffer; none before the first.
     pub plan: Option<Arc<PlanRecord>>,
-    /// Whether a plan is on its way.
+    /// Whether a plan was asked for that has not arrived.
     pub in_flight: bool,
-    /// A command that waits.
+    /// The next command that waits.
     pub waiting: Option<WaitingCommand>,
 }

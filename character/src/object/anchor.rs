@@ -1,5 +1,5 @@
-//! Keyframes in the world: anchored to an object's transform, and turned about its pivot where
-//! their flag ω is set.
+//! Keyframes in the world: they follow an object's transform, and turn about its pivot if their
+//! flag ω is set.
 
 use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::yaw;
@@ -8,21 +8,21 @@ use troupe_motion::{GlobalRoot, Quat, Vec3};
 use super::{Definition, Keyframe, Point};
 use crate::scene::Transform;
 
-/// Where keyframes are given from, in the world.
+/// The place in the world that keyframes are relative to.
 ///
-/// It follows an object's place and heading, not its tilt: a character stands upright before a
-/// thing that leans. With it a keyframe goes to the world and comes back by one rigid motion about
-/// the vertical.
+/// It follows an object's position and heading, not its tilt: a character stands upright in front
+/// of a leaning thing. It maps a keyframe to the world and back by a rigid motion about the
+/// vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anchor {
     /// The pivot in the world, metres.
     pub pivot: Vec3,
-    /// The pivot in the frame of the keyframes, metres.
+    /// The pivot in the keyframes' frame of reference, metres.
     pub local_pivot_m: Vec3,
-    /// Heading of the frame of the keyframes in the world, radians.
+    /// Heading of the keyframes' frame of reference in the world, radians.
     pub heading: f32,
-    /// The side that the character comes from, radians from the object's +Z: what keyframes with ω
-    /// turn by.
+    /// The side that the character comes from, radians from the object's +Z. Keyframes with ω turn
+    /// by it.
     pub side: f32,
     /// Height of what the character stands on, metres.
     pub ground_y: f32,
@@ -31,35 +31,35 @@ pub struct Anchor {
 /// A keyframe in the world.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorldKeyframe {
-    /// Where the root is over the ground: x and z, metres.
+    /// The root's place over the ground: x and z, metres.
     pub place: Option<[f32; 2]>,
-    /// Which way it faces, radians in (-π, π].
+    /// The heading, radians in (-π, π].
     pub heading: Option<f32>,
     /// Height of the root joint, metres.
     pub height: Option<f32>,
     /// The pose: the first rotation in the world, others relative to their parents.
     pub rotations: Option<Vec<Quat>>,
-    /// Where single joints are.
+    /// Places of single joints.
     pub points: Vec<WorldPoint>,
 }
 
-/// Where a joint is in the world.
+/// A joint's place in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorldPoint {
-    /// The joint.
+    /// Index of the joint in the skeleton.
     pub joint: usize,
-    /// Its place, metres.
+    /// World position, metres.
     pub position: Vec3,
 }
 
 impl WorldKeyframe {
-    /// The whole root, where all of it is given.
+    /// The whole root; none if a part of it is missing.
     pub fn root(&self) -> Option<GlobalRoot> {
         let [x, z] = self.place?;
         Some(GlobalRoot::new(Vec3::new(x, self.height?, z), self.heading?))
     }
 
-    /// The whole root, what is not given taken from `other`.
+    /// The root, with missing parts taken from `other`.
     pub fn root_or(&self, other: GlobalRoot) -> GlobalRoot {
         let [x, z] = self.place.unwrap_or([other.position.x, other.position.z]);
         GlobalRoot::new(
@@ -75,8 +75,8 @@ impl Definition {
         object.point(self.pivot_m)
     }
 
-    /// The side of an object at `object` on which `place` is: radians about +Y from the object's +Z
-    /// as seen from its pivot, in (-π, π]. At the pivot itself there is none, and 0 comes back.
+    /// The side of an object at `object` on which `place` is, as seen from its pivot: radians about
+    /// +Y from the object's +Z, in (-π, π]. At the pivot itself: 0.
     pub fn side_of(&self, object: Transform, place: Vec3) -> f32 {
         let away = place - self.pivot(object);
         if away.x.hypot(away.z) < 1e-4 {
@@ -99,8 +99,8 @@ impl Definition {
 }
 
 impl Anchor {
-    /// The anchor of sets whose origin is the character: the place at height `ground_y` under its
-    /// root, and its heading.
+    /// The anchor of sets whose origin is the character: the point under its root at height
+    /// `ground_y`, and its heading.
     pub fn of_character(root: GlobalRoot, ground_y: f32) -> Self {
         Self {
             pivot: Vec3::new(root.position.x, ground_y, root.position.z),
@@ -111,7 +111,7 @@ impl Anchor {
         }
     }
 
-    /// How far a keyframe is turned into the world, radians. `pivot` is its flag ω.
+    /// The angle by which a keyframe is turned into the world, radians. `pivot` is its flag ω.
     fn turn(&self, pivot: bool) -> f32 {
         self.heading + if pivot { self.side } else { 0.0 }
     }
@@ -121,13 +121,13 @@ impl Anchor {
         self.pivot + yaw(self.turn(pivot)) * (local - self.local_pivot_m)
     }
 
-    /// A point of the world in a keyframe: undoes [`Anchor::point`].
+    /// A point of the world in the keyframes' frame of reference: the inverse of [`Anchor::point`].
     pub fn local_point(&self, pivot: bool, world: Vec3) -> Vec3 {
         self.local_pivot_m + yaw(-self.turn(pivot)) * (world - self.pivot)
     }
 
-    /// Where a character that comes from the anchor's side starts, `distance_m` from the pivot, and
-    /// its heading toward the pivot.
+    /// Where a character starts that comes from the anchor's side: `distance_m` from the pivot,
+    /// facing it.
     pub fn start(&self, distance_m: f32) -> GlobalRoot {
         let heading = self.turn(true);
         let place = self.pivot + yaw(heading) * Vec3::Z * distance_m;
@@ -137,7 +137,7 @@ impl Anchor {
         )
     }
 
-    /// What a height in a keyframe must be added to, for the height in the world.
+    /// The height in the world at which a keyframe's heights begin, metres.
     fn base_y(&self, from_ground: bool) -> f32 {
         match from_ground {
             true => self.ground_y,
@@ -178,7 +178,7 @@ impl Anchor {
         }
     }
 
-    /// The keyframe that [`Anchor::keyframe`] turns into `world`: how one is made from a motion.
+    /// The keyframe that [`Anchor::keyframe`] turns into `world`, for making one from a motion.
     /// `pivot` and `from_ground` are its flags.
     pub fn local_keyframe(&self, world: &WorldKeyframe, pivot: bool, from_ground: bool) -> Keyframe {
         let base = self.base_y(from_ground);

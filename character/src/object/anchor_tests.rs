@@ -1,4 +1,4 @@
-//! Anchoring is rigid, is undone by its inverse, and turns only what it should.
+//! Anchoring is rigid, its inverse undoes it, and it turns only what it should.
 
 use std::f32::consts::PI;
 
@@ -65,7 +65,7 @@ proptest! {
     }
 
     #[test]
-    fn a_keyframe_comes_back_as_it_went(anchor in any_anchor(), key in any_keyframe()) {
+    fn the_inverse_restores_a_keyframe(anchor in any_anchor(), key in any_keyframe()) {
         let world = anchor.keyframe(&key);
         let back = anchor.local_keyframe(&world, key.pivot, key.from_ground);
         prop_assert_eq!(back.place_m.is_some(), key.place_m.is_some());
@@ -82,7 +82,7 @@ proptest! {
         }
     }
 
-    /// Turning the object and where the character is together turns the answer, and nothing else.
+    /// Turning object and character together turns the result, and nothing else.
     #[test]
     fn it_turns_with_the_world(
         object in any_transform(5.0),
@@ -90,7 +90,7 @@ proptest! {
         turn in -PI..PI,
         key in any_keyframe(),
     ) {
-        // Close to a half turn about a level axis the heading of an object is rounding alone.
+        // Near a half turn about a level axis, an object's heading is only rounding.
         prop_assume!(object.rotation.y.hypot(object.rotation.w) > 0.05);
         let thing = definition();
         let away = from - thing.pivot(object);
@@ -112,8 +112,8 @@ proptest! {
         }
     }
 
-    /// Where ω is set, the character has the pivot before it from whatever side it comes; where
-    /// not, the side is nothing.
+    /// With ω, the character has the pivot in front of it from any side. Without, the side does not
+    /// matter.
     #[test]
     fn the_pivot_flag_decides(object in any_transform(5.0), side in -PI..PI, distance in 0.2_f32..2.0) {
         let thing = definition();
@@ -154,7 +154,7 @@ proptest! {
         let rotations = world.rotations.unwrap();
         let found = heading_of(rotations[0], Vec3::X);
         prop_assert!(wrap_angle(found - world.heading.unwrap()).abs() < 1e-3);
-        prop_assert!(rotations[1].dot(Quat::from_rotation_z(0.3)).abs() > 0.9999, "others are as they were");
+        prop_assert!(rotations[1].dot(Quat::from_rotation_z(0.3)).abs() > 0.9999, "others are unchanged");
     }
 }
 
@@ -182,7 +182,7 @@ fn heights_count_from_the_object_or_the_ground() {
 }
 
 #[test]
-fn sets_of_the_character_are_about_it() {
+fn sets_of_the_character_follow_its_root() {
     let root = GlobalRoot::new(Vec3::new(1.0, 0.93, 2.0), PI / 2.0);
     let anchor = Anchor::of_character(root, 0.1);
     let world = anchor.keyframe(&Keyframe {
@@ -209,8 +209,8 @@ fn sets_of_the_character_are_about_it() {
 fn the_side_is_seen_from_the_pivot() {
     let thing = definition();
     let object = Transform::upright(Vec3::new(4.0, 0.0, 0.0), PI / 2.0);
-    // The object faces +X: a character there is at its front, one at +Z on its left, -90 degrees
-    // off.
+    // The object faces +X. A character there is at its front; one at +Z is on its left, at -90
+    // degrees.
     let side = |x: f32, z: f32| thing.side_of(object, Vec3::new(x, 1.0, z)).to_degrees();
     assert!(side(9.0, 0.0).abs() < 1e-3);
     assert!((side(4.0, 3.0) + 90.0).abs() < 1e-3);

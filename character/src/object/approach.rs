@@ -1,4 +1,4 @@
-//! Which way a character comes to an object.
+//! How a character approaches an object: from which side, and from how far.
 
 use std::f32::consts::TAU;
 
@@ -6,22 +6,21 @@ use troupe_motion::root::wrap_angle;
 
 use super::{Approach, Definition};
 
-/// The approach that suits a side best.
+/// The approach that fits a side best.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
-    /// Its index in the definition. `None`: any side will do.
+    /// Its index in the definition. `None`: the definition has none, and any side will do.
     pub index: Option<usize>,
-    /// The side to come from: the one asked for, or the nearest that is allowed. Radians in (-π,
-    /// π].
+    /// The side to come from: the wanted side, or the nearest that is allowed. Radians in (-π, π].
     pub side: f32,
-    /// How far that is from the one asked for, radians.
+    /// Angle between that and the wanted side, radians.
     pub off: f32,
     /// Where to start, metres from the pivot. `None`: where the character is.
     pub distance_m: Option<f32>,
 }
 
 impl Approach {
-    /// The side of this range that is nearest to `side`, and how far away it is.
+    /// The side in this range nearest to `side`, and the angle between them.
     fn nearest(&self, side: f32) -> (f32, f32) {
         let past_from = (side - self.from).rem_euclid(TAU);
         if past_from <= self.span {
@@ -41,8 +40,8 @@ impl Definition {
         self.approaches.iter().position(|approach| approach.name == name)
     }
 
-    /// The approach of this index, from the side of it that is nearest to `side`; with `None`, or
-    /// where there is no such, as [`Definition::approach_from`].
+    /// The approach of this index, at its side nearest to `side`. With `None`, or an unknown index:
+    /// as [`Definition::approach_from`].
     pub fn approach_by(&self, index: Option<usize>, side: f32) -> Choice {
         let Some((index, approach)) = index.and_then(|index| Some((index, self.approaches.get(index)?)))
         else {
@@ -57,7 +56,8 @@ impl Definition {
         }
     }
 
-    /// The approach nearest to `side` (see [`Definition::side_of`]), the first of those as near.
+    /// The approach nearest to `side` (see [`Definition::side_of`]). Of two equally near, the
+    /// first.
     pub fn approach_from(&self, side: f32) -> Choice {
         let mut best = None::<Choice>;
         for (index, approach) in self.approaches.iter().enumerate() {
@@ -126,7 +126,7 @@ mod tests {
         fn what_is_chosen_is_allowed(from in -6.0_f32..6.0, span in 0.0_f32..6.2, side in -10.0_f32..10.0) {
             let approach = Approach { name: "a".into(), from, span, distance_m: None };
             let (nearest, off) = approach.nearest(side);
-            // On an end rounding may fall to either side.
+            // At an end, rounding may fall to either side.
             let again = approach.nearest(nearest).1;
             prop_assert!(again < 1e-4 && (0.0..=std::f32::consts::PI + 1e-4).contains(&off));
             prop_assert!((wrap_angle(side - nearest).abs() - off).abs() < 1e-3);

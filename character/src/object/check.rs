@@ -1,4 +1,4 @@
-//! From what is written to a checked [`Definition`].
+//! Checks a written definition and turns it into a [`Definition`].
 
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use crate::{FieldError, Path};
 use troupe_motion::model::Rig;
 
 impl Definition {
-    /// Checks what is written for `pack`.
+    /// Checks a definition for the pack of `rig`.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
@@ -144,7 +144,7 @@ fn check_socket(path: &Path<'_>, doc: &SocketDoc, skeleton: &Skeleton) -> Result
     })
 }
 
-/// The index of a joint by its name.
+/// The index of the joint of this name.
 pub(super) fn joint(path: &Path<'_>, name: &str, skeleton: &Skeleton) -> Result<usize, FieldError> {
     skeleton.joint_index(name).ok_or_else(|| {
         let names = skeleton.joints.iter().map(|joint| joint.name.as_str());

@@ -1,4 +1,4 @@
-//! Checks of sets, their keyframes, and the chains that variants go through.
+//! Checks sets, their keyframes, and the chains of sets that variants go through.
 
 use troupe_motion::Quat;
 use troupe_motion::root::heading_of;
@@ -14,10 +14,11 @@ use crate::limits::HEADING_TOLERANCE;
 use crate::{FieldError, Path};
 use troupe_motion::model::Rig;
 
-/// Least part of the character's left that must lie on the ground for its pose to have a heading.
+/// Fewest of the left direction's length that must lie in the ground plane for a pose to have a
+/// heading.
 const MIN_GROUND_LEFT: f32 = 0.1;
 
-/// Checks all sets.
+/// Checks all sets of a definition.
 pub(super) fn check_sets(
     path: &Path<'_>,
     doc: &ObjectDoc,
@@ -88,7 +89,7 @@ fn check_event(
     let action = match (&doc.attach, doc.release) {
         (Some(name), false) if shared => {
             return Err(path.field("attach").error(
-                format!("is {name:?} for an object that is shared, which nobody takes"),
+                format!("is {name:?} for a shared object, which cannot be taken"),
                 "no attach, or shared = false",
             ));
         }
@@ -208,8 +209,8 @@ fn check_rotations(path: &Path<'_>, numbers: &[f32], rig: &Rig) -> Result<Vec<Qu
     Ok(rotations)
 }
 
-/// Refuses a pose with a heading of its own: that is in `heading_deg`. A pose that lies on its side
-/// has none.
+/// Refuses a pose with a heading of its own: headings belong into `heading_deg`. A pose lying on
+/// its side has none.
 fn check_pelvis(path: &Path<'_>, rotations: &[Quat], rig: &Rig) -> Result<(), FieldError> {
     let axis = rig.skeleton.left_axis;
     let Some(&pelvis) = rotations.first() else {
@@ -229,7 +230,7 @@ fn check_pelvis(path: &Path<'_>, rotations: &[Quat], rig: &Rig) -> Result<(), Fi
     ))
 }
 
-/// Checks the variants and works out the sets that each goes through.
+/// Checks the variants, and works out which sets each goes through.
 pub(super) fn check_variants(path: &Path<'_>, doc: &ObjectDoc) -> Result<Vec<Variant>, FieldError> {
     let next = (doc.sets.iter().enumerate())
         .map(|(index, set)| match &set.next {
@@ -270,7 +271,7 @@ pub(super) fn check_variants(path: &Path<'_>, doc: &ObjectDoc) -> Result<Vec<Var
         if !variants.iter().any(is_used) {
             let path = path.element("sets", index);
             return Err(path.field("name").error(
-                format!("is {:?}, a set that no variant comes to", set.name),
+                format!("is {:?}, a set that no variant reaches", set.name),
                 "sets that follow the entry or exit of a variant",
             ));
         }
@@ -286,7 +287,7 @@ fn find_set(path: &Path<'_>, name: &str, doc: &ObjectDoc) -> Result<usize, Field
     })
 }
 
-/// Refuses a chain that comes back to its start.
+/// Refuses a chain of sets that comes back to its start.
 fn check_cycle(
     path: &Path<'_>,
     start: usize,
@@ -304,7 +305,7 @@ fn check_cycle(
                 "a set that does not lead back",
             ));
         }
-        // A circle further on is found from its own sets.
+        // A circle further along the chain is found from its own sets.
         if way.contains(&following) {
             return Ok(());
         }

@@ -1,4 +1,4 @@
-//! Nonsense never panics: a definition or an error that says where, and what passes can be used.
+//! Random texts never panic: they give an error with its place, or a definition that can be used.
 
 use proptest::prelude::*;
 use troupe_motion::Vec3;
@@ -9,7 +9,7 @@ use crate::document::testing::{any_changes, changed};
 use crate::scene::{Scene, Transform};
 use crate::style::testing::walker_rig;
 
-/// Uses all that a definition has; every answer is finite.
+/// Uses everything in a definition. Every result is finite.
 fn use_it(thing: &Definition, seed: u64) -> Result<(), TestCaseError> {
     let mut scene = Scene::new(0.0).unwrap();
     let at = Transform::upright(Vec3::new(1.0, 0.5, 2.0), 0.7);
@@ -70,7 +70,7 @@ proptest! {
         let _ = Definition::from_json(&text, &walker_rig());
     }
 
-    /// Chains of sets at random: those that come back are refused, all others end.
+    /// Random chains of sets: those with a circle are refused, and all others end.
     #[test]
     fn chains_end_or_are_refused(next in prop::collection::vec(prop::option::of(0_usize..8), 8), entry in 0_usize..8) {
         let mut doc = (*definition().doc).clone();
@@ -82,7 +82,7 @@ proptest! {
                 ..doc.sets[3].clone()
             })
             .collect();
-        // Every set is some variant's, so that none is refused for being left out.
+        // Every set belongs to a variant, so that none is refused as unreachable.
         doc.variants = (0..8)
             .map(|index| VariantDoc {
                 name: index.to_string(),

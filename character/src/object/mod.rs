@@ -1,18 +1,18 @@
 //! Smart objects: what characters can do with a thing, as data (paper section 6.2 and appendix G).
 //!
 //! A [`Definition`] is read from TOML or JSON ([`Definition::from_toml`],
-//! [`Definition::from_json`], [`load_file`]) and checked for one pack, whose skeleton its poses and
-//! joints are of. It says what the object is like and where a character must be to use it (`shape`,
-//! `trigger`, `approaches`), how it is carried and put down (`sockets`, `release`), and what
-//! happens: `sets` of one to four consecutive keyframes, of which each `variant` names a first one
-//! and those that follow.
+//! [`Definition::from_json`], [`load_file`]). It is checked for one pack, whose skeleton gives its
+//! poses and joints. It says what the object is like and where a character must be to use it
+//! (`shape`, `trigger`, `approaches`), how it is carried and put down (`sockets`, `release`), and
+//! what happens: `sets` of one to four consecutive keyframes. Each `variant` names its first set
+//! and those after it.
 //!
-//! Keyframes are written for a character that comes from the object's +Z side. [`Anchor`] turns one
-//! into the world: with the object's place and heading, and where its pivot flag ω is set also
-//! about the pivot, to the side that the character comes from. [`Variant`]s are chosen by weight
-//! and seed, and one seed always chooses the same.
+//! Keyframes are written for a character that comes from the object's +Z side. [`Anchor`] turns a
+//! keyframe into the world by the object's place and heading. A keyframe with the pivot flag ω also
+//! turns about the pivot, to the side that the character comes from. A [`Variant`] is chosen by
+//! weight and seed; one seed always chooses the same.
 //!
-//! Nothing here knows of sessions, clocks or networks.
+//! Nothing here knows sessions, clocks or networks.
 
 mod anchor;
 mod approach;
@@ -26,6 +26,8 @@ mod variant;
 
 #[cfg(test)]
 mod anchor_tests;
+#[cfg(test)]
+mod example_tests;
 #[cfg(test)]
 mod fuzz_tests;
 #[cfg(test)]
@@ -52,11 +54,11 @@ pub use troupe_proto::docs::{
     ReleaseDoc, SetDoc, SocketDoc, TriggerDoc, VariantDoc,
 };
 
-/// Version of the definition format that this server reads.
+/// The format number of definitions that this server reads.
 pub const FORMAT: u32 = 1;
 /// Most bytes of a definition.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Most definitions of a server.
+/// Most definitions on a server.
 pub const MAX_DEFINITIONS: usize = 256;
 /// Most characters of a description.
 pub const MAX_DESCRIPTION_CHARS: usize = 1000;
@@ -74,8 +76,7 @@ pub const MAX_VARIANTS: usize = 16;
 pub const MAX_APPROACHES: usize = 16;
 /// Most sockets of a definition.
 pub const MAX_SOCKETS: usize = 8;
-/// Largest distance of a keyframe, point, pivot or socket from the origin that it is given from,
-/// along an axis, metres.
+/// Farthest that a keyframe, point, pivot or socket may be from its origin along an axis, metres.
 pub const MAX_DISTANCE_M: f32 = 20.0;
 /// Largest reach of a trigger beyond the shape, metres.
 pub const MAX_REACH_M: f32 = 10.0;
@@ -83,7 +84,7 @@ pub const MAX_REACH_M: f32 = 10.0;
 pub const MAX_DROP_FRAMES: u32 = 64;
 /// Most frames that a set may be held: five minutes.
 pub const MAX_HOLD_FRAMES: u32 = 9000;
-/// Most frames over which an object that is attached moves into its socket.
+/// Most frames that an object takes to move into its socket.
 pub const MAX_BLEND_FRAMES: u32 = 30;
 /// Largest weight of a variant.
 pub const MAX_WEIGHT: f32 = 1000.0;
@@ -93,46 +94,46 @@ pub const MAX_SLOPE_DEG: f32 = 80.0;
 /// A checked definition.
 #[derive(Debug, Clone)]
 pub struct Definition {
-    /// Unique among definitions.
+    /// Unique among the definitions of a pack.
     pub name: String,
-    /// Name of the pack that it was checked for: its poses and joints are of that pack's skeleton,
-    /// and no character of another pack can use it.
+    /// The pack that it was checked for. Its poses and joints belong to that pack's skeleton, so
+    /// characters of other packs cannot use it.
     pub pack: String,
-    /// What it is, for people.
+    /// A description for people.
     pub description: String,
-    /// The object's shape, in its own frame.
+    /// The object's shape in its own frame of reference.
     pub shape: Shape,
-    /// Shape and trigger for a scene.
+    /// Shape and trigger as a scene needs them.
     pub body: Arc<Body>,
-    /// The point that keyframes turn about, in the object's frame, metres.
+    /// The point that keyframes turn about, in the object's frame of reference, metres.
     pub pivot_m: Vec3,
-    /// Sides from which a character may come; none: any side, and it starts where it is.
+    /// Sides that a character may come from. Empty: any side, starting where the character is.
     pub approaches: Vec<Approach>,
-    /// Where the object may be attached to a character.
+    /// Places on a character that can hold the object.
     pub sockets: Vec<Socket>,
-    /// How it is put down.
+    /// How the object is put down.
     pub release: Release,
-    /// All sets; variants refer to them by index.
+    /// All sets. Variants refer to them by index.
     pub sets: Vec<Set>,
     /// At least one, with weights that are not all 0.
     pub variants: Vec<Variant>,
-    /// Whether it is a skill of the pack: done where the character stands, with no object.
+    /// Whether it is a skill of the pack, which is done on the spot, without an object.
     pub is_skill: bool,
-    /// As it was written.
+    /// The definition as it was written.
     pub doc: Arc<ObjectDoc>,
 }
 
-/// A range of sides from which a character may come.
+/// A range of sides that a character may come from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Approach {
     /// Unique in the definition.
     pub name: String,
     /// First direction, radians about +Y from the object's +Z as seen from the pivot.
     pub from: f32,
-    /// How far the range goes on from there, radians, 0 to 2π.
+    /// Size of the range from there on, radians, 0 to 2π.
     pub span: f32,
     /// Where the character starts the first set, metres over the ground from the pivot. `None`:
-    /// where it is.
+    /// on the spot.
     pub distance_m: Option<f32>,
 }
 
@@ -141,60 +142,60 @@ pub struct Approach {
 pub struct Socket {
     /// Unique in the definition.
     pub name: String,
-    /// Joint that it moves with.
+    /// Index of the joint that carries the object.
     pub joint: usize,
-    /// The object's origin in the joint's frame, metres.
+    /// The object's origin in the joint's frame of reference, metres.
     pub position_m: Vec3,
-    /// The object's rotation in the joint's frame. `None`: as it was when it was taken.
+    /// The object's rotation in the joint's frame of reference. `None`: as it was when it was
+    /// taken.
     pub rotation: Option<Quat>,
-    /// Frames over which an object that is attached moves here from where it was.
+    /// Frames in which an object moves here from its old place.
     pub blend_frames: u32,
-    /// Whether the arm swings as in any walk while it carries the object; else the hand stays where
-    /// it is.
+    /// Whether the arm swings as in any walk while it carries the object. Otherwise the hand keeps
+    /// its place.
     pub swings: bool,
-    /// Whether the object stands upright however the joint turns; it turns about its middle.
+    /// Whether the object stays upright however the joint turns. It turns about its middle.
     pub upright: bool,
 }
 
 /// How the object is put down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Release {
-    /// Whether it is put onto the surface under it; else it stays where it is let go.
+    /// Whether it is put onto the surface below. Otherwise it stays where the hand lets go.
     pub snap: bool,
-    /// The ray down starts this far above the object's middle, metres.
+    /// Height above the object's middle at which the ray down starts, metres.
     pub lift_m: f32,
-    /// How far below the object's middle the surface may be, metres.
+    /// Farthest that the surface may be below the object's middle, metres.
     pub max_drop_m: f32,
-    /// Steepest surface, radians from level.
+    /// Steepest surface that it is put onto, radians from level.
     pub max_slope: f32,
-    /// How it is turned.
+    /// The object's orientation on the surface.
     pub align: Align,
 }
 
-/// One phase: keyframes that end one stretch of motion.
+/// One phase of an interaction: the keyframes that a stretch of motion leads to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Set {
     /// Unique in the definition.
     pub name: String,
-    /// Hips lower than this over the ground are low, metres: the pack's.
+    /// Hips lower than this over the ground count as low, metres. The pack's value.
     pub low_hips_m: f32,
-    /// What the keyframes are given from.
+    /// What places and headings of the keyframes are relative to.
     pub origin: Origin,
     /// One to four consecutive frames, oldest first.
     pub keyframes: Vec<Keyframe>,
-    /// How its motion is made. `None`: as it suits the keyframes.
+    /// Whether the networks make its motion. `None`: as it suits the keyframes.
     pub motion: Option<Motion>,
-    /// Whether a character that comes for it stops before it begins.
+    /// Whether a character that approaches for it stops first.
     pub from_stand: bool,
-    /// Frames from the last frame before the set to its last keyframe. `None`: as many as the pack
-    /// thinks right.
+    /// Frames from the last frame before the set to its last keyframe. `None`: the pack chooses.
     pub frames: Option<u32>,
-    /// τ: how many frames before its last keyframe the next phase may begin. 0: the keyframe must
+    /// τ: how many frames before the last keyframe the next phase may begin. 0: the keyframe must
     /// be reached.
     pub drop_frames: u32,
     /// How long the last keyframe is held.
     pub hold: Hold,
-    /// What happens in it.
+    /// What happens to the object in the set, and when.
     pub events: Vec<Event>,
 }
 
@@ -204,7 +205,7 @@ impl Set {
         self.drop_frames == 0
     }
 
-    /// Whether the character comes to rest in its last keyframe: it must be reached, or is held.
+    /// Whether the character comes to rest in the last keyframe: it must be reached, or is held.
     pub fn comes_to_rest(&self) -> bool {
         self.is_hard() || self.hold != Hold::Frames(0)
     }
@@ -213,57 +214,57 @@ impl Set {
 /// How long a set's last keyframe is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hold {
-    /// So many frames; 0 for none.
+    /// This many frames; 0 if it is not held.
     Frames(u32),
-    /// Until the interaction is ended by a command, which goes on with the variant's exit.
+    /// Until a command ends the interaction, which then goes on with the variant's exit.
     UntilEnded,
 }
 
-/// Something that happens in a set.
+/// Something that happens to the object during a set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
-    /// When.
+    /// At the set's start, keyframe or end.
     pub at: Moment,
-    /// What.
+    /// To the object in the hand, or to be taken.
     pub action: Action,
 }
 
 /// What an event does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// The object goes to the socket of this index.
+    /// The object moves into the socket of this index.
     Attach(usize),
     /// The object is put down.
     Release,
 }
 
-/// A keyframe, in the frame of its set's [`Origin`]. At least one of its parts is given.
+/// A keyframe relative to its set's [`Origin`]. At least one of its parts is given.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Keyframe {
-    /// ω: whether it turns about the pivot with the side that the character comes from.
+    /// ω: whether the keyframe turns about the pivot, to the side that the character comes from.
     pub pivot: bool,
-    /// Where the root is over the ground: x and z, metres.
+    /// The root's place over the ground: x and z, metres.
     pub place_m: Option<[f32; 2]>,
-    /// Which way it faces, radians about +Y.
+    /// The heading, radians about +Y.
     pub heading: Option<f32>,
     /// Height of the root joint, metres.
     pub height_m: Option<f32>,
-    /// Whether heights, of root and points, count from what the character stands on rather than
-    /// from the origin.
+    /// Whether the heights of root and points count from what the character stands on, not from the
+    /// origin.
     pub from_ground: bool,
-    /// The whole pose: one rotation for each joint, the first with the heading taken out, others
-    /// relative to their parents. Heading and height are given with it.
+    /// The whole pose: one rotation a joint, the first without the heading, others relative to
+    /// their parents. Heading and height come with it.
     pub rotations: Option<Vec<Quat>>,
-    /// Where single joints are.
+    /// Places of single joints.
     pub points: Vec<Point>,
 }
 
-/// Where one joint of a keyframe is.
+/// The place of one joint in a keyframe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// The joint.
+    /// Index of the joint in the skeleton.
     pub joint: usize,
-    /// Its place in the origin's frame, metres.
+    /// Place relative to the origin, metres.
     pub position_m: Vec3,
 }
 
@@ -272,20 +273,20 @@ pub struct Point {
 pub struct Variant {
     /// Unique in the definition.
     pub name: String,
-    /// How often it is chosen, compared with the others. 0: only when it is asked for by name.
+    /// How often it is chosen, relative to the others. 0: only by name.
     pub weight: f32,
-    /// The sets to go through, in order; at least one, none twice.
+    /// The sets to go through, in order: at least one, and none twice.
     pub entry: Vec<usize>,
-    /// The sets to leave with when the interaction is ended while a set is held, in order; may be
-    /// none.
+    /// The sets to leave with, in order, if the interaction is ended while a set is held. May be
+    /// empty.
     pub exit: Vec<usize>,
 }
 
 impl Definition {
-    /// About how much memory it takes, bytes.
+    /// A rough measure of its memory, bytes.
     pub fn bytes(&self) -> usize {
-        /// Of a definition with its names, of a set with its events, of a keyframe, and of a joint
-        /// or a point of one.
+        /// Bytes of a definition with its names, a set with its events, a keyframe, and a joint or
+        /// point of one.
         const ITSELF: usize = 8 << 10;
         const SET: usize = 2 << 10;
         const KEYFRAME: usize = 512;

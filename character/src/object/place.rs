@@ -1,4 +1,4 @@
-//! Putting an object down onto the surface that a ray finds.
+//! Puts an object down onto the surface that a ray finds.
 
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Quat, Vec3};
@@ -6,43 +6,43 @@ use troupe_motion::{Quat, Vec3};
 use super::{Align, Definition};
 use crate::scene::{RayHit, Scene, Surface, Transform};
 
-/// Where an object comes to lie.
+/// Where an object is put down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placement {
-    /// Its transform.
+    /// The object's place in the world.
     pub transform: Transform,
-    /// What it lies on, where it was put onto something.
+    /// The surface that it was put onto; none if it stays in place.
     pub surface: Option<RayHit>,
 }
 
 /// Why an object cannot be put down here.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PlaceError {
-    /// Nothing below.
+    /// There is no surface below.
     #[error("no surface within {max_drop_m} m below the object")]
     NoSurface {
-        /// How far was looked.
+        /// Depth of the search, metres.
         max_drop_m: f32,
     },
-    /// The place is inside of something.
+    /// The object's middle is inside of something.
     #[error("the object is inside of {0:?}")]
     Inside(Surface),
-    /// A surface that things would slide off.
+    /// The object would slide off the surface.
     #[error("the surface is {found_deg:.0} degrees steep, more than {allowed_deg:.0}")]
     TooSteep {
-        /// Its slope, degrees.
+        /// Slope of the surface, degrees.
         found_deg: f32,
-        /// The steepest allowed, degrees.
+        /// The steepest allowed slope, degrees.
         allowed_deg: f32,
     },
 }
 
 impl Definition {
-    /// Where the object `id`, let go at `at`, comes to lie in `scene`: its middle straight over the
-    /// place that a ray from it finds, its lowest point on the surface there.
+    /// Where the object `id`, released at `at`, comes to rest in `scene`: its middle vertically
+    /// above the point that a ray from it hits, its lowest point on the surface there.
     ///
     /// # Errors
-    /// [`PlaceError`], where the definition's rule finds no place.
+    /// [`PlaceError`] if the definition's rule finds no place.
     pub fn place(&self, scene: &Scene, id: &str, at: Transform) -> Result<Placement, PlaceError> {
         let rule = &self.release;
         if !rule.snap {
@@ -64,7 +64,7 @@ impl Definition {
             return Err(PlaceError::Inside(hit.surface));
         }
         let slope = hit.normal.y.clamp(-1.0, 1.0).acos();
-        // A hair of slack, for a normal is not exact.
+        // A little tolerance, because a normal is not exact.
         if slope > rule.max_slope + 1e-3 {
             return Err(PlaceError::TooSteep {
                 found_deg: slope.to_degrees(),
@@ -128,7 +128,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the shape, turn and slope: it touches the surface, and nothing of it is below.
+        /// For every shape, rotation and slope: the object touches the surface, and no part of it
+        /// is below.
         #[test]
         fn it_lands_on_the_surface(
             shape in any_shape(),
@@ -162,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_not_put_where_it_cannot_lie() {
+    fn it_is_not_put_down_without_a_suitable_surface() {
         let shape = crate::scene::testing::box_shape(Vec3::splat(0.1));
         let mut cup = with_shape(&shape, Align::Upright);
         cup.release.max_slope = 0.5;
@@ -173,12 +174,12 @@ mod tests {
         assert_eq!(high, Err(PlaceError::NoSurface { max_drop_m: 1.0 }));
         let inside = cup.place(&table(Quat::IDENTITY), "cup", place(0.0, 0.4, 0.0));
         assert_eq!(inside, Err(PlaceError::Inside(Surface::Collider("table".into()))));
-        // A little way inside the lift is enough.
+        // Only a little inside the lift.
         let sunk = cup
             .place(&table(Quat::IDENTITY), "cup", place(0.0, 0.9, 0.0))
             .unwrap();
         assert!((sunk.transform.position.y - 1.1).abs() < 1e-4);
-        // Beside the table, the ground. Its own body is not in its way.
+        // Beside the table it lands on the ground. Its own body does not count as an obstacle.
         let mut scene = table(Quat::IDENTITY);
         scene
             .add("cup", "cup", Arc::clone(&cup.body), place(8.0, 0.3, 0.0))

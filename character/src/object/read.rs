@@ -1,4 +1,4 @@
-//! Definitions as TOML or JSON texts and files.
+//! Reads definitions from TOML or JSON texts and files.
 
 use std::path::Path as FilePath;
 
@@ -12,44 +12,44 @@ impl Document for ObjectDoc {
 }
 
 impl Definition {
-    /// Reads and checks a TOML text for `pack`.
+    /// Reads a TOML text and checks it for the pack of `rig`.
     ///
     /// # Errors
-    /// [`DocumentError`] for the first thing that is wrong.
+    /// [`DocumentError`] for the first error.
     pub fn from_toml(text: &str, rig: &Rig) -> Result<Self, DocumentError> {
         Self::read(text, Format::Toml, rig)
     }
 
-    /// Reads and checks a JSON text for `pack`.
+    /// Reads a JSON text and checks it for the pack of `rig`.
     ///
     /// # Errors
-    /// [`DocumentError`] for the first thing that is wrong.
+    /// [`DocumentError`] for the first error.
     pub fn from_json(text: &str, rig: &Rig) -> Result<Self, DocumentError> {
         Self::read(text, Format::Json, rig)
     }
 
-    /// Reads and checks a text for `pack`.
+    /// Reads a text and checks it for the pack of `rig`.
     ///
     /// # Errors
-    /// [`DocumentError`] for the first thing that is wrong.
+    /// [`DocumentError`] for the first error.
     pub fn read(text: &str, format: Format, rig: &Rig) -> Result<Self, DocumentError> {
         read(text, format, |doc| Self::from_doc(doc, rig))
     }
 }
 
-/// Reads and checks the definition in `file`, which ends in `.toml` or `.json`.
+/// Reads the definition in `file`, which ends in `.toml` or `.json`, and checks it.
 ///
 /// # Errors
-/// [`DocumentError`], which names the file, and line and field where there are such.
+/// [`DocumentError`] with the file, and with line and field if the error has them.
 pub fn load_file(file: &FilePath, rig: &Rig) -> Result<Definition, DocumentError> {
     read_file(file, |doc| Definition::from_doc(doc, rig))
 }
 
-/// Reads and checks every `*.toml` and `*.json` of `folder`, sorted by name. A folder that is not
-/// there has none.
+/// Reads and checks every `*.toml` and `*.json` file of `folder`, sorted by name. A folder that
+/// does not exist counts as empty.
 ///
 /// # Errors
-/// [`DocumentError`] for the first file that is not a definition, or has the name of another.
+/// [`DocumentError`] for the first file that is not a definition, or has the same name as another.
 pub fn load_folder(folder: &FilePath, rig: &Rig) -> Result<Vec<Definition>, DocumentError> {
     read_folder(
         folder,

@@ -1,4 +1,4 @@
-//! An object in a socket: it moves with a joint.
+//! An object in a socket, where it moves with a joint.
 
 use troupe_motion::Quat;
 use troupe_motion::interpolate::smoothstep;
@@ -7,14 +7,14 @@ use super::Socket;
 use crate::scene::Transform;
 
 impl Socket {
-    /// Where an object ends up in the joint's frame that had the rotation `taken` in that frame
-    /// when it was taken.
+    /// The object's place in the joint's frame of reference, once it is in the socket. It had the
+    /// rotation `taken` in that frame when it was taken.
     pub fn offset(&self, taken: Quat) -> Transform {
         Transform::new(self.position_m, self.rotation.unwrap_or(taken))
     }
 
-    /// Where the object is in the joint's frame, `frames` after it was at `from`, in that frame
-    /// too: it moves to `to`, its place in the socket ([`Socket::offset`]), over
+    /// The object's place in the joint's frame of reference, `frames` after it was attached. It
+    /// moves from `from` to `to`, its place in the socket ([`Socket::offset`]), over
     /// [`Socket::blend_frames`], starting and ending slowly.
     pub fn offset_at(&self, from: Transform, to: Transform, frames: f32) -> Transform {
         let eased = self.share(frames);
@@ -24,7 +24,7 @@ impl Socket {
         )
     }
 
-    /// How far an object has come into the socket, `frames` after it was attached: 0 to 1, starting
+    /// Share of the way into the socket, `frames` after an object was attached: 0 to 1, starting
     /// and ending slowly.
     pub fn share(&self, frames: f32) -> f32 {
         smoothstep(match self.blend_frames {
@@ -55,7 +55,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_keeps_its_turn_where_the_socket_gives_none(from in any_transform(0.5)) {
+        fn it_keeps_its_rotation_if_the_socket_has_none(from in any_transform(0.5)) {
             let given = grip(8);
             let free = Socket { rotation: None, ..given.clone() };
             let (to, kept) = (given.offset(from.rotation), free.offset(from.rotation));

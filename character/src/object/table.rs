@@ -1,4 +1,4 @@
-//! The definitions of a server, by name.
+//! The object definitions of a server, by name.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,20 +10,20 @@ use crate::document::MAX_NAME_CHARS;
 use crate::document::check::listed;
 use crate::scene::{Bodies, Body, Scene, SceneTable};
 
-/// A definition of the table.
+/// An entry of the table.
 #[derive(Debug, Clone)]
 pub struct Listed {
-    /// The definition.
+    /// The checked definition.
     pub definition: Arc<Definition>,
-    /// Grows with every upload to the table, so that no two uploads have the same.
+    /// Grows with every upload to the table, so no two uploads have the same.
     pub revision: u64,
 }
 
-/// All definitions as they were at one moment.
+/// All definitions at one moment.
 #[derive(Debug, Clone, Default)]
 pub struct DefinitionList {
     by_name: BTreeMap<String, Listed>,
-    /// That of the latest upload.
+    /// Revision of the newest upload.
     revision: u64,
 }
 
@@ -31,7 +31,7 @@ impl DefinitionList {
     /// The definition of this name.
     ///
     /// # Errors
-    /// [`DefinitionsError::Unknown`].
+    /// [`DefinitionsError::Unknown`] if there is none.
     pub fn get(&self, name: &str) -> Result<&Listed, DefinitionsError> {
         self.by_name.get(name).ok_or_else(|| DefinitionsError::Unknown {
             name: name.chars().take(MAX_NAME_CHARS).collect(),
@@ -39,7 +39,7 @@ impl DefinitionList {
         })
     }
 
-    /// All of them, sorted by name.
+    /// All definitions, sorted by name.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &Listed> {
         self.by_name.values()
     }
@@ -66,59 +66,65 @@ impl Bodies for DefinitionList {
     }
 }
 
-/// Why the table was not changed, or has no answer.
+/// Why the table was not changed, or has no such entry.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DefinitionsError {
-    /// A name that is no definition's.
-    #[error("there is no object definition {name:?}; there are: {}", listed(known.iter().map(String::as_str)))]
+    /// No definition has this name.
+    #[error(
+        "there is no object definition {name:?}; there are: {}",
+        listed(known.iter().map(String::as_str))
+    )]
     Unknown {
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// The definitions that there are.
+        /// The names that exist.
         known: Vec<String>,
     },
-    /// As many definitions as there may be.
+    /// The table holds [`MAX_DEFINITIONS`] definitions.
     #[error("there are {MAX_DEFINITIONS} object definitions, the most that there may be")]
     Full,
-    /// Objects of this definition are in scenes.
-    #[error("object definition {name:?} is used in {}; allowed: one of which no scene has an object", listed(scenes.iter().map(String::as_str)))]
+    /// Some scenes have objects of this definition.
+    #[error(
+        "object definition {name:?} is used in {}; allowed: a definition without objects in scenes",
+        listed(scenes.iter().map(String::as_str))
+    )]
     InUse {
-        /// The definition.
+        /// Name of the definition.
         name: String,
-        /// The scenes.
+        /// Names of the scenes.
         scenes: Vec<String>,
     },
 }
 
-/// What an upload did.
+/// Result of an upload.
 #[derive(Debug, Clone)]
 pub struct Uploaded {
-    /// The definition as it is in the table.
+    /// The definition as it is in the table now.
     pub definition: Arc<Definition>,
-    /// Its revision.
+    /// The new revision.
     pub revision: u64,
-    /// The definition that it took the place of.
+    /// The definition that it replaced.
     pub replaced: Option<Arc<Definition>>,
-    /// Objects in scenes that have its body now.
+    /// Number of objects in scenes that have its body now.
     pub rebound: usize,
 }
 
-/// The definitions of a server. Reading takes no lock and sees a definition wholly or not at all.
+/// The definitions of a server. Reading takes no lock, and never sees half of a change.
 ///
-/// Who began something with a definition keeps its `Arc` and ends with that, whatever becomes of
-/// the name.
+/// An interaction keeps the `Arc` of the definition that it began with, and ends with that, even if
+/// the name is replaced or removed.
 #[derive(Debug, Default)]
 pub struct Definitions {
     list: ArcSwap<DefinitionList>,
-    /// One writer at a time.
+    /// Held by the one writer.
     writing: Mutex<()>,
 }
 
 impl Definitions {
-    /// A table of these; of one name the last counts.
+    /// A table of these definitions. Of two with the same name the later counts.
     ///
     /// # Errors
-    /// [`DefinitionsError::Full`].
+    /// [`DefinitionsError::Full`] for more than [`MAX_DEFINITIONS`].
     pub fn new(definitions: impl IntoIterator<Item = Definition>) -> Result<Self, DefinitionsError> {
         let mut list = DefinitionList::default();
         for definition in definitions {
@@ -130,7 +136,7 @@ impl Definitions {
         })
     }
 
-    /// All definitions as they are now; the list does not change under its reader.
+    /// All definitions as they are now. The list does not change afterwards.
     pub fn snapshot(&self) -> Arc<DefinitionList> {
         self.list.load_full()
     }
@@ -138,22 +144,22 @@ impl Definitions {
     /// The definition of this name.
     ///
     /// # Errors
-    /// [`DefinitionsError::Unknown`].
+    /// [`DefinitionsError::Unknown`] if there is none.
     pub fn get(&self, name: &str) -> Result<Listed, DefinitionsError> {
         self.list.load().get(name).cloned()
     }
 
-    /// Does `work` while no definition is replaced or removed. Whatever puts objects into a scene
-    /// of the scene table, or a scene with objects into that table, is done here: else an object
-    /// could come to have the body of a definition that has just been replaced, or that is no more.
-    /// `work` must not upload or remove.
+    /// Runs `work` while no definition is replaced or removed. Everything that puts objects into a
+    /// scene of the scene table, or a scene with objects into that table, must run here. Otherwise
+    /// an object could get the body of a definition that was just replaced or removed. `work` must
+    /// not upload or remove.
     pub fn while_unchanged<T>(&self, work: impl FnOnce(&DefinitionList) -> T) -> T {
         let _no_writer = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         work(&self.list.load())
     }
 
-    /// Adds a definition, or replaces the one of its name: then all its objects in `scenes` get the
-    /// new body ([`Scene::rebind`]).
+    /// Adds a definition, or replaces the one of its name. All objects of that one in `scenes` get
+    /// the new body ([`Scene::rebind`]).
     ///
     /// # Errors
     /// [`DefinitionsError::Full`]; then nothing has changed.
@@ -176,10 +182,10 @@ impl Definitions {
         })
     }
 
-    /// Takes a definition out, of which there are no objects in `scenes`.
+    /// Removes a definition without objects in `scenes`.
     ///
     /// # Errors
-    /// [`DefinitionsError::Unknown`], or [`DefinitionsError::InUse`], which names the scenes.
+    /// [`DefinitionsError::Unknown`], or [`DefinitionsError::InUse`] with the names of the scenes.
     pub fn remove(&self, name: &str, scenes: &SceneTable) -> Result<Arc<Definition>, DefinitionsError> {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut list = DefinitionList::clone(&self.list.load());
@@ -200,7 +206,7 @@ impl Definitions {
     }
 }
 
-/// Rebinds the objects of all scenes. How many there were.
+/// Gives the objects of all scenes their new body. Returns their number.
 fn rebind_all(definition: &Definition, scenes: &SceneTable) -> usize {
     let cells = scenes.all();
     let rebind = |cell: &crate::scene::SceneCell| {
@@ -215,8 +221,8 @@ fn rebind_all(definition: &Definition, scenes: &SceneTable) -> usize {
 }
 
 impl Scene {
-    /// Gives every object of this definition the body that it has now: the definition was replaced.
-    /// Who has reserved or holds one goes on having it. How many objects there are.
+    /// Gives every object of this definition its new body after the definition was replaced.
+    /// Reservations and holders stay. Returns the number of objects.
     pub fn rebind(&mut self, definition: &Definition) -> usize {
         self.replace_body(&definition.name, &definition.body)
     }

@@ -1,4 +1,4 @@
-//! Definitions come and go, and what that does to the objects of scenes.
+//! Uploading and removing definitions, and what that does to the objects of scenes.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use crate::scene::testing::place;
 use crate::scene::{BoxTrace, Holder, Scene, SceneCell, SceneTable, State, Transform};
 use crate::style::testing::walker_rig;
 
-/// The cup with a trigger that reaches so far.
+/// The cup with a trigger that reaches `reach_m` metres.
 fn cup(reach_m: f32) -> Definition {
     let text = CUP.replacen("reach_m = 0.8", &format!("reach_m = {reach_m}"), 1);
     Definition::from_toml(&text, &walker_rig()).unwrap()
@@ -24,7 +24,7 @@ fn named(name: &str) -> Definition {
     }
 }
 
-/// A table with a cup, and a yard with as many cups.
+/// A table with a cup, and a yard with `cups` cups.
 fn yard(cups: usize) -> (Definitions, SceneTable, Arc<SceneCell>) {
     let definitions = Definitions::new([definition()]).unwrap();
     let scenes = SceneTable::default();
@@ -35,7 +35,7 @@ fn yard(cups: usize) -> (Definitions, SceneTable, Arc<SceneCell>) {
     (definitions, scenes, yard)
 }
 
-/// Puts another cup into the scene, where there are cups.
+/// Puts another cup into the scene, beside the others.
 fn add(definitions: &Definitions, cell: &SceneCell, index: usize) -> bool {
     definitions.while_unchanged(|list| {
         let Ok(cup) = list.get("cup") else {
@@ -48,7 +48,7 @@ fn add(definitions: &Definitions, cell: &SceneCell, index: usize) -> bool {
     })
 }
 
-/// How many objects a small box finds, so far beside the first one.
+/// Number of objects that a small box finds, `x` metres beside the first one.
 fn found(cell: &SceneCell, x: f32) -> usize {
     let trace = BoxTrace::new(place(x, 0.0, 0.0), Vec3::splat(0.01), Vec3::ZERO).unwrap();
     cell.snapshot().detect(&trace).len()
@@ -112,7 +112,7 @@ fn the_table_has_a_limit() {
     );
     assert!(
         table.upload(named("cup-7"), &scenes).is_ok(),
-        "one that is there is replaced"
+        "replacing one needs no room"
     );
     table.remove("cup-7", &scenes).unwrap();
     assert!(table.upload(named("more"), &scenes).is_ok());
@@ -121,7 +121,7 @@ fn the_table_has_a_limit() {
 }
 
 #[test]
-fn a_replaced_definition_is_in_every_scene_at_once_and_users_keep_theirs() {
+fn replacing_a_definition_changes_every_scene_but_no_interaction() {
     let (definitions, scenes, yard) = yard(2);
     let hall = scenes.add("hall", Scene::default()).unwrap();
     add(&definitions, &hall, 0);
@@ -136,33 +136,33 @@ fn a_replaced_definition_is_in_every_scene_at_once_and_users_keep_theirs() {
     assert_eq!(put.rebound, 3);
     assert_eq!((found(&yard, 2.0), found(&hall, 2.0)), (1, 1));
 
-    // Who uses it goes on with what it has, and with the object.
+    // An interaction goes on with the definition that it has, and with the object.
     assert!(Arc::ptr_eq(&in_use, &put.replaced.unwrap()));
     let (before, after) = (old_scene.instance("cup-1").unwrap(), yard.snapshot());
     let after = after.instance("cup-1").unwrap();
     assert!(Arc::ptr_eq(&before.body, &in_use.body) && Arc::ptr_eq(&after.body, &put.definition.body));
     assert_eq!(after.state, State::Held(by.clone()));
     assert!(after.revision > before.revision);
-    // A scene without any is as it was.
+    // A scene without such objects is unchanged.
     assert!(Arc::ptr_eq(&untouched, &empty.snapshot()));
-    // What was held comes back with the new body.
+    // A held object comes back with the new body.
     yard.update(|scene| scene.release("cup-1", &by, place(50.0, 0.0, 0.0)))
         .unwrap();
     assert_eq!(found(&yard, 52.0), 1);
 }
 
 #[test]
-fn a_definition_with_objects_stays() {
+fn a_definition_with_objects_cannot_be_removed() {
     let (definitions, scenes, yard) = yard(1);
     let hall = scenes.add("hall", Scene::default()).unwrap();
     add(&definitions, &hall, 0);
     let error = definitions.remove("cup", &scenes).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "object definition \"cup\" is used in hall, yard; allowed: one of which no scene has an object"
+        "object definition \"cup\" is used in hall, yard; allowed: a definition without objects in scenes"
     );
     hall.update(|scene| scene.remove("cup-0")).unwrap();
-    // One in somebody's hand counts too.
+    // An object in a hand counts too.
     yard.update(|scene| scene.hold("cup-0", &Holder::new("a")))
         .unwrap();
     let error = definitions.remove("cup", &scenes).unwrap_err();
@@ -172,13 +172,12 @@ fn a_definition_with_objects_stays() {
     assert!(definitions.get("cup").is_err());
 }
 
-/// Who adds an object of a definition that somebody else replaces, or takes out, at that very
-/// moment: the object ends up with the body that the table has, and is not left without a
-/// definition.
+/// An object is added while its definition is replaced or removed by another thread. It ends up
+/// with the body in the table, and never without a definition.
 #[test]
-fn objects_and_definitions_agree_whatever_happens_at_once() {
+fn objects_and_definitions_agree_under_concurrent_changes() {
     let (definitions, scenes, yard) = yard(0);
-    // Adds a cup while `other` runs, which gets 50 ms to come in between.
+    // Adds a cup while `other` runs; `other` gets 50 ms to interfere.
     let add_beside = |id: &str, other: &(dyn Fn() + Sync)| {
         std::thread::scope(|threads| {
             definitions.while_unchanged(|list| {

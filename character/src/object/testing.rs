@@ -1,9 +1,9 @@
-//! A definition that the tests share, for the walker of the style tests.
+//! A definition that tests share, for the walker of the style tests.
 
 use super::Definition;
 use crate::style::testing::walker_rig;
 
-/// Everything that a definition can say, at least once.
+/// Uses everything that a definition can contain at least once.
 pub const CUP: &str = r#"
 format = 1
 name = "cup"
@@ -88,7 +88,7 @@ events = [{ release = true }]
 keyframes = [{ points = [{ joint = "Foot_R", position_m = [0.1, 0.3, 0.4] }] }]
 "#;
 
-/// That definition.
+/// [`CUP`], read and checked.
 pub fn definition() -> Definition {
     Definition::from_toml(CUP, &walker_rig()).unwrap()
 }

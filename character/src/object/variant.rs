@@ -1,4 +1,4 @@
-//! The choice among variants.
+//! Chooses among variants.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{Definition, Variant};
 
 impl Definition {
-    /// Index of a variant by weight: the same seed always chooses the same.
+    /// Index of a variant by weight. The same seed always chooses the same.
     pub fn variant_for(&self, seed: u64) -> usize {
         let total: f64 = self.variants.iter().map(weight).sum();
         let mut left = ChaCha8Rng::seed_from_u64(seed).random::<f64>() * total;
@@ -15,7 +15,7 @@ impl Definition {
             if weight(variant) <= 0.0 {
                 continue;
             }
-            // Rounding may leave a hair at the end; then it is the last with a weight.
+            // If rounding leaves a remainder, the last variant with a weight is chosen.
             chosen = index;
             left -= weight(variant);
             if left < 0.0 {
@@ -77,7 +77,7 @@ mod tests {
         assert_eq!(chosen, EXPECTED);
     }
 
-    /// What seeds 0 to 11 choose of three equals: to keep, for recordings depend on it.
+    /// What seeds 0 to 11 choose of three equal variants. Must not change: recordings depend on it.
     const EXPECTED: [usize; 12] = [2, 1, 2, 1, 2, 0, 1, 0, 0, 0, 1, 1];
 
     proptest! {

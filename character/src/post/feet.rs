@@ -1,4 +1,4 @@
-//! Feet that stand still: what networks leave of sliding is taken out once frames are made.
+//! Keeps standing feet in place: removes the sliding that the networks leave.
 
 use std::ops::Range;
 
@@ -9,15 +9,15 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::hinges::bend_as_shown;
 
-/// From here on a contact counts.
+/// Contact probability from which on a foot touches the ground.
 const CONTACT: f32 = 0.5;
-/// How far a foot is moved at most in a gap whose ends are known, metres.
+/// Farthest that a foot is moved in a gap between known keyframes, metres.
 const FARTHEST_M: f32 = 0.25;
-/// In a plan that the next one takes over from: a foot that slides farther goes somewhere, and to
-/// hold it would jerk.
+/// Farthest that a foot is moved in a live plan, metres. A foot that slides farther is on its way,
+/// and holding it would jerk.
 const FARTHEST_LIVE_M: f32 = 0.05;
 
-/// One byte a frame, bit i for contact joint i; contact joints from the ninth on have none.
+/// One byte a frame: bit i for contact joint i. Contact joints from the ninth on have no bit.
 pub fn contact_bits(contacts: &[f32], joints: usize, frames: usize) -> Vec<u8> {
     let bits = |row: &[f32]| bits_of(row.iter().map(|&contact| contact >= CONTACT));
     match joints {
@@ -26,16 +26,16 @@ pub fn contact_bits(contacts: &[f32], joints: usize, frames: usize) -> Vec<u8> {
     }
 }
 
-/// A bit for each of the first eight.
+/// Bits for the first eight of these.
 pub(crate) fn bits_of(touches: impl IntoIterator<Item = bool>) -> u8 {
     let each = touches.into_iter().take(8).enumerate();
     each.fold(0, |bits, (nth, touches)| bits | (u8::from(touches) << nth))
 }
 
-/// Holds the feet of a segment between its keyframes, the frames outside of `gap`, and lifts them
-/// out of the ground.
+/// Holds the standing feet of a segment in the frames of `gap`, between its keyframes, and lifts
+/// feet out of the ground.
 ///
-/// The ground is at 0, or as far below as the lowest foot of a keyframe: where that is, the
+/// The ground is at height 0. If a keyframe has its lowest foot below that, the ground is there:
 /// keyframes know better. Everything is in the world, and a robot's poses are on its hinges.
 pub fn hold_between(
     rig: &Rig,
@@ -51,12 +51,12 @@ pub fn hold_between(
     hold(rig, roots, rotations, contacts, gap, (FARTHEST_M, floor_m));
 }
 
-/// Holds the feet of a live plan behind its context, the frames before `start`; it stands on a
-/// ground at 0.
+/// Holds the standing feet of a live plan after its context, which ends at frame `start`. The
+/// ground is at height 0.
 pub fn hold_live(rig: &Rig, roots: &mut [Vec3], rotations: &mut [Quat], contacts: &[u8], start: usize) {
     let (range, limits) = (start..roots.len(), (FARTHEST_LIVE_M, 0.0));
-    // A robot's plans are not on the hinges. Feet that are held by limbs as the networks made them
-    // would slide again on them.
+    // A robot's plans are not on its hinges yet. Feet held before that would slide again once they
+    // are.
     bend_as_shown(rig, rotations, |rotations| {
         hold(rig, roots, rotations, contacts, range, limits);
     });
@@ -72,7 +72,7 @@ fn hold(
 ) {
     let options = FootLock {
         max_offset_m,
-        // The root keeps its way and its height: both were asked for.
+        // The root keeps its path and height: both were asked for.
         max_drop_m: 0.0,
         floor_m: Some(floor_m),
         ..FootLock::over(range)
@@ -80,7 +80,7 @@ fn hold(
     lock_feet(&rig.skeleton, &rig.legs, roots, rotations, contacts, &options);
 }
 
-/// How high the lowest contact joint of a pose is over where it would be on the ground, metres.
+/// Height of the lowest contact joint of a pose over its height on the ground, metres.
 fn lowest_foot_m(skeleton: &Skeleton, root: Vec3, pose: &[Quat]) -> f32 {
     let contacts = skeleton.contacts.iter();
     contacts

@@ -31,7 +31,7 @@ fn contacts_are_bits() {
 fn a_foot_in_contact_stays_where_it_is() {
     let (mut roots, mut rotations) = glide(0.9);
     let before = (roots.clone(), rotations.clone());
-    // The left foot stands for half a second, the right one swings.
+    // The left foot stands for half a second while the right one swings.
     let contacts: Vec<u8> = (0..FRAMES).map(|f| u8::from((10..25).contains(&f))).collect();
     hold_between(&doll_rig(), &mut roots, &mut rotations, &contacts, GAP);
     assert_eq!(roots, before.0, "the root keeps its way");
@@ -47,7 +47,7 @@ fn a_foot_in_contact_stays_where_it_is() {
 }
 
 #[test]
-fn a_live_foot_is_not_held_far_from_where_it_goes() {
+fn a_live_foot_that_slides_far_is_not_held() {
     let (mut roots, mut rotations) = glide(0.9);
     let before = (roots.clone(), rotations.clone());
     hold_live(&doll_rig(), &mut roots, &mut rotations, &[1; FRAMES], 4);
@@ -73,5 +73,5 @@ fn feet_are_lifted_out_of_the_ground_unless_the_keyframes_are_below_it() {
     let (mut roots, mut rotations) = glide(-0.1);
     let before = rotations.clone();
     hold_between(&doll_rig(), &mut roots, &mut rotations, &[0; FRAMES], GAP);
-    assert_eq!(rotations, before, "a metre down, where its keyframes have it");
+    assert_eq!(rotations, before, "its keyframes are a metre down");
 }

@@ -1,4 +1,4 @@
-//! From a generator's numbers to frames.
+//! Turns a generator's numbers into frames.
 
 use troupe_motion::fk::local_from_world_rotations;
 use troupe_motion::model::{Dims, GLOBAL_ROOT, Motion};
@@ -10,10 +10,10 @@ use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton};
 #[error("the model gave frames that are not finite")]
 pub struct NonFinite;
 
-/// Checks that all that the networks gave is finite.
+/// Checks that all numbers of the networks are finite.
 ///
 /// # Errors
-/// [`NonFinite`] where it is not.
+/// [`NonFinite`] if not.
 pub fn check_finite(motion: &Motion) -> Result<(), NonFinite> {
     match motion.is_finite() {
         true => Ok(()),
@@ -28,8 +28,8 @@ pub fn roots(values: &[f32]) -> impl Iterator<Item = GlobalRoot> {
         .map(|r| GlobalRoot::from_array([r[0], r[1], r[2], r[3], r[4]]))
 }
 
-/// World 6D rotations to quaternions, joint 0 in the (segment's) world and the others relative to
-/// their parents.
+/// Turns 6D world rotations into quaternions: joint 0 in the world of the segment, the others
+/// relative to their parents.
 pub fn parent_relative(motion: &Motion, frames: usize, dims: &Dims, skeleton: &Skeleton) -> Vec<Quat> {
     let joints = dims.joints;
     let mut world = vec![Quat::IDENTITY; frames * joints];
@@ -41,8 +41,8 @@ pub fn parent_relative(motion: &Motion, frames: usize, dims: &Dims, skeleton: &S
     rotations
 }
 
-/// Turns joint 0 of every frame into the world, and keeps each joint's quaternion in the hemisphere
-/// of the frame before it, so that clients may interpolate between frames without care.
+/// Turns joint 0 of every frame into the world. Keeps each joint's quaternion in the hemisphere of
+/// the frame before, so that clients can interpolate between frames.
 pub fn to_world_rotations(frame: &SegmentFrame, joints: usize, rotations: &mut [Quat]) {
     for pose in rotations.chunks_exact_mut(joints) {
         pose[0] = frame.to_world_rotation(pose[0]).normalize();

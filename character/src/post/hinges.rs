@@ -6,10 +6,10 @@ use troupe_motion::robot::Fitted;
 use troupe_motion::rotation::align_sign;
 use troupe_motion::{Quat, Robot, Skeleton, Vec3};
 
-/// What is told of a robot's frames.
+/// What is reported about a robot's frames.
 #[derive(Debug, Default)]
 pub struct HingeColumns {
-    /// `frames * qpos_len`, where asked for.
+    /// `frames * qpos_len`; empty unless asked for.
     pub qpos: Vec<f32>,
     /// [`Fitted::residual_rad`] of each frame.
     pub residuals: Vec<f32>,
@@ -39,8 +39,9 @@ pub fn onto_hinges(robot: &Robot, roots: &[Vec3], rotations: &mut [Quat], wants_
     columns
 }
 
-/// Has `bend` bend legs in frames as they are shown. Of a robot that is on the hinges, where only
-/// the legs that it bends stay: frames tell what their hinges lack when they are shown.
+/// Lets `bend` bend legs in frames as they are shown: for a robot, on its hinges. Only the legs
+/// that it bends keep the hinge poses. The other joints stay as they were, so that their error is
+/// reported when the frames are shown.
 pub(super) fn bend_as_shown(rig: &Rig, rotations: &mut [Quat], bend: impl FnOnce(&mut [Quat])) {
     let Some(robot) = &rig.skeleton.robot else {
         return bend(rotations);
@@ -65,7 +66,7 @@ pub(super) fn bend_as_shown(rig: &Rig, rotations: &mut [Quat], bend: impl FnOnce
     }
 }
 
-/// The joints of a leg, from the one that hangs from the root to the toes.
+/// The joints of a leg, from the child of the root to the toes.
 fn limb_of(skeleton: &Skeleton, leg: &Leg) -> Vec<usize> {
     let top = |joint: usize| {
         let upwards = std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent);

@@ -1,5 +1,5 @@
-//! Legs that do not pass through each other: where two shins or feet would meet, the leg that
-//! swings goes around the other.
+//! Keeps legs from passing through each other: where two shins or feet would meet, the swinging leg
+//! goes around the other.
 
 use std::ops::Range;
 
@@ -12,38 +12,37 @@ use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::hinges::bend_as_shown;
 
-/// The axes of two shins stay this far apart, metres: of people's clips one in twenty-five comes
-/// within 5 cm.
+/// Least distance between the axes of two shins, metres. In clips of people, one in twenty-five
+/// comes within 5 cm.
 const SHINS_APART_M: f32 = 0.075;
-/// Those of two feet.
+/// Least distance between the axes of two feet, metres.
 const FEET_APART_M: f32 = 0.06;
-/// Frames before and after the moment at which a leg is farthest out of its way that it takes to go
-/// there and back.
+/// Frames that a leg takes to leave its path, and as many to return, around the frame with the
+/// greatest detour.
 const AROUND_FRAMES: usize = 4;
-/// Frames at first over which legs begin to leave their way.
+/// Frames over which legs begin to leave their path at the start of a plan.
 const LEAVE_FRAMES: usize = 2;
-/// Most that an ankle leaves its way, metres.
+/// Farthest that an ankle leaves its path, metres.
 const FARTHEST_M: f32 = 0.12;
-/// A shin is met this far down from the knee at least, as a share of it: nearer to the knee, moving
-/// the ankle helps little.
+/// The nearest point of a shin counts from this share of the way from knee to ankle on: nearer to
+/// the knee, moving the ankle helps little.
 const LEAST_SHARE: f32 = 0.6;
-/// Legs are parted as many times: what is left of the first time, where the other leg stands in the
-/// new way, goes with the second.
+/// Number of passes. The second corrects what the first leaves, now that the other leg has its new
+/// path.
 const PASSES: usize = 2;
-/// Ways between legs that are shorter than this have no direction, metres.
+/// Distances between legs shorter than this have no direction, metres.
 const NOWHERE_M: f32 = 0.005;
 
-/// A leg whose ankle goes so many times as far as the other's swings, and that other stands.
+/// A leg swings, and the other stands, if its ankle travels this many times as far.
 const SWINGS: f32 = 1.5;
-/// Of two ankles that together go less far than this while the legs are near, metres, none is
-/// moved: one stands like that.
+/// If two ankles together travel less than this while the legs are near, metres, neither is moved:
+/// the character stands like that.
 const STANDS_M: f32 = 0.03;
 
-/// Parts the legs of a body with two of them in frames that follow each other, a robot's as far as
-/// its hinges allow.
+/// Keeps the two legs of a body apart in consecutive frames; a robot's as far as its hinges allow.
 ///
-/// It is done to what is shown, faded plans and all: two plans with legs apart may meet half way
-/// between them.
+/// This works on what is shown, after the cross-fade: two plans whose legs are apart may meet half
+/// way between them.
 pub(crate) fn part_legs(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat]) {
     let (skeleton, [left, right]) = (&*rig.skeleton, &rig.legs[..]) else {
         return;
@@ -80,7 +79,7 @@ fn part(skeleton: &Skeleton, [left, right]: [&Leg; 2], roots: &[Vec3], rotations
     }
 }
 
-/// How much of the way each leg is to go, by how far their ankles go.
+/// Share of the detour that each leg takes, by how far their ankles travel.
 fn shares(meetings: &[Meeting]) -> [f32; 2] {
     let goes = |leg: usize| {
         let steps = meetings
@@ -96,23 +95,23 @@ fn shares(meetings: &[Meeting]) -> [f32; 2] {
     }
 }
 
-/// The frames of a range, and `reach` on either side of it, of `len` frames.
+/// The frames of a range and `reach` frames on either side, within `len` frames.
 fn around(range: Range<usize>, reach: usize, len: usize) -> Range<usize> {
     range.start.saturating_sub(reach)..(range.end + reach).min(len)
 }
 
-/// How two legs are to each other in a frame.
+/// How two legs lie to each other in a frame.
 #[derive(Debug, Clone, Copy)]
 struct Meeting {
-    /// Over the ground from the right leg to the left where they are nearest, metres.
+    /// From the right leg to the left at their nearest points, over the ground, metres.
     between: Vec3,
-    /// How far apart they have to be there, over the ground, metres.
+    /// Least distance there over the ground, metres.
     least_m: f32,
-    /// How far down the shin that is: 0 at the knee, 1 at the ankle and below.
+    /// Where on the shin that is: 0 at the knee, 1 at the ankle and below.
     share: f32,
-    /// Over the ground from the right hip to the left, metres.
+    /// From the right hip to the left over the ground, metres.
     hips: Vec3,
-    /// Where the ankles are, left and right.
+    /// Places of the ankles, left and right.
     ankles: [Vec3; 2],
 }
 
@@ -127,7 +126,7 @@ impl Meeting {
         }
     }
 
-    /// By the bones between two of a leg's points.
+    /// Meeting of the bones between two of the legs' points.
     fn at(legs: [[Vec3; 4]; 2], bone: [usize; 2], apart_m: f32) -> Self {
         let [left, right] = legs.map(|points| bone.map(|point| points[point]));
         let [on_left, on_right] = nearest_points(left, right);
@@ -151,7 +150,7 @@ impl Meeting {
     }
 }
 
-/// Hip, knee, ankle and toe of a leg in the world; the ankle twice where there is no toe.
+/// Hip, knee, ankle and toe of a leg in the world. Without a toe the ankle comes twice.
 fn points(skeleton: &Skeleton, leg: &Leg, root: Vec3, pose: &[Quat]) -> [Vec3; 4] {
     let toe = leg.toe.unwrap_or(leg.foot);
     let joints = [leg.upper, leg.lower, leg.foot, toe];
@@ -164,7 +163,7 @@ fn points(skeleton: &Skeleton, leg: &Leg, root: Vec3, pose: &[Quat]) -> [Vec3; 4
     points
 }
 
-/// Runs of frames in which legs are too near.
+/// Runs of frames in which the legs are too near.
 fn runs(meetings: &[Meeting]) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     for (frame, _) in meetings.iter().enumerate().filter(|(_, m)| m.lack_m() > 0.0) {
@@ -176,8 +175,9 @@ fn runs(meetings: &[Meeting]) -> Vec<Range<usize>> {
     runs
 }
 
-/// The direction in which legs are parted while they are near: one for all of those frames, or a
-/// leg that passes through the other would be pushed to one side first, and then to the other.
+/// The direction in which legs are moved apart while they are near. It is the same in all of those
+/// frames: otherwise a leg that passes through the other would be pushed to one side first, and
+/// then to the other.
 #[derive(Debug, Clone, Copy)]
 struct Apart {
     direction: Vec3,
@@ -191,8 +191,7 @@ impl Apart {
         let mean = near.iter().map(|m| m.between).sum::<Vec3>() / near.len() as f32;
         let passes = last.between - near[0].between;
         let hips = near[near.len() / 2].hips;
-        // Across the way that one passes the other, to the side that it is on, or else where its
-        // hip is.
+        // Across the direction of passing, to the side that the leg is on, or else that of its hip.
         let across = |side: Vec3| match passes.length() > NOWHERE_M {
             true => side - passes * (side.dot(passes) / passes.length_squared()),
             false => side,
@@ -204,7 +203,7 @@ impl Apart {
         }
     }
 
-    /// How the left leg is to move against the right, at the ankle.
+    /// Offset of the left ankle against the right, metres.
     fn way(&self, meeting: &Meeting) -> Vec3 {
         let along = meeting.between.dot(self.direction);
         let aside = meeting.between - self.direction * along;
@@ -215,8 +214,8 @@ impl Apart {
     }
 }
 
-/// Ways that come and go over [`AROUND_FRAMES`], none of them shorter than before but at the very
-/// start.
+/// Offsets that grow and fade over [`AROUND_FRAMES`]. None is smaller than before, except at the
+/// very start.
 fn eased(ways: &[Vec3]) -> Vec<Vec3> {
     let near = |frame: usize, reach: usize| around(frame..frame + 1, reach, ways.len());
     let longer = |a: Vec3, b: Vec3| match b.length_squared() > a.length_squared() {

@@ -7,8 +7,8 @@ const FRAMES: usize = 40;
 const LEFT: usize = 10;
 const RIGHT: usize = 13;
 
-/// Stands on the right leg while the left swings ahead, and `inward` (radians) towards the other on
-/// the way.
+/// Stands on the right leg while the left swings ahead, turned by `inward` radians towards the
+/// other on the way.
 fn swing(inward: f32) -> (Vec<Vec3>, Vec<Quat>) {
     let mut rotations = Vec::new();
     for frame in 0..FRAMES {
@@ -25,7 +25,7 @@ fn legs_of(rig: &Rig, root: Vec3, pose: &[Quat]) -> [[Vec3; 4]; 2] {
     [0, 1].map(|leg| points(&rig.skeleton, &rig.legs[leg], root, pose))
 }
 
-/// The least distance of the shins and the largest acceleration of the left ankle, m/s².
+/// Least distance of the shins, metres, and largest acceleration of the left ankle, m/s².
 fn measure(roots: &[Vec3], rotations: &[Quat]) -> (f32, f32) {
     let rig = doll_rig();
     let poses = rotations.chunks_exact(rig.dims.joints);
@@ -58,19 +58,19 @@ fn a_leg_that_would_pass_through_the_other_goes_around_it() {
         assert!(bend < before.1.1 + 15.0, "{inward}: {bend} m/s²");
         let joints = rig.dims.joints;
         for (now, was) in rotations.chunks_exact(joints).zip(before.0.chunks_exact(joints)) {
-            assert_eq!(now[RIGHT..], was[RIGHT..], "the leg that stands");
+            assert_eq!(now[RIGHT..], was[RIGHT..], "the standing leg");
         }
     }
 }
 
 #[test]
-fn legs_that_are_apart_and_legs_that_stand_stay_as_they_are() {
+fn legs_that_are_apart_or_stand_are_unchanged() {
     let rig = doll_rig();
     let (roots, mut rotations) = swing(0.0);
     let before = rotations.clone();
     part_legs(&rig, &roots, &mut rotations);
     assert_eq!(rotations, before);
-    // One leg before the other, for all of the time.
+    // One leg in front of the other all the time.
     let (roots, rotations) = swing(0.25);
     let joints = rig.dims.joints;
     let crossed = rotations[FRAMES / 2 * joints..][..joints].repeat(FRAMES);
@@ -80,7 +80,7 @@ fn legs_that_are_apart_and_legs_that_stand_stay_as_they_are() {
 }
 
 #[test]
-fn a_way_that_is_eased_is_nowhere_shorter() {
+fn easing_shortens_no_offset() {
     let ways: Vec<Vec3> = (0..40)
         .map(|frame| {
             if (15..22).contains(&frame) {

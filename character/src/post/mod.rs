@@ -1,4 +1,4 @@
-//! Post-processing: what is done to a generator's numbers until they are frames.
+//! Post-processing: turns a generator's numbers into frames.
 
 mod feet;
 mod frames;
@@ -11,5 +11,5 @@ pub use frames::{NonFinite, check_finite, parent_relative, roots, to_world_rotat
 pub use hinges::{HingeColumns, onto_hinges};
 pub(crate) use legs::part_legs;
 
-/// Frames on either side of a keyframe over which what its pose still lacks fades out.
+/// Frames on either side of a keyframe over which the error of its pose fades out.
 pub const PIN_REACH_FRAMES: usize = 8;

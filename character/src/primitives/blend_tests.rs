@@ -101,7 +101,7 @@ fn slow_gaits_fade_into_standing() {
 }
 
 #[test]
-fn one_gait_alone_where_the_command_says_so() {
+fn a_command_may_name_the_only_gait() {
     let style = walker_style();
     let walk = blend(&style, Some("walk"), &wanted(0.0, 2.0, 0.0));
     assert_eq!(walk.named(), [("walk".to_owned(), 1.0)]);
@@ -131,7 +131,7 @@ fn without_a_gait_for_it_a_gait_runs_backwards() {
     assert!(weight(&back, "walk") > 0.99 && back.hurry() < -0.99);
     assert!(
         blend(&style, None, &wanted(0.6, -0.1, 0.0)).rate > 0.0,
-        "aside it does not"
+        "not sideways"
     );
 }
 
@@ -150,7 +150,7 @@ fn a_style_that_cannot_stand_holds_its_slowest_gait() {
     for (a, b) in pose.iter().zip(&style.idle().rotations) {
         assert!(angle_between(*a, *b) < 1e-3);
     }
-    // And a name is told once, however many parts it plays.
+    // A name comes once, however many of its gaits take part.
     let slow = blend(&style, None, &wanted(0.0, 0.5, 0.0)).named();
     assert_eq!(slow.len(), 1);
     assert!((slow[0].1 - 1.0).abs() < 1e-5);
@@ -190,7 +190,7 @@ fn height_chooses_between_gaits() {
     let (walk, high, _) = at(1.2, None);
     assert!(
         walk[0].0 == "walk" && walk[0].1 > 0.9,
-        "its own height without a command: {walk:?}"
+        "the gait's own height without a command: {walk:?}"
     );
     let (crouch, low, pose) = at(1.2, Some(0.6));
     assert!(crouch[0].0 == "crouch-walk" && crouch[0].1 > 0.999, "{crouch:?}");
@@ -205,7 +205,7 @@ fn height_chooses_between_gaits() {
 }
 
 #[test]
-fn gaits_of_one_place_do_not_fight() {
+fn gaits_at_one_point_count_once() {
     let mut style = walker_style();
     let mut twin = style.gait("walk").unwrap().clone();
     twin.name = "walk-again".to_owned();
@@ -232,7 +232,7 @@ fn standing_poses_take_turns() {
 }
 
 #[test]
-fn the_nearest_phase_of_a_mix_is_its_own() {
+fn matching_a_mix_finds_its_own_phase() {
     let style = walker_style();
     for wanted in [
         wanted(0.0, 1.2, 0.0),
@@ -242,7 +242,8 @@ fn the_nearest_phase_of_a_mix_is_its_own() {
         let blend = blend(&style, None, &wanted);
         let joints = 6;
         for step in [3, 11, 20, 30] {
-            // The mix's own positions and velocities at that step, by the distances' definition.
+            // The mix's own positions and velocities at that step, by the definition of the
+            // distances.
             let (mut p, mut v) = (vec![Vec3::ZERO; joints], vec![Vec3::ZERO; joints]);
             for share in blend.shares() {
                 let cycle = &blend.cycles.gaits[share.gait];
@@ -282,7 +283,7 @@ proptest! {
         wanted in any_wanted(), scale in 0.0f32..1.0, angle in 0.0f32..6.3, turn in -1.0f32..1.0,
     ) {
         let style = walker_style();
-        // Low speeds too: there directions change fast.
+        // Low speeds too: directions change fast there.
         let a = Wanted { left_mps: wanted.left_mps * scale, forward_mps: wanted.forward_mps * scale, ..wanted };
         let step = 1e-3;
         let b = Wanted {

@@ -1,4 +1,4 @@
-//! Gaits that the networks do not know: a plan goes by their own poses.
+//! Gaits that the networks do not know: a plan follows their own poses.
 
 use troupe_motion::fk::world_transforms;
 use troupe_motion::interpolate::smoothstep;
@@ -7,19 +7,19 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::recipe::{FOLLOW_FRAMES, FOLLOWS_M};
 
-/// The poses that a plan is drawn to, and how far. Its places are the guide's.
+/// The poses that a plan is pulled towards, and how far. Positions come from the guide.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Follow {
     /// `frames * joints` from the segment's first frame on: joint 0 in the world, others relative
     /// to their parents.
     pub rotations: Vec<Quat>,
-    /// For each frame, from 0, which leaves it to the networks, to 1.
+    /// One a frame: 0 leaves it to the networks, 1 takes the pose.
     pub weights: Vec<f32>,
 }
 
-/// How far each of `frames` frames is drawn, of which the last context frame is `now`: a gait that
-/// makes up the share `built` of what moves. A character that is in its step already follows at
-/// once; the networks bring any other into it.
+/// Weights of `frames` frames, whose last context frame is `now`, for a gait with the share `built`
+/// of the moving ones. A character in step with the gait follows it at once. Otherwise the networks
+/// bring it into step first.
 pub(super) fn weights(built: f32, off_m: f32, now: usize, frames: usize) -> Vec<f32> {
     let at_once = 1.0 - smoothstep((off_m / FOLLOWS_M - 1.0).clamp(0.0, 1.0));
     let weight = |frame: usize| {
@@ -29,8 +29,8 @@ pub(super) fn weights(built: f32, off_m: f32, now: usize, frames: usize) -> Vec<
     (0..frames).map(weight).collect()
 }
 
-/// How far two poses are apart, joint by joint: the root of the mean square, metres. Each has its
-/// root at a height and a heading, which are not told apart.
+/// Distance between two poses: root mean square over the joints, metres. Each pose has its root at
+/// a height and a heading; headings do not count.
 pub(super) fn apart_m(skeleton: &Skeleton, one: (f32, f32, &[Quat]), other: (f32, f32, &[Quat])) -> f32 {
     let joints = skeleton.joint_count();
     let mut rotations = vec![Quat::IDENTITY; joints];
@@ -47,8 +47,8 @@ pub(super) fn apart_m(skeleton: &Skeleton, one: (f32, f32, &[Quat]), other: (f32
 }
 
 impl Follow {
-    /// Draws frames behind the context to the poses, and to `path`. All are as long as the frames;
-    /// the poses carry on from the context.
+    /// Pulls frames after the context towards the poses, and towards `path`. All have the same
+    /// number of frames; the poses carry on from the context.
     pub(crate) fn draw(&self, path: &[Vec3], roots: &mut [Vec3], rotations: &mut [Quat]) {
         let joints = rotations.len() / roots.len().max(1);
         let frames = roots.iter_mut().zip(path).zip(&self.weights);
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_are_apart_whatever_they_face() {
+    fn the_distance_of_poses_does_not_depend_on_headings() {
         let skeleton = walker();
         let pose = vec![Quat::IDENTITY; skeleton.joint_count()];
         let mut turned = pose.clone();
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_drawn_by_their_weights() {
+    fn frames_are_pulled_by_their_weights() {
         let follow = Follow {
             rotations: vec![Quat::from_rotation_x(1.0); 3],
             weights: vec![0.0, 0.5, 1.0],

@@ -1,7 +1,8 @@
-//! The heading spring: a heading of its own that follows the commanded one from command to command.
+//! The heading spring: its own heading, which follows the commanded one from command to command.
 //!
-//! It is not started again from the character at every plan. Every plan's turn would ease in again
-//! then, and a character that plans three times a second would never finish a turn in time.
+//! It does not start again from the character at every plan. Otherwise the turn would ease in again
+//! with every plan, and a character that plans three times a second would never finish a turn in
+//! time.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::root::wrap_angle;
@@ -9,16 +10,16 @@ use troupe_motion::spring::critically_damped;
 
 use super::recipe::{MAX_TURN, RESYNC_TURN, TURN_GAMMA, TURN_S};
 
-/// A heading that follows the commands, as it is at one frame.
+/// State of the spring at one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HeadingSpring {
-    /// The frame of the timeline at which it was so.
+    /// Frame of the timeline that the state belongs to.
     frame: u64,
     turn: Turn,
 }
 
 impl HeadingSpring {
-    /// At rest.
+    /// A spring at rest.
     pub(crate) fn new(frame: u64, heading: f32) -> Self {
         let turn = Turn {
             heading,
@@ -31,7 +32,7 @@ impl HeadingSpring {
         Self { frame, turn }
     }
 
-    /// At a frame, on the way to where it comes to rest by itself.
+    /// A spring that is turning at rate `omega`, rad/s, and comes to rest by itself.
     pub(crate) fn moving(frame: u64, heading: f32, omega: f32) -> Self {
         let mut spring = Self::new(frame, wrap_angle(heading));
         spring.turn.omega = omega;
@@ -43,18 +44,18 @@ impl HeadingSpring {
         frame.saturating_sub(self.frame) as f32 / fps
     }
 
-    /// Heading and angular velocity at a frame.
+    /// Heading and angular velocity at a frame, radians and rad/s.
     pub(crate) fn at(&self, frame: u64, fps: f32) -> (f32, f32) {
         self.turn.at(self.passed_s(frame, fps))
     }
 
-    /// Draws it to `target` from `frame` on, the shorter way round, by `most_rps` at most. `None`:
-    /// to where it comes to rest by itself.
+    /// Leads the heading to `target` from `frame` on, the shorter way round, at most at `most_rps`.
+    /// `None`: to where it comes to rest by itself.
     pub(crate) fn turn_to(&mut self, frame: u64, fps: f32, target: Option<f32>, most_rps: f32) {
         let (passed, (heading, omega)) = (self.passed_s(frame, fps), self.at(frame, fps));
         let goal = self.turn.goal_at(passed) - heading;
         self.frame = self.frame.max(frame);
-        // Whole turns are dropped here, so that the count stays small.
+        // Drops whole turns, so that the count stays small.
         let turn = &mut self.turn;
         turn.heading = wrap_angle(heading);
         turn.omega = omega;
@@ -63,12 +64,12 @@ impl HeadingSpring {
         };
         let ahead = wrap_angle(target - turn.heading);
         turn.target = turn.heading + ahead;
-        // What the goal is ahead of the heading counts only on the way to the new target.
+        // The goal's lead over the heading counts only in the direction of the new target.
         turn.goal = turn.heading + goal.clamp(ahead.min(0.0), ahead.max(0.0));
         turn.rate_rps = ((turn.target - turn.goal).abs() / TURN_S).min(most_rps);
     }
 
-    /// Angle that is still to be turned at a frame, radians.
+    /// Angle still to be turned at a frame, radians.
     pub(crate) fn remaining(&self, frame: u64, fps: f32) -> f32 {
         self.turn.target - self.at(frame, fps).0
     }
@@ -96,7 +97,7 @@ impl HeadingSpring {
         let too_far = ahead - ahead.clamp(-MAX_TURN, MAX_TURN);
         let target = turn.target - too_far;
         Turn {
-            // Not beyond the target, on whichever side of it the turn begins.
+            // Not beyond the target, from whichever side the turn comes.
             goal: match too_far > 0.0 {
                 true => turn.goal.min(target),
                 false if too_far < 0.0 => turn.goal.max(target),
@@ -109,28 +110,28 @@ impl HeadingSpring {
     }
 }
 
-/// The headings of one plan: a critically damped spring that follows a goal, which goes to the
-/// target at a steady rate. The heading never turns faster than that, however far the target is.
+/// The headings of one plan: a critically damped spring that follows a goal. The goal moves to the
+/// target at a steady rate, and the heading never turns faster, however far the target is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Turn {
     /// Radians, not wrapped: whole turns keep the way round.
     heading: f32,
     omega: f32,
-    /// What the spring follows, and where that goes, on the same count.
+    /// The goal that the spring follows, and the target of the goal; radians, not wrapped.
     goal: f32,
     target: f32,
-    /// How fast the goal goes, rad/s.
+    /// Rate of the goal, rad/s.
     rate_rps: f32,
     unfinished: bool,
 }
 
 impl Turn {
-    /// More is to be turned than one plan does.
+    /// Whether the turn is longer than one plan.
     pub(crate) fn unfinished(&self) -> bool {
         self.unfinished
     }
 
-    /// No force but the damping's from here on: it never swings back.
+    /// From here on only damping acts, so the heading never swings back.
     fn rest(&mut self) {
         self.target = self.heading + self.omega / TURN_GAMMA;
         self.goal = self.target;
@@ -169,8 +170,8 @@ impl Turn {
     }
 }
 
-/// Place and velocity of a critically damped spring from rest whose goal leaves it at 1 a second,
-/// after `t` seconds.
+/// Position and velocity, after `t` seconds, of a critically damped spring that starts at rest and
+/// whose goal moves away at 1 a second.
 fn follows(t: f32) -> (f32, f32) {
     if t <= 0.0 {
         return (0.0, 0.0);
@@ -186,7 +187,7 @@ mod tests {
     use std::f32::consts::PI;
 
     const FPS: f32 = 30.0;
-    /// Radians a second.
+    /// Fastest turn in these tests, rad/s.
     const MOST: f32 = 4.5;
 
     #[test]
@@ -199,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_on_from_command_to_command() {
+    fn it_continues_from_command_to_command() {
         let mut spring = HeadingSpring::new(0, 3.0);
         spring.turn_to(0, FPS, Some(-3.0), MOST);
         let (before, omega) = spring.at(5, FPS);
@@ -207,7 +208,7 @@ mod tests {
         spring.turn_to(5, FPS, Some(0.0), MOST);
         let (after, same) = spring.at(5, FPS);
         assert!(wrap_angle(after - before).abs() < 1e-5 && (same - omega).abs() < 1e-5);
-        // Aiming again at the same changes nothing.
+        // Setting the same target again changes nothing.
         let (want, _) = spring.at(20, FPS);
         spring.turn_to(11, FPS, Some(0.0), MOST);
         assert!(wrap_angle(spring.at(20, FPS).0 - want).abs() < 1e-4);
@@ -250,13 +251,13 @@ mod tests {
     }
 
     #[test]
-    fn no_turn_is_faster_than_it_may_be() {
+    fn no_turn_exceeds_its_rate() {
         for angle in [0.3, 1.0, 2.0, 3.1] {
             let mut spring = HeadingSpring::new(0, 0.0);
             spring.turn_to(0, FPS, Some(angle), MOST);
             let rates: Vec<f32> = (0..60).map(|frame| spring.at(frame, FPS).1).collect();
             assert!(rates.iter().all(|rate| (0.0..=MOST).contains(rate)), "{rates:?}");
-            // The heading is what the rates add up to.
+            // The heading is the sum of the rates.
             let turned: f32 = rates.iter().sum::<f32>() / FPS;
             assert!((turned - angle).abs() < 0.01, "{turned}");
             assert!((spring.at(30, FPS).0 - angle).abs().to_degrees() < 10.0);

@@ -1,15 +1,15 @@
-//! Smart locomotion (paper section 6.1 and table 1): from a command to target keyframes.
+//! Smart locomotion (paper section 6.1 and table 1): turns a command into target keyframes.
 //!
-//! * r_g1, naive: the root that the commanded heading, and the velocity on its way to the commanded
-//!   ([`super::ramp`]), would have after a second.
-//! * r_g2, spring: the root on equation 6's way to it, which is where targets are placed. Its
-//!   position starts from the character at every plan, its heading from a spring that goes on from
+//! * r_g1, naive: the root after a second with the commanded heading, and with the velocity ramping
+//!   to the commanded one ([`super::ramp`]).
+//! * r_g2, spring: the root on its way to r_g1 by equation 6. Targets are placed on it. Its
+//!   position starts from the character at every plan; its heading is a spring that continues from
 //!   command to command ([`super::heading`]).
-//! * r_g3 and r_g4 are the networks'; headings of r_g3 follow the [`Guide`].
+//! * r_g3 and r_g4 are the networks'. Headings of r_g3 follow the [`Guide`].
 //!
-//! Target poses come from the blendspace ([`super::blend`]) at the phase that the character's step
-//! will have reached. What the style cannot do is brought to the nearest that it can
-//! ([`super::reach`]) before any of this.
+//! Target poses come from the blendspace ([`super::blend`]), at the phase that the character's step
+//! will have reached. Before all this, a velocity that the style cannot do becomes the nearest that
+//! it can ([`super::reach`]).
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::root::wrap_angle;
@@ -31,35 +31,35 @@ use super::variation::Variation;
 use super::{CONTEXT_FRAMES, GapPose, LocomotionCommand, PlanContext, PlanTargets};
 use crate::style::{STANDING_GAIT_MPS, Style};
 
-/// The context's last frame, from which time counts.
+/// Index of the context's last frame, from which time counts.
 const NOW: usize = CONTEXT_FRAMES - 1;
 
-/// The locomotion primitive's state.
+/// State of the locomotion primitive.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Locomotion {
     command: LocomotionCommand,
     feasible: Feasible,
     heading: HeadingSpring,
     velocity: VelocityRamp,
-    /// The frame of the newest command.
+    /// Timeline frame of the newest command.
     commanded_at: u64,
-    /// The turn that it asked for, radians.
+    /// Angle that the newest command turns by, radians.
     turn: f32,
     stand: Option<Standing>,
-    /// The path that it follows, instead of the command.
+    /// The path that it follows instead of the command.
     path: Option<PathRun>,
     #[serde(skip)]
     matcher: Matcher,
-    /// Frames a second of the timeline.
+    /// Frame rate of the timeline, Hz.
     fps: f32,
 }
 
-/// A character that is to stand.
+/// A character that is to stand still.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Standing {
-    /// The frame since which it is.
+    /// Frame of the first command to stand.
     since: u64,
-    /// Where its root is held.
+    /// Where the root is held, once the character has come to rest.
     anchor: Option<Vec3>,
 }
 
@@ -70,13 +70,13 @@ struct Plan<'a> {
     feasible: Feasible,
     turn: Turn,
     ramp: Ramp,
-    /// The velocity changes: the root follows the ramp.
+    /// The velocity changes, so the root follows the ramp.
     changes: bool,
-    /// On a path: where it leads.
+    /// Where the path leads; none without a path.
     way: Option<Way<'a>>,
     blend: Blend<'a>,
     variation: Variation<'a>,
-    /// Frames of the segment, or the most that it may have.
+    /// Frames of the segment; the most if the root stage chooses.
     frames: usize,
     /// Seconds from the last context frame to r_g1.
     horizon_s: f32,
@@ -88,8 +88,8 @@ struct Plan<'a> {
 }
 
 impl Locomotion {
-    /// A character that faces `heading` (radians) at timeline frame `frame` and moves as `command`
-    /// says from there on. `fps`: frames a second of the timeline.
+    /// A character that faces `heading` (radians) at timeline frame `frame` and follows `command`
+    /// from there on. `fps` is the frame rate of the timeline.
     pub fn new(frame: u64, heading: f32, fps: f32, command: LocomotionCommand) -> Self {
         let mut locomotion = Self {
             feasible: Feasible {
@@ -110,7 +110,7 @@ impl Locomotion {
         locomotion
     }
 
-    /// The current command.
+    /// The current command. On a path: the command to stand in its style.
     pub fn command(&self) -> &LocomotionCommand {
         &self.command
     }
@@ -120,6 +120,11 @@ impl Locomotion {
         self.leave_path(frame);
         self.command = command;
         self.take_up(frame);
+    }
+
+    /// Whether the character follows no path, and a command that asks for the same as this one.
+    pub(crate) fn goes_by(&self, command: &LocomotionCommand) -> bool {
+        self.path.is_none() && self.command.is_same_as(command)
     }
 
     /// Takes a path to follow from timeline frame `frame` on.
@@ -132,7 +137,7 @@ impl Locomotion {
         self.path = Some(PathRun::new(frame, path));
     }
 
-    /// What is done instead of the command, where its style cannot do that.
+    /// What is done instead of a command that the style cannot follow; none if it can.
     pub fn instead(&self) -> Option<Instead> {
         match self.path {
             Some(_) => None,
@@ -147,7 +152,7 @@ impl Locomotion {
         self.path.as_ref().map(|run| &run.command)
     }
 
-    /// The heading spring goes on from where the path had the character face.
+    /// The heading spring continues from where the path had the character face.
     fn leave_path(&mut self, frame: u64) {
         if let Some(run) = self.path.take()
             && let Some((heading, omega)) = run.facing(frame, self.fps)
@@ -157,8 +162,7 @@ impl Locomotion {
         }
     }
 
-    /// Has a character whose root is at `position` at a frame stand at the end of its path, where
-    /// it has come there.
+    /// Makes a character stand at the end of its path, if its root at `position` has come there.
     pub(crate) fn end_path(&mut self, frame: u64, position: Vec3) -> Option<PathEnd> {
         let end = self.path.as_ref()?.end(frame, self.fps, position)?;
         let command = LocomotionCommand {
@@ -170,7 +174,7 @@ impl Locomotion {
         Some(end)
     }
 
-    /// Has a character that stands do so at `place` over the ground, rather than where it comes to
+    /// Makes a standing character stand at `place` over the ground, instead of where it comes to
     /// rest.
     pub fn stand_at(&mut self, place: Vec3) {
         if let Some(standing) = &mut self.stand {
@@ -189,7 +193,7 @@ impl Locomotion {
         let target = facing.or_else(|| moves.then(|| velocity.x.atan2(velocity.z)));
         let only = only_gait(&self.command);
         self.feasible = reach::nearest(style, only, *velocity, target.unwrap_or(0.0));
-        // A style that cannot move at all still turns to where it should go.
+        // A style that cannot move at all still turns to the direction that it should go.
         let facing = target.map(|_| self.feasible.facing);
         self.heading.turn_to(frame, self.fps, facing, MOST_TURN_RPS);
         self.velocity
@@ -275,7 +279,7 @@ impl Locomotion {
         plan.targets(steps)
     }
 
-    /// The commanded heading; where none is, the one that the character comes to rest at.
+    /// The commanded heading. Without one: the heading at which the character comes to rest.
     fn feasible_heading(&self, turn: &Turn) -> f32 {
         let at_rest = turn.at(10.0 * HORIZON_S).0;
         match self.command.facing {
@@ -284,7 +288,7 @@ impl Locomotion {
         }
     }
 
-    /// Where a character that has stood for a while is held.
+    /// The place that a character is held at after standing for a while.
     fn anchor(&mut self, context: &PlanContext<'_>) -> Option<Vec3> {
         let standing = self.stand.as_mut()?;
         let stood_s = context.frame.saturating_sub(standing.since) as f32 / context.fps;
@@ -294,7 +298,7 @@ impl Locomotion {
         standing.anchor
     }
 
-    /// Poses with a foot up, for a turn on the spot by a style without a gait for that.
+    /// Poses with a lifted foot, for a turn on the spot in a style without a gait for it.
     fn steps(&self, plan: &Plan<'_>) -> Vec<GapPose> {
         let turns = |style: &Style| {
             style
@@ -310,7 +314,7 @@ impl Locomotion {
             return Vec::new();
         }
         let [left, right] = steps.left_right;
-        // The foot on the side of the turn goes first.
+        // The foot on the side of the turn steps first.
         let phases = if self.turn > 0.0 {
             [left, right]
         } else {
@@ -350,14 +354,13 @@ fn now_of(context: &PlanContext<'_>) -> Now {
     }
 }
 
-/// The gait that the command names. A name that the style does not have leaves the choice to the
-/// velocity.
+/// Index of the gait that the command names. If the style does not have it, the velocity decides.
 fn only_gait(command: &LocomotionCommand) -> Option<usize> {
     let name = command.gait.as_ref()?;
     command.style.gaits.iter().position(|gait| gait.name == *name)
 }
 
-/// Frames of the segment (the most, where the root stage chooses) and seconds to its target.
+/// Frames of the segment (the most if the root stage chooses) and seconds to its target.
 fn length(style: &Style, context: &PlanContext<'_>) -> (usize, f32) {
     let longest = style.allowed_token_counts.iter().max();
     let usual = || CONTEXT_FRAMES + (HORIZON_S * context.fps).round() as usize;

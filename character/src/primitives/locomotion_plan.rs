@@ -17,11 +17,11 @@ use super::super::{GapPose, Guide, PathGoal, PlanTargets, TargetKey};
 use super::{NOW, Plan};
 use crate::style::cycles::Moment;
 
-/// Less than this of a gait that was worked out is left to the networks.
+/// A smaller share of a built gait is left to the networks.
 const LEAST_BUILT: f32 = 0.05;
 
 impl Plan<'_> {
-    /// The frame of the segment at the horizon.
+    /// Index of the segment's frame at the horizon.
     pub(super) fn last(&self) -> usize {
         NOW + (self.horizon_s * self.context.fps).round() as usize
     }
@@ -42,7 +42,7 @@ impl Plan<'_> {
     /// Phase of the blend at a frame of the segment, and its time at 30 Hz.
     fn phase_at(&self, frame: usize) -> (f32, u64) {
         let passed = self.seconds(frame) * STYLE_FPS;
-        // Standing poses are those of the horizon in the whole plan.
+        // Standing poses are those of the horizon throughout the plan.
         let time = self.frame + (self.horizon_s * STYLE_FPS) as u64;
         (self.phase + passed * self.blend.rate, time)
     }
@@ -52,8 +52,8 @@ impl Plan<'_> {
         self.blend.moment(phase, time)
     }
 
-    /// r_g2 at a frame of the segment: the closed form of equation 6 for the position, or the
-    /// ramp's while the velocity changes.
+    /// r_g2 at a frame of the segment: the closed form of equation 6 for the position, or the ramp
+    /// while the velocity changes.
     fn r_g2(&self, frame: usize) -> GlobalRoot {
         if frame <= NOW {
             return self.context.roots[frame];
@@ -69,17 +69,19 @@ impl Plan<'_> {
         GlobalRoot::new(position, wrap_angle(self.facing(t).0))
     }
 
-    /// The ramp's way after `t` seconds, from the character's own velocity over the context.
+    /// Travel of the ramp after `t` seconds, starting from the character's own velocity over the
+    /// context, metres.
     fn ramped(&self, t: f32) -> Vec3 {
         let [first, .., now] = self.context.roots.map(|root| root.position);
         let actual = (now - first).with_y(0.0) * (self.context.fps / NOW as f32);
         now + self.ramp.way_from(actual, t)
     }
 
-    /// The guide at a frame of the segment. While the velocity changes, its way is the ramp's. Else
-    /// it is a smooth curve from the character's place and velocity to r_g2's end and the ramp's
-    /// velocity there: equation 6 itself runs ahead at first and comes to rest, which is right for
-    /// where a target lies, but not for a path. Its headings carry the sway of the steps.
+    /// The guide at a frame of the segment. While the velocity changes, it follows the ramp.
+    /// Otherwise it is a smooth curve from the character's position and velocity to the end of r_g2
+    /// with the ramp's velocity there. Equation 6 itself runs ahead at first and then comes to
+    /// rest, which suits a target but not a path. The guide's headings include the sway of the
+    /// steps.
     fn guide_at(&self, frame: usize, end: GlobalRoot) -> GlobalRoot {
         if frame < NOW {
             return self.context.roots[frame];
@@ -97,7 +99,7 @@ impl Plan<'_> {
             end.position + self.feasible.velocity * (t - self.horizon_s)
         };
         let moment = self.moment(frame);
-        // Heights are the gait's, once what the character is off by has faded.
+        // Heights are the gait's, once the character's difference has faded.
         let off = now.y - self.moment(NOW).height_m;
         let height =
             moment.height_m + off * (1.0 - smoothstep((t * STYLE_FPS / HEIGHT_FADE_FRAMES).min(1.0)));
@@ -141,16 +143,16 @@ impl Plan<'_> {
         }
     }
 
-    /// Whether it stands already, and only goes on standing.
+    /// Whether the character stands already, and only goes on standing.
     fn stands(&self) -> bool {
         let turns = self.facing(self.horizon_s).0 - self.facing(0.0).0;
         self.context.velocity.with_y(0.0).length() < STILL.0 && turns.abs() < STILL.1
     }
 
-    /// Poses in the gap. The data's stands are full of gestures, and the networks fill one with
-    /// them that is left to them; so one who stands has a pose half way, as one who walks. One who
-    /// comes to a stop has it late, for until then its feet step as they must; one who turns on the
-    /// spot has its steps.
+    /// Poses in the gap. Standing clips are full of gestures, and the networks fill an empty stand
+    /// with them. So a standing character has a pose half way, like a walking one. A character that
+    /// stops has it late, because its feet must step freely until then. One that turns on the spot
+    /// has its steps.
     fn gap_poses(&self) -> Vec<GapPose> {
         let halts = self.feasible.velocity == Vec3::ZERO;
         if halts && !self.stands() {
@@ -164,20 +166,20 @@ impl Plan<'_> {
         } else {
             SIDE_PARTS
         };
-        // A gap of more than the usual length has more of them, about as far apart.
+        // A longer gap has more poses, about as far apart.
         let parts = (parts * self.horizon_s / HORIZON_S).round().max(parts);
         (1..parts as usize)
             .map(|nth| self.gap_pose(nth as f32 / parts * self.horizon_s))
             .collect()
     }
 
-    /// How far the way is off the facing, radians to either side.
+    /// Angle between travel and heading, radians to either side.
     fn off(&self) -> f32 {
         let local = yaw(-self.feasible.facing) * self.feasible.velocity;
         local.x.atan2(local.z).abs()
     }
 
-    /// The blend's pose so many seconds ahead.
+    /// The blend's pose `ahead_s` seconds ahead.
     fn gap_pose(&self, ahead_s: f32) -> GapPose {
         let frame = NOW + (ahead_s * self.context.fps).round() as usize;
         let (rotations, moment) = self.pose(frame);
@@ -188,7 +190,7 @@ impl Plan<'_> {
         }
     }
 
-    /// The gait's own poses, where the networks do not know it.
+    /// The gait's own poses, if the networks do not know them.
     fn follow(&self) -> Option<Follow> {
         let built = self.blend.built();
         if built < LEAST_BUILT {
@@ -213,8 +215,8 @@ impl Plan<'_> {
         })
     }
 
-    /// The path of a body that is planned for by paths. Its headings come from the character's to
-    /// the spring's, for steps sway.
+    /// The path for a body that is planned for by paths. Its headings lead from the character's to
+    /// the spring's, because steps sway.
     fn path_goal(&self, words: &[(String, f32)]) -> PathGoal {
         let end = self.r_g2(self.last());
         let off = wrap_angle(self.context.roots[NOW].heading - self.facing(0.0).0);
@@ -233,7 +235,7 @@ impl Plan<'_> {
         }
     }
 
-    /// What to ask for by a path.
+    /// The targets of a plan by a path.
     fn by_path(&self, words: &[(String, f32)]) -> PlanTargets {
         let path = self.path_goal(words);
         PlanTargets {
@@ -293,7 +295,7 @@ impl Plan<'_> {
     }
 }
 
-/// The cubic from `a` with velocity `va` to `b` with velocity `vb`, `length_s` later, at `t`.
+/// The cubic curve at `t` from `a` with velocity `va` to `b` with velocity `vb`, `length_s` later.
 fn hermite(a: Vec3, va: Vec3, b: Vec3, vb: Vec3, length_s: f32, t: f32) -> Vec3 {
     let u = t / length_s;
     let (u2, u3) = (u * u, u * u * u);

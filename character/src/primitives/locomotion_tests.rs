@@ -23,8 +23,8 @@ fn command(style: &Arc<Style>, x: f32, z: f32, facing: Option<f32>) -> Locomotio
     }
 }
 
-/// A context in the pose of `style`'s blend for a velocity straight ahead, moving at it, at a
-/// phase.
+/// A context in the pose of `style`'s blend for a velocity straight ahead, moving at that velocity,
+/// at a given phase.
 struct Scene {
     skeleton: Arc<Skeleton>,
     roots: [GlobalRoot; 4],
@@ -99,6 +99,16 @@ fn target(plan: &PlanTargets) -> (GlobalRoot, LocalRoot, &[Quat]) {
     )
 }
 
+/// Frames of the poses in the gap.
+fn poses_at(plan: &PlanTargets) -> Vec<usize> {
+    plan.gap_poses.iter().map(|pose| pose.frame).collect()
+}
+
+/// Frames for a standing character, and for one that stops or turns a little: late, because its
+/// feet must step freely until then.
+const STANDS: [usize; 1] = [18];
+const STOPS: [usize; 1] = [27];
+
 #[test]
 fn a_plan_is_a_second_long_with_one_target_at_its_end() {
     let style = style();
@@ -156,13 +166,13 @@ fn a_longer_plan_has_its_target_further_ahead_and_poses_as_far_apart() {
         (vec![9, 15, 21, 27], vec![9, 15, 21, 27, 33])
     );
     assert_eq!(frames(&plan(Some(64), 1.2)), [9, 15, 21, 27, 33, 39, 45, 51, 57]);
-    // The first second asks for the same: the pose in the middle and the way.
+    // The first second is the same: the pose in the middle and the path.
     assert_eq!(usual.gap_poses[0], long.gap_poses[0]);
     let path = |plan: &PlanTargets| plan.guide.as_ref().unwrap().path.clone();
     for (a, b) in path(&usual).iter().zip(path(&long)) {
         assert!(a.position.distance(b.position) < 0.01, "{a:?} {b:?}");
     }
-    // The target is two seconds ahead, at the phase that the gait then has.
+    // The target is two seconds ahead, at the phase that the gait has then.
     let (root, velocity, pose) = target(&long);
     assert!((root.position.z - 2.4).abs() < 0.02, "{root:?}");
     assert!((velocity.vz - 1.2).abs() < 0.1);
@@ -184,7 +194,7 @@ fn a_longer_plan_has_its_target_further_ahead_and_poses_as_far_apart() {
 fn r_g2_is_the_closed_form() {
     let style = style();
     let scene = Scene::new(&style, Vec3::new(3.0, 0.0, -2.0), 0.4, 1.2, 0.3);
-    // As fast as the character goes: a change would follow the ramp.
+    // At the character's own speed: a change would follow the ramp.
     let (x, z) = 0.4f32.sin_cos();
     let command = command(&style, 1.2 * x, 1.2 * z, Some(0.9));
     let velocity = command.velocity;
@@ -204,7 +214,7 @@ fn r_g2_is_the_closed_form() {
         let (d, v0) = (r0 - plan.r_g1.position, scene.velocity);
         let want = (d + (v0 + d * GAMMA) * t) * (-GAMMA * t).exp() + plan.r_g1.position;
         assert!(root.position.distance(want) < 1e-4, "frame {frame}");
-        // The heading's spring has gone since the command, four frames before the context's last.
+        // The heading spring has moved since the command, four frames before the context's last.
         let mut spring = HeadingSpring::new(50, 0.4);
         spring.turn_to(50, FPS, Some(0.9), MOST_TURN_RPS);
         let want = spring.at(51 + frame as u64, FPS).0;
@@ -213,7 +223,7 @@ fn r_g2_is_the_closed_form() {
 }
 
 #[test]
-fn the_pose_goes_on_in_step() {
+fn the_target_pose_continues_the_step() {
     let style = style();
     for (speed, phase) in [(1.2, 0.1), (1.2, 0.8), (3.0, 0.45), (2.1, 0.6)] {
         let scene = Scene::new(&style, Vec3::ZERO, 0.0, speed, phase);
@@ -277,7 +287,7 @@ fn a_reversal_turns_by_the_short_way_and_not_too_far_at_once() {
             root.position.z < -0.4 && velocity.vz < -1.0,
             "it goes back already"
         );
-        // Nearly there, the next plan ends the turn.
+        // Nearly there: the next plan ends the turn.
         let scene = Scene::new(&style, Vec3::ZERO, side * 2.0, 1.0, 0.0);
         let end = locomotion.plan(&scene.at(40)).r_g2[LAST].heading;
         assert!(wrap_angle(end - PI).abs() < 0.05, "{end}");
@@ -292,7 +302,7 @@ fn headings_wrap() {
     let plan = locomotion.plan(&scene.at(4));
     for root in plan.r_g2.iter().chain(&plan.guide.unwrap().path) {
         assert!(root.heading > -PI && root.heading <= PI);
-        assert!(root.heading.abs() > 2.7, "not the long way: {}", root.heading);
+        assert!(root.heading.abs() > 2.7, "the short way: {}", root.heading);
     }
 }
 
@@ -308,9 +318,9 @@ fn stopping_comes_to_rest_and_is_held_after_a_second() {
     assert!(velocity.vx == 0.0 && velocity.vz == 0.0);
     assert_eq!(plan.gaits, [("idle".to_owned(), 1.0)]);
     assert_eq!(poses_at(&plan), STOPS);
-    assert!(root.heading.abs() < 1e-3, "it faces where it did");
+    assert!(root.heading.abs() < 1e-3, "its heading is unchanged");
 
-    // Early on a plan starts from wherever the character is, later from where it stood then.
+    // An early plan starts from wherever the character is, a later one from where it stood then.
     let stands = |x: f32| Scene::new(&style, Vec3::new(x, 0.0, 5.1), 0.0, 0.0, 0.0);
     let x = |locomotion: &mut Locomotion, at: f32, frame| {
         target(&locomotion.plan(&stands(at).at(frame))).0.position.x
@@ -319,103 +329,14 @@ fn stopping_comes_to_rest_and_is_held_after_a_second() {
     assert!((x(&mut locomotion, 0.2, 61) - 0.2).abs() < 1e-5);
     assert!((x(&mut locomotion, 0.3, 70) - 0.2).abs() < 0.01);
     assert!((x(&mut locomotion, 0.5, 900) - 0.2).abs() < 0.01);
-    // Until it goes again.
+    // Until it moves again.
     locomotion.set_command(900, command(&style, 0.0, 1.0, None));
     locomotion.set_command(910, command(&style, 0.0, 0.0, None));
     assert!((x(&mut locomotion, 0.5, 914) - 0.5).abs() < 1e-5);
 }
 
-/// Frames of the poses in the gap.
-fn poses_at(plan: &PlanTargets) -> Vec<usize> {
-    plan.gap_poses.iter().map(|pose| pose.frame).collect()
-}
-
-/// Those of one who stands, and of one who comes to a stop or turns a little: late, for until then
-/// its feet step as they must.
-const STANDS: [usize; 1] = [18];
-const STOPS: [usize; 1] = [27];
-
 #[test]
-fn one_who_stands_is_not_left_to_gestures() {
-    let style = style();
-    let plan = |speed: f32, heading: f32, facing: f32| {
-        let scene = Scene::new(&style, Vec3::ZERO, heading, speed, 0.0);
-        Locomotion::new(0, heading, FPS, command(&style, 0.0, 0.0, Some(facing))).plan(&scene.at(4))
-    };
-    let stands = plan(0.0, 0.4, 0.4);
-    assert_eq!(poses_at(&stands), STANDS);
-    let heading = heading_of(stands.gap_poses[0].rotations[0], Vec3::X);
-    assert!((heading - 0.4).abs() < 0.2, "{heading}");
-    assert_eq!(poses_at(&plan(0.6, 0.4, 0.4)), STOPS);
-    assert_eq!(poses_at(&plan(0.0, 0.4, 0.7)), STOPS);
-}
-
-#[test]
-fn standing_faces_where_it_is_told_to_or_where_it_does() {
-    let style = style();
-    let scene = Scene::standing(&style);
-    let mut locomotion = Locomotion::new(0, 0.0, FPS, command(&style, 0.0, 0.0, None));
-    assert!(target(&locomotion.plan(&scene.at(4))).0.heading.abs() < 1e-6);
-    locomotion.set_command(30, command(&style, 0.0, 0.0, Some(-1.0)));
-    let plan = locomotion.plan(&scene.at(34));
-    assert!((plan.r_g2[LAST].heading + 1.0).abs() < 0.01);
-    assert!((plan.r_g1.heading + 1.0).abs() < 1e-6);
-}
-
-#[test]
-fn a_turn_on_the_spot_is_made_in_steps_where_no_gait_turns() {
-    let style = only(&["idle", "walk"]);
-    let scene = Scene::standing(&style);
-    let mut locomotion = Locomotion::new(0, 0.0, FPS, command(&style, 0.0, 0.0, None));
-    locomotion.set_command(30, command(&style, 0.0, 0.0, Some(FRAC_PI_2)));
-    let plan = locomotion.plan(&scene.at(34));
-    let frames: Vec<usize> = plan.gap_poses.iter().map(|pose| pose.frame).collect();
-    assert_eq!(frames, [3 + 12 - 4, 3 + 22 - 4]);
-    for pose in &plan.gap_poses {
-        let heading = heading_of(pose.rotations[0], Vec3::X);
-        assert!(
-            (heading - plan.r_g2[pose.frame].heading).abs() < 0.2,
-            "turned as far as the spring"
-        );
-    }
-    // Later plans have only the steps that are still to come, and small turns have none: a pose at
-    // their end.
-    assert_eq!(locomotion.plan(&scene.at(43)).gap_poses.len(), 1);
-    assert_eq!(
-        poses_at(&locomotion.plan(&scene.at(52))),
-        STANDS,
-        "it only stands"
-    );
-    locomotion.set_command(60, command(&style, 0.0, 0.0, Some(FRAC_PI_2 - 0.3)));
-    assert_eq!(poses_at(&locomotion.plan(&scene.at(64))), STOPS);
-    // A style with a gait for it needs no steps.
-    let turning = only(&["idle", "walk", "turn-left"]);
-    let mut locomotion = Locomotion::new(0, 0.0, FPS, command(&turning, 0.0, 0.0, Some(FRAC_PI_2)));
-    let plan = locomotion.plan(&scene.at(4));
-    assert_eq!(poses_at(&plan), STOPS);
-    assert!(
-        plan.gaits
-            .iter()
-            .any(|(name, weight)| name == "turn-left" && *weight > 0.5)
-    );
-}
-
-#[test]
-fn going_aside_has_more_poses_in_the_gap() {
-    let style = style();
-    let scene = Scene::standing(&style);
-    let plan = |x: f32, z: f32| {
-        let mut locomotion = Locomotion::new(0, 0.0, FPS, command(&style, x, z, Some(0.0)));
-        let poses = locomotion.plan(&scene.at(4)).gap_poses;
-        poses.iter().map(|pose| pose.frame).collect::<Vec<_>>()
-    };
-    assert_eq!(plan(0.6, 0.6), [9, 15, 21, 27]);
-    assert_eq!(plan(0.0, -0.7), [9, 15, 21, 27]);
-    assert_eq!(plan(0.1, 1.0), [18]);
-}
-
-#[test]
-fn infeasible_velocities_are_brought_to_the_nearest_motion() {
+fn infeasible_velocities_become_the_nearest_feasible() {
     let style = style();
     let scene = Scene::standing(&style);
     let mut locomotion = Locomotion::new(0, 0.0, FPS, command(&style, 8.0, 0.0, Some(0.0)));
@@ -486,7 +407,7 @@ fn token_counts_of_a_style_set_the_length() {
     };
     let short = plan(&[6]);
     assert_eq!((short.frames, short.r_g2.len()), (Some(24), 24));
-    // It takes 0.3 s to go at 1.2 m/s.
+    // A character takes 0.3 s to reach 1.2 m/s.
     let starts = 1.2 * 0.15;
     assert!((short.r_g1.position.z - (1.2 * 20.0 / FPS - starts)).abs() < 1e-4);
     let free = plan(&[7, 10]);
@@ -523,7 +444,7 @@ fn the_guide_is_a_smooth_way_to_the_target() {
 
 proptest! {
     #[test]
-    fn plans_are_sound_and_repeatable_whatever_is_commanded(
+    fn any_command_gives_a_sound_and_repeatable_plan(
         commands in proptest::collection::vec(
             (1u64..20, -9.0f32..9.0, -9.0f32..9.0, proptest::option::of(-7.0f32..7.0), proptest::option::of(0.0f32..2.0)),
             1..6,
@@ -556,3 +477,6 @@ proptest! {
         }
     }
 }
+
+#[path = "locomotion_gap_tests.rs"]
+mod gap;

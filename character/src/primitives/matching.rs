@@ -1,5 +1,4 @@
-//! Which moment of a step a character is at: the phase of a blend whose pose and motion are nearest
-//! to the context's.
+//! Matching: the phase at which a blend's pose and motion are nearest to the context's.
 
 use troupe_motion::fk::world_transforms;
 use troupe_motion::rotation::yaw;
@@ -19,8 +18,8 @@ pub(super) struct Matcher {
 }
 
 impl Matcher {
-    /// The phase of `blend`, in cycles from 0 to 1, that is nearest to the context's last frame.
-    /// `frame`: its time at 30 Hz.
+    /// The phase of `blend` nearest to the context's last frame, in cycles from 0 to 1. `frame` is
+    /// its time at 30 Hz.
     pub(super) fn nearest(&mut self, blend: &Blend<'_>, context: &PlanContext<'_>, frame: u64) -> f32 {
         self.take(context);
         let mut distances = [0.0; MATCH_STEPS];
@@ -75,8 +74,8 @@ fn place(
     }
 }
 
-/// The lowest place of a function that is given at equal steps of a cycle, between the steps by the
-/// parabola through the lowest and its neighbours. In cycles, 0 to 1.
+/// The lowest point of a function given at equal steps of a cycle, interpolated by the parabola
+/// through the lowest step and its neighbours. In cycles, 0 to 1.
 fn lowest(values: &[f32; MATCH_STEPS]) -> f32 {
     let mut least = 0;
     for (step, value) in values.iter().enumerate() {
@@ -103,7 +102,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_lowest_place_of_a_wave_is_found_between_the_steps(place in 0.0f32..1.0) {
+        fn the_minimum_of_a_wave_is_found_between_steps(place in 0.0f32..1.0) {
             let wave = std::array::from_fn(|step| {
                 -(TAU * (step as f32 / MATCH_STEPS as f32 - place)).cos()
             });

@@ -1,20 +1,20 @@
-//! The velocity ramp: a velocity of its own that follows the commanded one, by no more acceleration
+//! The velocity ramp: its own velocity, which follows the commanded one with no more acceleration
 //! than bodies show.
 //!
-//! Equation 6 asks for the commanded velocity at once. What the networks make of that turns a walk
-//! about with 8 m/s², where no clip of a turn has much more than 4. As the heading's spring, the
-//! ramp goes on from command to command: with one that started again from the character at every
-//! plan, a character that plans three times a second would never be done.
+//! Equation 6 asks for the commanded velocity at once. The networks then turn a walk round with 8
+//! m/s², although no clip of a turn has much more than 4. Like the heading spring, the ramp
+//! continues from command to command. A ramp that started again from the character at every plan
+//! would never finish for a character that plans three times a second.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
 
 use super::recipe::{CHANGE_S, GAMMA, LEAST_CHANGE_MPS, RESYNC_MPS, STILL, VELOCITY_LAG_S};
 
-/// A velocity that follows the commands, as it is at one frame.
+/// State of the ramp at one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct VelocityRamp {
-    /// The frame of the timeline at which it was so.
+    /// Frame of the timeline that the state belongs to.
     frame: u64,
     velocity: Vec3,
     target: Vec3,
@@ -22,13 +22,13 @@ pub(crate) struct VelocityRamp {
     rate_mps2: f32,
     /// It has not been set to a character's velocity yet.
     fresh: bool,
-    /// It changes from the next plan's first frame on: until that takes over a character goes on as
-    /// it did.
+    /// It changes only from the next plan's first frame on: until then the character moves as
+    /// before.
     waits: bool,
 }
 
 impl VelocityRamp {
-    /// That of whatever character the first plan is for.
+    /// A ramp that takes the velocity of the character at its first plan.
     pub(crate) fn new(frame: u64) -> Self {
         Self {
             frame,
@@ -40,8 +40,8 @@ impl VelocityRamp {
         }
     }
 
-    /// Goes on to `target` from `frame` on, by `rate_mps2`, or as much more as it takes to be there
-    /// within [`CHANGE_S`].
+    /// Leads the velocity to `target` from `frame` on, at `rate_mps2`, or faster if that would take
+    /// longer than [`CHANGE_S`].
     pub(crate) fn go_to(&mut self, frame: u64, fps: f32, target: Vec3, rate_mps2: f32) {
         let now = self.ahead(frame, fps);
         *self = Self {
@@ -49,14 +49,14 @@ impl VelocityRamp {
             velocity: now.velocity,
             target,
             rate_mps2: rate_mps2.max(now.velocity.distance(target) / CHANGE_S),
-            // Once it changes it goes on: who is given a command in every frame would never get
-            // anywhere.
+            // A change under way goes on. Otherwise a command in every frame would stop all
+            // progress.
             waits: self.waits || !now.changes(),
             ..*self
         };
     }
 
-    /// What comes behind `frame`.
+    /// The velocities after `frame`.
     pub(crate) fn ahead(&self, frame: u64, fps: f32) -> Ramp {
         let passed = frame.saturating_sub(self.frame) as f32 / fps;
         let whole = Ramp {
@@ -70,10 +70,11 @@ impl VelocityRamp {
         }
     }
 
-    /// What comes behind `frame`, where a plan starts, for a character that goes at `actual` there.
+    /// The velocities after `frame`, at which a plan starts, for a character that moves at `actual`
+    /// there.
     ///
-    /// What it waited is not caught up with, but by one who stands: a start may be sudden, and is
-    /// not to be late.
+    /// Time lost before the plan's start is not made up, except by a standing character: a start
+    /// may be sudden but must not be late.
     pub(crate) fn ramp(&mut self, frame: u64, fps: f32, actual: Vec3) -> Ramp {
         if std::mem::take(&mut self.waits) && actual.length() >= STILL.0 {
             self.frame = self.frame.max(frame);
@@ -112,13 +113,13 @@ impl Ramp {
         self.velocity.distance(self.target) > LEAST_CHANGE_MPS
     }
 
-    /// Way of a character that goes at `actual` at first, and comes to the ramp by the damping of
-    /// equation 6, after `t` seconds.
+    /// Travel after `t` seconds, metres, of a character that moves at `actual` at first and comes
+    /// to the ramp by the damping of equation 6.
     pub(crate) fn way_from(&self, actual: Vec3, t: f32) -> Vec3 {
         self.way(t) + (actual - self.velocity) * ((1.0 - (-GAMMA * t).exp()) / GAMMA)
     }
 
-    /// Seconds until the target is reached.
+    /// Seconds until the ramp reaches its target.
     fn length_s(&self) -> f32 {
         let apart = self.velocity.distance(self.target);
         if apart > 0.0 { apart / self.rate_mps2 } else { 0.0 }
@@ -133,7 +134,7 @@ impl Ramp {
         self.velocity.lerp(self.target, t / length)
     }
 
-    /// Way after `t` seconds, metres.
+    /// Travel after `t` seconds, metres.
     pub(crate) fn way(&self, t: f32) -> Vec3 {
         let length = self.length_s();
         let ramp = t.min(length);
@@ -159,13 +160,13 @@ mod tests {
         );
         // Half of the speed for half a second, then all of it.
         assert!((ahead.way(1.5).z - (0.75 * 0.5 + 1.5)).abs() < 1e-6);
-        // Nothing takes longer than it may.
+        // No change takes longer than its limit.
         ramp.go_to(40, FPS, Vec3::Z * -4.5, 3.0);
         assert!((ramp.ahead(40, FPS).velocity(CHANGE_S).z + 4.5).abs() < 1e-5);
     }
 
     #[test]
-    fn it_goes_on_from_command_to_command_and_starts_again_where_the_character_is_elsewhere() {
+    fn it_continues_from_command_to_command_and_resyncs_to_a_character_elsewhere() {
         let mut ramp = VelocityRamp::new(0);
         ramp.go_to(0, FPS, Vec3::Z * 2.0, 3.0);
         assert_eq!(ramp.ramp(0, FPS, Vec3::ZERO).velocity(0.0), Vec3::ZERO);
@@ -180,8 +181,8 @@ mod tests {
     }
 
     #[test]
-    fn one_who_goes_changes_from_the_plan_on_and_one_who_stands_from_the_command_on() {
-        let told = |from: Vec3, target: Vec3| {
+    fn a_moving_character_changes_from_the_plan_on_a_standing_one_from_the_command_on() {
+        let commanded = |from: Vec3, target: Vec3| {
             let mut ramp = VelocityRamp::new(0);
             ramp.go_to(0, FPS, from, 3.0);
             ramp.ramp(0, FPS, from);
@@ -189,14 +190,14 @@ mod tests {
             ramp
         };
         let (ahead, aside) = (Vec3::Z * 1.2, Vec3::X * 1.2);
-        let turned = told(ahead, aside).ramp(33, FPS, ahead);
+        let turned = commanded(ahead, aside).ramp(33, FPS, ahead);
         assert!(turned.velocity(0.0).abs_diff_eq(ahead, 1e-5));
-        let started = told(Vec3::ZERO, ahead).ramp(33, FPS, Vec3::ZERO);
+        let started = commanded(Vec3::ZERO, ahead).ramp(33, FPS, Vec3::ZERO);
         assert!(started.velocity(0.0).abs_diff_eq(Vec3::Z * 0.3, 1e-5));
     }
 
     #[test]
-    fn commands_in_every_frame_do_not_hold_it() {
+    fn commands_in_every_frame_do_not_stop_it() {
         let mut ramp = VelocityRamp::new(0);
         ramp.go_to(0, FPS, Vec3::Z, 3.0);
         ramp.ramp(0, FPS, Vec3::Z);
@@ -209,14 +210,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_late_does_not_start_it_again() {
+    fn a_lagging_measurement_does_not_resync_it() {
         let mut ramp = VelocityRamp::new(0);
         ramp.go_to(0, FPS, Vec3::Z * -3.0, 3.0);
         ramp.ramp(0, FPS, Vec3::Z * -3.0);
         ramp.go_to(30, FPS, Vec3::Z * 3.0, 3.0);
         ramp.ramp(32, FPS, Vec3::Z * -3.0);
         let same = ramp.ahead(42, FPS);
-        // As it was five frames before.
+        // The velocity of five frames before.
         let lags = ramp.ahead(37, FPS).velocity(0.0);
         assert!(same.velocity(0.0).distance(lags) > RESYNC_MPS);
         assert_eq!(ramp.ramp(42, FPS, lags), same);
@@ -235,7 +236,7 @@ mod tests {
                 let change = ahead.velocity(0.1).distance(ahead.velocity(0.0));
                 prop_assert!(change <= ahead.rate_mps2 * 0.1 + 1e-4);
                 prop_assert!(ahead.velocity(CHANGE_S).abs_diff_eq(Vec3::new(x, 0.0, z), 1e-4));
-                // The way is what the velocity adds up to.
+                // The travel is the sum of the velocities.
                 let steps = 200;
                 let sum: Vec3 = (0..steps).map(|n| ahead.velocity((n as f32 + 0.5) / steps as f32)).sum();
                 prop_assert!((sum / steps as f32).abs_diff_eq(ahead.way(1.0), 0.01));

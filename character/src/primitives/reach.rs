@@ -1,4 +1,4 @@
-//! What a style can do: how fast in which direction, and which way it must face for it.
+//! What a style can do: how fast in which direction, and with which heading.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -12,45 +12,44 @@ use super::recipe::{
 };
 use crate::style::{Gait, Style};
 
-/// Angles from a gait's direction, and what is left there of a walking pace.
+/// Angles from a gait's direction, and the share of walking pace left there.
 const WALKING_ARC: [(f32, f32); 3] = [(0.35, 1.0), (1.57, 0.7), (3.15, 0.5)];
-/// A side gait is one that is farther off than this, radians; the slowest of a style's gaits that
-/// move is at least so fast, m/s.
+/// Slower gaits do not count as a walking pace, m/s.
 const LEAST_PACE_MPS: f32 = 0.2;
-/// A gait whose way is nearer to straight aside than this needs nobody to turn, radians.
+/// If a gait travels within this angle of straight aside, radians, the character need not turn.
 const STRAIGHT_ASIDE: f32 = 0.52;
-/// What is done instead of a command is told where it is slower by more than this share, or faces
-/// elsewhere by more than this angle, radians.
-const TOLD_SHARE: f32 = 0.05;
-const TOLD_TURN: f32 = 0.087;
+/// A difference between a command and what is done instead is reported if the speed is lower by
+/// more than this share, or the heading off by more than the angle, radians.
+const REPORTED_SHARE: f32 = 0.05;
+const REPORTED_TURN: f32 = 0.087;
 
-/// A feasible motion.
+/// A motion that a style can do.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Feasible {
     /// World velocity over the ground, m/s.
     pub(crate) velocity: Vec3,
-    /// Where to face, radians.
+    /// Heading, radians.
     pub(crate) facing: f32,
 }
 
-/// What is done where a style cannot do as it is told.
+/// What a character does instead of a command that its style cannot follow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Instead {
-    /// Speed over the ground that was asked for, m/s.
+    /// Speed over the ground that the command asks for, m/s.
     pub wanted_mps: f32,
-    /// Speed over the ground, m/s.
+    /// Speed over the ground that it gets, m/s.
     pub speed_mps: f32,
-    /// Where it faces, radians; none where it faces as it was told, or was told nothing.
+    /// Heading that it gets, radians. None if the command gives no heading, or gets it.
     pub facing: Option<f32>,
 }
 
 impl Feasible {
-    /// What it is instead of a command, where the two differ by more than nobody would see.
+    /// What this motion is instead of a command, if the two differ visibly.
     pub(crate) fn instead_of(&self, velocity: Vec3, facing: Option<f32>) -> Option<Instead> {
         let (wanted_mps, speed_mps) = (velocity.with_y(0.0).length(), self.velocity.length());
-        let slower = wanted_mps >= STANDING_MPS && wanted_mps - speed_mps > TOLD_SHARE * wanted_mps;
+        let slower = wanted_mps >= STANDING_MPS && wanted_mps - speed_mps > REPORTED_SHARE * wanted_mps;
         let facing = facing
-            .filter(|facing| wrap_angle(facing - self.facing).abs() > TOLD_TURN)
+            .filter(|facing| wrap_angle(facing - self.facing).abs() > REPORTED_TURN)
             .map(|_| self.facing);
         (slower || facing.is_some()).then_some(Instead {
             wanted_mps,
@@ -60,9 +59,9 @@ impl Feasible {
     }
 }
 
-/// The motion nearest to `velocity` (world, m/s) while facing `facing` that `style` has gaits for,
-/// or `only` one of them: slower where it is too fast, and facing more the way it goes where it
-/// would have to step aside.
+/// The motion nearest to `velocity` (world, m/s) and `facing` that `style` has gaits for, or the
+/// gait `only`. It is slower if the velocity is too high, and faces more in the direction of travel
+/// if the character would have to step aside.
 pub(crate) fn nearest(style: &Style, only: Option<usize>, velocity: Vec3, facing: f32) -> Feasible {
     let still = Feasible {
         velocity: Vec3::ZERO,
@@ -104,7 +103,7 @@ pub(crate) fn nearest(style: &Style, only: Option<usize>, velocity: Vec3, facing
     }
 }
 
-/// The highest speed in a direction, `off` radians from the heading to the left.
+/// Highest speed in a direction `off` radians to the left of the heading, m/s.
 fn fastest<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
     let pace = gaits()
         .filter(|gait| !gait.built)
@@ -120,9 +119,9 @@ fn fastest<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) ->
         .fold(0.0, f32::max)
 }
 
-/// How far aside the velocity may be, on the side of `off`.
+/// Largest angle of the velocity to the heading, on the side of `off`, radians.
 fn forward_arc<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
-    // A gait that goes straight aside is all that this way takes: behind it are those that go
+    // With a gait straight aside this side goes up to it: what lies beyond belongs to gaits that go
     // backwards.
     if gaits().any(|gait| (direction(gait) * off.signum() - FRAC_PI_2).abs() < STRAIGHT_ASIDE) {
         return PI;

@@ -16,7 +16,7 @@ fn world(speed: f32, direction: f32) -> Vec3 {
 }
 
 #[test]
-fn what_a_gait_does_is_left_alone() {
+fn a_velocity_that_a_gait_has_is_unchanged() {
     let style = walker_style();
     for gait in style.gaits.iter().filter(|gait| gait.speed_mps() > 0.0) {
         let velocity = yaw(0.7) * Vec3::new(gait.left_mps, 0.0, gait.forward_mps);
@@ -27,18 +27,18 @@ fn what_a_gait_does_is_left_alone() {
 }
 
 #[test]
-fn what_is_done_instead_is_told_where_it_differs() {
+fn a_visible_difference_to_the_command_is_reported() {
     let style = of(&["idle", "walk", "run", "walk-back"]);
-    let told = |velocity: Vec3, facing: Option<f32>| {
+    let reported = |velocity: Vec3, facing: Option<f32>| {
         let near = nearest(&style, None, velocity, facing.unwrap_or(0.0));
         near.instead_of(velocity, facing)
     };
-    assert_eq!(told(Vec3::ZERO, Some(1.0)), None);
-    assert_eq!(told(Vec3::Z, Some(0.0)), None);
-    let fast = told(Vec3::Z * 9.0, Some(0.0)).unwrap();
+    assert_eq!(reported(Vec3::ZERO, Some(1.0)), None);
+    assert_eq!(reported(Vec3::Z, Some(0.0)), None);
+    let fast = reported(Vec3::Z * 9.0, Some(0.0)).unwrap();
     assert!(fast.wanted_mps == 9.0 && fast.speed_mps < 5.0, "{fast:?}");
     assert_eq!(fast.facing, None);
-    let aside = told(Vec3::X * 0.5, Some(0.0)).unwrap();
+    let aside = reported(Vec3::X * 0.5, Some(0.0)).unwrap();
     assert!(
         (aside.facing.unwrap() - (FRAC_PI_2 - FORWARD_ARC)).abs() < 1e-4,
         "{aside:?}"
@@ -54,7 +54,7 @@ fn eight_metres_a_second_sideways_is_a_brisk_walk_that_faces_more_that_way() {
         assert!((0.4..1.5).contains(&speed), "{speed}");
         assert!(
             near.velocity.normalize().x * side > 0.999,
-            "it goes where it was told to"
+            "it goes where the command says"
         );
         let off = side * FRAC_PI_2 - near.facing;
         assert!((off.abs() - FORWARD_ARC).abs() < 1e-4, "{}", near.facing);
@@ -62,7 +62,7 @@ fn eight_metres_a_second_sideways_is_a_brisk_walk_that_faces_more_that_way() {
 }
 
 #[test]
-fn a_gait_that_steps_aside_keeps_the_facing() {
+fn a_side_gait_keeps_the_heading() {
     let mut style = of(&["idle", "walk"]);
     let mut step = style.gait("walk").unwrap().clone();
     (step.name, step.left_mps, step.forward_mps) = ("step-left".to_owned(), 0.8, 0.0);
@@ -71,11 +71,11 @@ fn a_gait_that_steps_aside_keeps_the_facing() {
     assert_eq!(near.facing, 0.0);
     assert!((near.velocity.x - 0.8).abs() < 1e-5);
     let other = nearest(&style, None, Vec3::new(-0.8, 0.0, 0.0), 0.0);
-    assert!(other.facing < -0.5, "to the other side it has none");
+    assert!(other.facing < -0.5, "there is none to the other side");
 }
 
 #[test]
-fn forwards_is_as_fast_as_the_fastest_gait_and_a_little() {
+fn forwards_is_slightly_faster_than_the_fastest_gait() {
     let style = walker_style();
     let speed = |direction, facing| {
         nearest(&style, None, world(9.0, direction), facing)
@@ -83,7 +83,7 @@ fn forwards_is_as_fast_as_the_fastest_gait_and_a_little() {
             .length()
     };
     assert!((speed(0.0, 0.0) - 3.3).abs() < 1e-4);
-    assert!((speed(2.0, 2.0) - 3.3).abs() < 1e-4, "whatever the heading");
+    assert!((speed(2.0, 2.0) - 3.3).abs() < 1e-4, "for any heading");
     assert!(
         (speed(PI, 0.0) - 0.77).abs() < 1e-4,
         "backwards as fast as the gait for it"
@@ -92,12 +92,12 @@ fn forwards_is_as_fast_as_the_fastest_gait_and_a_little() {
     let near = nearest(&style, walk, world(9.0, 0.0), 0.0);
     assert!(
         (near.velocity.length() - 1.32).abs() < 1e-4,
-        "one gait alone is asked alone"
+        "only the named gait counts"
     );
 }
 
 #[test]
-fn backwards_is_slow_where_no_gait_does_it() {
+fn backwards_is_slow_without_a_gait_for_it() {
     let near = nearest(&of(&["idle", "walk", "run"]), None, world(3.0, PI), 0.0);
     let speed = near.velocity.length();
     assert!(speed > 0.4 && speed < 0.9, "{speed}");
@@ -105,7 +105,7 @@ fn backwards_is_slow_where_no_gait_does_it() {
 }
 
 #[test]
-fn what_cannot_move_stands_and_keeps_its_facing() {
+fn a_style_without_moving_gaits_stands_and_keeps_its_heading() {
     let near = nearest(&of(&["idle"]), None, world(3.0, 1.5), 0.2);
     assert_eq!((near.velocity, near.facing), (Vec3::ZERO, 0.2));
     let near = nearest(&walker_style(), None, world(0.04, 1.5), 0.2);
@@ -114,7 +114,7 @@ fn what_cannot_move_stands_and_keeps_its_facing() {
 
 proptest! {
     #[test]
-    fn never_faster_and_never_elsewhere(speed in 0.1f32..20.0, direction in -PI..PI, facing in -PI..PI) {
+    fn the_result_is_never_faster_and_never_in_another_direction(speed in 0.1f32..20.0, direction in -PI..PI, facing in -PI..PI) {
         let velocity = world(speed, direction);
         let near = nearest(&walker_style(), None, velocity, facing);
         prop_assert!(near.velocity.length() <= speed + 1e-4 && near.velocity.length() > 0.09);
@@ -132,7 +132,7 @@ proptest! {
 }
 
 #[test]
-fn a_gait_straight_aside_lets_one_face_ahead_whatever_the_way() {
+fn a_gait_straight_aside_allows_any_direction_facing_ahead() {
     let mut style = of(&["idle", "walk", "walk-back"]);
     let mut aside = style.gait("walk").unwrap().clone();
     (aside.left_mps, aside.forward_mps) = (0.9, 0.0);

@@ -1,4 +1,4 @@
-//! How one walker of a crowd differs from another: what a seed chooses.
+//! How one character of a crowd differs from another: what a seed chooses of its style.
 //!
 //! Seed 0 is the style itself. Any other seed takes its posture above the legs and its cadence from
 //! one take of the data. It also chooses the foot that goes first, and when standing poses come.
@@ -10,14 +10,14 @@ use troupe_motion::Quat;
 use super::recipe::STAND_FRAMES;
 use crate::style::{MAX_KEYS, Style, Take};
 
-/// The stream of a seed that this is drawn from; plans draw from those of their numbers.
+/// The random stream of a variation. Plans use the streams of their numbers.
 const STREAM: u64 = u64::MAX;
 
 /// What a seed chooses of a style.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Variation<'a> {
     take: Option<&'a Take>,
-    /// Cycles by which the first step is later.
+    /// Cycles by which the first step is delayed.
     pub(crate) first_step: f32,
     /// Frames at 30 Hz by which standing poses come sooner.
     pub(crate) stand_frames: u64,
@@ -40,12 +40,13 @@ impl<'a> Variation<'a> {
         }
     }
 
-    /// How quick steps are against the style's.
+    /// Cadence relative to the style's.
     pub(crate) fn cadence(&self) -> f32 {
         self.take.map_or(1.0, |take| take.cadence)
     }
 
-    /// Turns a pose of the style's, parent-relative from joint 1 on, into the take's.
+    /// Turns a pose of the style into the take's. Rotations from joint 1 on are relative to their
+    /// parents.
     pub(crate) fn hold(&self, pose: &mut [Quat]) {
         for &(joint, turn) in self.take.iter().flat_map(|take| &take.turns) {
             if let Some(rotation) = pose.get_mut(joint) {
@@ -73,12 +74,13 @@ mod tests {
         }
     }
 
-    /// What a seed makes of a pose, its cadence, and the rest.
+    /// What a seed makes of a pose, its cadence, its delay of the first step, and its shift of
+    /// standing poses.
     fn chosen(style: &Style, seed: u64) -> (Quat, f32, f32, u64) {
         let variation = Variation::of(style, seed);
         let mut pose = [Quat::IDENTITY; 2];
         variation.hold(&mut pose);
-        assert_eq!(pose[0], Quat::IDENTITY, "nothing but the take's joints is turned");
+        assert_eq!(pose[0], Quat::IDENTITY, "only the take's joints are turned");
         (
             pose[1],
             variation.cadence(),

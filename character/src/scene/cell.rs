@@ -1,4 +1,4 @@
-//! Scenes that sessions share, by name.
+//! Scenes by name, shared by sessions.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,13 +9,12 @@ use super::resident::{Resident, Residents};
 use super::{Holder, MAX_ID_BYTES, MAX_SCENES, Scene};
 use crate::document::check::listed;
 
-/// A scene that many read and some change. Reading takes no lock and sees a scene wholly as it was
-/// or wholly as it is.
+/// A scene that many read and some change. Reading takes no lock, and never sees half of a change.
 #[derive(Debug, Default)]
 pub struct SceneCell {
     scene: ArcSwap<Scene>,
     pub(super) residents: Residents,
-    /// One writer at a time.
+    /// Held by the one writer.
     writing: Mutex<()>,
 }
 
@@ -29,22 +28,21 @@ impl SceneCell {
         }
     }
 
-    /// How many sessions are in it.
+    /// Number of sessions in the scene.
     pub fn residents(&self) -> usize {
         self.residents.count()
     }
 
-    /// The scene as it is now; it does not change under its reader.
+    /// The scene as it is now. The snapshot does not change afterwards.
     pub fn snapshot(&self) -> Arc<Scene> {
         self.scene.load_full()
     }
 
-    /// Changes the scene. All that `change` does becomes visible at once, or, where it fails, not
-    /// at all. Many changes belong into one call: each call makes a copy of the list of instances
-    /// and of the trees.
+    /// Changes the scene. Everything that `change` does becomes visible at once, or nothing if it
+    /// fails. Put many changes into one call: each call copies the list of instances and the trees.
     ///
     /// # Errors
-    /// That of `change`.
+    /// Those of `change`.
     pub fn update<T, E>(&self, change: impl FnOnce(&mut Scene) -> Result<T, E>) -> Result<T, E> {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut scene = Scene::clone(&self.scene.load());
@@ -53,15 +51,15 @@ impl SceneCell {
         Ok(answer)
     }
 
-    /// Frees all that `by` reserved or holds. How many objects that freed.
+    /// Frees everything that `by` has reserved or holds. Returns the number of objects.
     pub fn free_all(&self, by: &Holder) -> usize {
         self.free_each(|holder| holder == by)
     }
 
-    /// Frees what those have reserved or hold for whom `gone` says so. How many objects that freed.
+    /// Frees everything that holders have for whom `gone` is true. Returns the number of objects.
     pub fn free_each(&self, gone: impl Fn(&Holder) -> bool) -> usize {
         let changed = self.update(|scene| match scene.free_all(gone) {
-            // A scene in which there was nothing to free is not published again.
+            // A scene with nothing to free is not published again.
             0 => Err(()),
             freed => Ok(freed),
         });
@@ -69,7 +67,7 @@ impl SceneCell {
     }
 }
 
-/// All scenes of a server.
+/// All scenes of a server, by name.
 #[derive(Debug, Default)]
 pub struct SceneTable {
     scenes: ArcSwap<BTreeMap<String, Arc<SceneCell>>>,
@@ -79,29 +77,29 @@ pub struct SceneTable {
 /// Why the table was not changed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TableError {
-    /// A name that is not accepted.
+    /// The name is too long, or empty.
     #[error("the name of a scene is {0} bytes long; allowed: 1 to {MAX_ID_BYTES} bytes")]
     Name(usize),
-    /// A second scene of one name.
+    /// A scene of this name exists already.
     #[error("there is a scene {0:?} already")]
     Exists(String),
-    /// A name that is no scene's.
+    /// No scene has this name.
     #[error("there is no scene {name:?}; there are: {}", listed(known.iter().map(String::as_str)))]
     Unknown {
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// The scenes that there are.
+        /// The names that exist.
         known: Vec<String>,
     },
     /// Sessions are in the scene.
     #[error("{sessions} sessions are in scene {name:?}; allowed: a scene without sessions")]
     InUse {
-        /// The scene.
+        /// Name of the scene.
         name: String,
-        /// How many sessions.
+        /// Number of its sessions.
         sessions: usize,
     },
-    /// As many scenes as there may be.
+    /// The table holds [`MAX_SCENES`] scenes.
     #[error("there are {MAX_SCENES} scenes, the most that there may be")]
     Full,
 }
@@ -120,25 +118,26 @@ impl SceneTable {
     /// The scene of this name.
     ///
     /// # Errors
-    /// [`TableError::Unknown`].
+    /// [`TableError::Unknown`] if there is none.
     pub fn get(&self, name: &str) -> Result<Arc<SceneCell>, TableError> {
         let scenes = self.scenes.load();
         scenes.get(name).cloned().ok_or_else(|| unknown(name, &scenes))
     }
 
-    /// A place in the scene of this name, which is not removed while somebody has one.
+    /// Registers a session in the scene of this name. The scene cannot be removed while the
+    /// [`Resident`] exists.
     ///
     /// # Errors
-    /// [`TableError::Unknown`].
+    /// [`TableError::Unknown`] if there is no such scene.
     pub fn enter(&self, name: &str) -> Result<Resident, TableError> {
         let cell = self.get(name)?;
         Resident::enter(name, &cell).ok_or_else(|| unknown(name, &self.scenes.load()))
     }
 
-    /// Whether there is a scene of this name, or room for one.
+    /// Checks that a scene of this name exists, or could be added.
     ///
     /// # Errors
-    /// [`TableError::Name`] or [`TableError::Full`].
+    /// [`TableError::Name`] or [`TableError::Full`] if not.
     pub fn room_for(&self, name: &str) -> Result<(), TableError> {
         let scenes = self.scenes.load();
         match name.len() {
@@ -164,7 +163,7 @@ impl SceneTable {
         })
     }
 
-    /// Takes out a scene in which there are no sessions.
+    /// Removes a scene without sessions.
     ///
     /// # Errors
     /// [`TableError::Unknown`] or [`TableError::InUse`].
@@ -206,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_snapshot_stays_and_a_failed_change_leaves_nothing() {
+    fn a_snapshot_does_not_change_and_a_failed_change_has_no_effect() {
         let cell = SceneCell::new(Scene::new(0.0).unwrap());
         cell.update(|scene| scene.add("crate", "crate", boxed(0.5), place(1.0, 0.5, 2.0)))
             .unwrap();
@@ -227,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn one_of_two_that_want_the_same_gets_it() {
+    fn one_of_two_sessions_gets_an_object() {
         use super::super::Holder;
         let cell = SceneCell::new(Scene::new(0.0).unwrap());
         cell.update(|scene| scene.add("crate", "crate", boxed(0.5), Transform::IDENTITY))
@@ -252,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn scenes_go_by_name() {
+    fn scenes_are_found_by_name() {
         let table = SceneTable::default();
         let error = table.get("hall").unwrap_err();
         assert_eq!(error.to_string(), "there is no scene \"hall\"; there are: none");
@@ -274,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_with_sessions_stays() {
+    fn a_scene_with_sessions_cannot_be_removed() {
         let table = SceneTable::default();
         table.add("yard", Scene::default()).unwrap();
         let (one, other) = (table.enter("yard").unwrap(), table.enter("yard").unwrap());
@@ -288,7 +287,7 @@ mod tests {
         drop(other);
         let cell = table.remove("yard").unwrap();
         assert!(matches!(table.enter("yard"), Err(TableError::Unknown { .. })));
-        // Who found it just before it was removed does not get in any more.
+        // A session that found the scene just before its removal cannot enter it any more.
         assert!(Resident::enter("yard", &cell).is_none() && cell.residents() == 0);
     }
 }

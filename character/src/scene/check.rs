@@ -1,4 +1,4 @@
-//! From what is written to a [`Scene`].
+//! Checks a written scene and turns it into a [`Scene`].
 
 use std::sync::Arc;
 
@@ -14,17 +14,17 @@ use super::{
 use crate::document::check::{entries, format, listed, name, number, rotation, unique, vector};
 use crate::{FieldError, Path};
 
-/// Where scenes find the bodies of the objects that they name.
+/// Finds the bodies of the objects that a scene names.
 pub trait Bodies {
     /// The body of the definition of this name.
     fn body(&self, definition: &str) -> Option<Arc<Body>>;
 
-    /// The names of all definitions.
+    /// Names of all definitions, for error messages.
     fn names(&self) -> Vec<&str>;
 }
 
 impl Scene {
-    /// Checks what is written and makes the scene.
+    /// Checks a written scene and makes it.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
@@ -43,7 +43,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Checks an object, which is written at `path`, and puts it into the scene.
+    /// Checks an object written at `path`, and adds it to the scene.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted; then nothing has changed.
@@ -60,7 +60,7 @@ impl Scene {
     }
 }
 
-/// The body of the definition that is named at `path`.
+/// The body of the definition that `path` names.
 pub fn body_of(path: &Path<'_>, definition: &str, bodies: &impl Bodies) -> Result<Arc<Body>, FieldError> {
     bodies.body(definition).ok_or_else(|| {
         let known = listed(bodies.names());
@@ -84,7 +84,7 @@ fn check_colliders(path: &Path<'_>, docs: &[ColliderDoc]) -> Result<Vec<Placed>,
         if all_samples > MAX_HEIGHT_SAMPLES {
             return Err(path.field("shape").field("heightfield").field("heights_m").error(
                 format!("brings the samples of the scene's heightfields to {all_samples}"),
-                format!("at most {MAX_HEIGHT_SAMPLES} together"),
+                format!("at most {MAX_HEIGHT_SAMPLES} in total"),
             ));
         }
         check_collider(&path, doc)
@@ -92,7 +92,7 @@ fn check_colliders(path: &Path<'_>, docs: &[ColliderDoc]) -> Result<Vec<Placed>,
     docs.iter().enumerate().map(check).collect()
 }
 
-/// Samples of a collider's heightfield.
+/// Number of height samples of a collider; 0 for other shapes.
 fn samples(doc: &ColliderDoc) -> usize {
     match &doc.shape {
         ColliderShapeDoc::Heightfield(field) => field.heights_m.len(),
@@ -118,7 +118,7 @@ fn check_collider(path: &Path<'_>, doc: &ColliderDoc) -> Result<Placed, FieldErr
     })
 }
 
-/// Checks where a thing is.
+/// Checks the transform of a thing.
 fn place(
     path: &Path<'_>,
     position_m: [f32; 3],

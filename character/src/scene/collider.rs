@@ -1,4 +1,4 @@
-//! Static colliders: what is there to stand on, and what is in the way.
+//! Static colliders: what characters stand on, and what blocks their way.
 
 use std::sync::Arc;
 
@@ -10,23 +10,23 @@ use super::error::{self, SceneError, ShapeError};
 use super::heightfield::Heightfield;
 use super::{MAX_COLLIDERS, MAX_HEIGHT_SAMPLES, Shape, Transform, Volume};
 
-/// How far from 1 the cosine of a heightfield's tilt may be.
+/// Largest difference between 1 and the cosine of a heightfield's tilt.
 const UPRIGHT_TOLERANCE: f32 = 1e-6;
 
-/// About how much memory a collider takes, bytes: of its own, for each point of a hull (with its
-/// edges and faces), and for each sample of a heightfield.
+/// Rough memory of a collider, bytes: of its own, for each point of a hull (with edges and faces),
+/// and for each sample of a heightfield.
 const COLLIDER_BYTES: usize = 512;
 const POINT_BYTES: usize = 512;
 const SAMPLE_BYTES: usize = 16;
 
-/// A static collider as written.
+/// A static collider as it was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collider {
     /// Unique among the scene's colliders.
     pub id: String,
-    /// What it is like.
+    /// A solid shape, or a heightfield.
     pub shape: ColliderShape,
-    /// Where it is.
+    /// Place in the world; a heightfield must be upright.
     pub transform: Transform,
 }
 
@@ -35,7 +35,7 @@ pub struct Collider {
 pub enum ColliderShape {
     /// A box or a convex hull.
     Solid(Shape),
-    /// Ground that is not flat.
+    /// Uneven ground.
     Heightfield(Heightfield),
 }
 
@@ -66,7 +66,7 @@ impl ColliderShape {
         }
     }
 
-    /// About how much memory it takes as written and ready for queries, bytes.
+    /// A rough measure of its memory as written and ready for queries, bytes.
     fn bytes(&self) -> usize {
         let points = match self {
             Self::Solid(Shape::Convex { points_m }) => points_m.len(),
@@ -120,8 +120,7 @@ pub(super) struct Colliders {
 }
 
 impl Colliders {
-    /// Checks and prepares colliders. An error comes with the index of the collider that it is
-    /// about, where it is about one.
+    /// Checks and prepares colliders. An error about a single collider comes with its index.
     pub(super) fn prepare(colliders: &[Collider]) -> Result<Vec<Placed>, (Option<usize>, SceneError)> {
         Self::check_together(colliders).map_err(|error| (None, error))?;
         let place = |(index, collider): (usize, &Collider)| {
@@ -130,7 +129,7 @@ impl Colliders {
         colliders.iter().enumerate().map(place).collect()
     }
 
-    /// Checks what does not concern one collider alone.
+    /// Checks what concerns all colliders together.
     fn check_together(colliders: &[Collider]) -> Result<(), SceneError> {
         if colliders.len() > MAX_COLLIDERS {
             return Err(SceneError::value(
@@ -144,7 +143,7 @@ impl Colliders {
             return Err(SceneError::value(
                 "the heightfields of a scene",
                 format!("{samples} samples"),
-                format!("at most {MAX_HEIGHT_SAMPLES} together"),
+                format!("at most {MAX_HEIGHT_SAMPLES} in total"),
             ));
         }
         let mut ids = std::collections::HashSet::with_capacity(colliders.len());
@@ -157,7 +156,7 @@ impl Colliders {
         Ok(())
     }
 
-    /// Of colliders that have been checked.
+    /// The colliders of a scene, each already checked.
     pub(super) fn new(list: Vec<Placed>) -> Self {
         let bounds: Vec<Aabb> = list
             .iter()
@@ -169,12 +168,12 @@ impl Colliders {
         }
     }
 
-    /// About how much memory they take, bytes.
+    /// A rough measure of their memory, bytes.
     pub(super) fn bytes(&self) -> usize {
         self.list.iter().map(|placed| placed.source.shape.bytes()).sum()
     }
 
-    /// Samples of all heightfields.
+    /// Total number of height samples.
     pub(super) fn samples(&self) -> usize {
         self.list.iter().map(|placed| placed.samples).sum()
     }

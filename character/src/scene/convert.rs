@@ -1,4 +1,5 @@
-//! The border to `parry3d`, whose `glam` is another version than ours: values cross it as numbers.
+//! Converts values for `parry3d`, which uses another version of `glam`: they cross as plain
+//! numbers.
 
 use parry3d::math::{Pose, Rotation, Vector};
 use troupe_motion::Vec3;

@@ -1,4 +1,4 @@
-//! What can be wrong with a scene, or with what is asked of it.
+//! Errors of scenes and of changes to them.
 
 use troupe_motion::Vec3;
 
@@ -10,27 +10,27 @@ pub enum SceneError {
     /// A value that is not accepted.
     #[error("{what} is {found}; allowed: {allowed}")]
     Value {
-        /// Which value.
+        /// Name of the value.
         what: String,
-        /// What it is.
+        /// The value that was given.
         found: String,
-        /// What it may be.
+        /// The values that are allowed.
         allowed: String,
     },
     /// A shape that cannot be used.
     #[error("{what}: {cause}")]
     Shape {
-        /// Whose shape.
+        /// Whose shape it is, for example `collider "wall"`.
         what: String,
-        /// What is wrong with it.
+        /// What is wrong with the shape.
         cause: ShapeError,
     },
-    /// A second instance or collider of one id.
+    /// An instance or collider of this id exists already.
     #[error("the scene has {what} {id:?} already")]
     Exists {
         /// `an object` or `a collider`.
         what: &'static str,
-        /// The id.
+        /// The id that is taken.
         id: String,
     },
     /// No object has this id.
@@ -38,39 +38,39 @@ pub enum SceneError {
     Unknown {
         /// `object` or `collider`.
         what: &'static str,
-        /// The id.
+        /// The unknown id.
         id: String,
     },
-    /// More than a scene may have.
+    /// The scene is full.
     #[error("the scene has {limit} {what}, the most that it may have")]
     Full {
-        /// Of what.
+        /// What it is full of, for example `colliders`.
         what: &'static str,
-        /// How many it may have.
+        /// The most that a scene may have.
         limit: usize,
     },
     /// Another character reserved or holds the object.
     #[error("object {id:?} is reserved or held by {by}")]
     Taken {
-        /// The object.
+        /// Id of the object in the scene.
         id: String,
-        /// Who has it.
+        /// The other character.
         by: Holder,
     },
-    /// The object is not held by who wants to give it up.
+    /// A character releases an object that it does not hold.
     #[error("object {id:?} is not held by {by}")]
     NotHeld {
-        /// The object.
+        /// Id of the object in the scene.
         id: String,
-        /// Who wanted to give it up.
+        /// The character that wants to release it.
         by: Holder,
     },
-    /// A held object goes where its holder goes; it is not moved.
+    /// A held object follows its holder, and cannot be moved.
     #[error("object {id:?} is held by {by} and cannot be moved until it is released")]
     MoveHeld {
-        /// The object.
+        /// Id of the object in the scene.
         id: String,
-        /// Who holds it.
+        /// The character that holds it.
         by: Holder,
     },
 }
@@ -97,15 +97,15 @@ pub enum ShapeError {
     Value {
         /// The value's place in the shape, for example `half_extents_m[1]`.
         field: String,
-        /// What it is.
+        /// The value that was given.
         found: String,
-        /// What it may be.
+        /// The values that are allowed.
         allowed: String,
     },
-    /// Points that are all about on one plane, line or place.
+    /// The points lie almost in a plane, on a line or at one place.
     #[error("points_m are flat; allowed: points that span at least {0} m in every direction")]
     Flat(f32),
-    /// The points have no convex hull that the collision library can make.
+    /// The collision library finds no convex hull of the points.
     #[error("points_m have no usable convex hull; allowed: points apart from each other that span a volume")]
     Hull,
 }
@@ -124,7 +124,7 @@ impl ShapeError {
     }
 }
 
-/// Refuses coordinates that are not finite or farther than `limit` from 0.
+/// Refuses coordinates that are not finite, or farther than `limit` from 0.
 pub(super) fn coordinates(what: &'static str, v: Vec3, limit: f32) -> Result<(), SceneError> {
     match v
         .to_array()

@@ -1,4 +1,4 @@
-//! Heightfields: ground that is not flat.
+//! Heightfields: uneven ground.
 
 use parry3d::math::Vector;
 use parry3d::query::{Ray, RayCast as _};
@@ -10,12 +10,12 @@ use super::convert::vector;
 use super::error::ShapeError;
 use super::{HEIGHTFIELD_SIDE, HeightfieldDoc, MAX_SHAPE_COORDINATE_M, Volume};
 
-/// How far beside a ray others are tried where it finds nothing, metres: less than anything here is
-/// placed to.
+/// If a ray hits nothing, rays at this distance beside it are tried, metres. It is less than the
+/// precision of any placement.
 const CRACK_M: f32 = 1e-4;
 
-/// Heights over a grid in the x-z plane, centred on the origin. Between samples it is two triangles
-/// a cell.
+/// Heights over a grid in the x-z plane, centred on the origin. A cell between samples is two
+/// triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heightfield {
     /// Samples along z, 2 to 512.
@@ -24,13 +24,13 @@ pub struct Heightfield {
     pub columns: usize,
     /// Size along x and z, metres.
     pub size_m: [f32; 2],
-    /// `rows * columns` heights in metres, row by row: the first row is at the least z, its first
-    /// sample at the least x.
+    /// `rows * columns` heights in metres, row by row. The first row has the lowest z, and its
+    /// first sample the lowest x.
     pub heights_m: Vec<f32>,
 }
 
 impl From<&HeightfieldDoc> for Heightfield {
-    /// The heightfield, unchecked.
+    /// The heightfield as written, without checks.
     fn from(doc: &HeightfieldDoc) -> Self {
         Self {
             rows: doc.rows,
@@ -42,10 +42,10 @@ impl From<&HeightfieldDoc> for Heightfield {
 }
 
 impl Heightfield {
-    /// Checks the values.
+    /// Checks the number of samples, the size and the heights.
     ///
     /// # Errors
-    /// [`ShapeError::Value`].
+    /// [`ShapeError::Value`] for the first value out of its range.
     pub fn check(&self) -> Result<(), ShapeError> {
         let (low, high) = (HEIGHTFIELD_SIDE.start(), HEIGHTFIELD_SIDE.end());
         for (field, side) in [("rows", self.rows), ("columns", self.columns)] {
@@ -80,7 +80,7 @@ impl Heightfield {
 
     pub(super) fn volume(&self) -> Result<Volume, ShapeError> {
         self.check()?;
-        // The library keeps columns together.
+        // The library stores columns.
         let columns = (0..self.columns)
             .flat_map(|column| (0..self.rows).map(move |row| row * self.columns + column))
             .map(|index| self.heights_m[index])
@@ -92,11 +92,11 @@ impl Heightfield {
     }
 }
 
-/// Where a ray in the field's frame first hits its surface, and the surface's normal there.
+/// Where a ray in the field's frame of reference first hits its surface, and the surface's normal
+/// there.
 ///
-/// A ray straight down takes the height under it. The library, which tests triangle by triangle,
-/// loses rays that run along an edge between two; where it finds nothing, rays a hair beside are
-/// tried.
+/// A ray straight down takes the height below it. The library tests triangle by triangle, and loses
+/// rays along the edge between two. If it finds nothing, rays slightly beside are tried.
 pub(super) fn cast_ray(field: &HeightField, ray: &Ray, reach: f32) -> Option<(f32, Vector)> {
     if ray.dir.y < 0.0 && ray.dir.x.hypot(ray.dir.z) < 1e-6 * -ray.dir.y {
         let (height, normal) = surface_at(field, ray.origin.x, ray.origin.z)?;
@@ -125,7 +125,7 @@ fn surface_at(field: &HeightField, x: f32, z: f32) -> Option<(f32, Vector)> {
     let along = |value: f32, size: f32, cells: usize| {
         let share = value / size + 0.5;
         let cell = (share * cells as f32).clamp(0.0, cells as f32);
-        // A hair beyond an edge is the edge.
+        // Slightly beyond an edge counts as the edge.
         let inside = (-CRACK_M..=size + CRACK_M).contains(&(share * size));
         let first = (cell as usize).min(cells - 1);
         inside.then_some((first, cell - first as f32))
@@ -134,8 +134,8 @@ fn surface_at(field: &HeightField, x: f32, z: f32) -> Option<(f32, Vector)> {
     let (row, v) = along(z, scale.z, rows)?;
     let heights = field.heights();
     let at = |r: usize, c: usize| heights[(row + r, column + c)] * scale.y;
-    // The library's two triangles: the diagonal goes from the second row's first to the first row's
-    // second.
+    // The library's two triangles: the diagonal goes from the second row's first sample to the
+    // first row's second.
     let (height, by_u, by_v) = if u + v <= 1.0 {
         let (by_u, by_v) = (at(0, 1) - at(0, 0), at(1, 0) - at(0, 0));
         (at(0, 0) + u * by_u + v * by_v, by_u, by_v)
@@ -163,7 +163,7 @@ mod tests {
         field.volume().unwrap().shape().as_heightfield().unwrap().clone()
     }
 
-    /// Places on the grid's own lines as often as between them.
+    /// A place on the lines of the grid, or between them, equally often.
     fn any_place(half: f32) -> impl Strategy<Value = f32> {
         prop_oneof![
             -half..half,
@@ -174,8 +174,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(512))]
 
-        /// A ray that goes from above the surface to below it has hit it on the way, wherever that
-        /// is.
+        /// A ray from above the surface to below it hits it on the way.
         #[test]
         fn rays_do_not_fall_through(
             heights in prop::collection::vec(-1.0_f32..1.0, 20),
@@ -191,12 +190,12 @@ mod tests {
             let (height, _) = surface_at(&field, hit.x, hit.z).unwrap();
             prop_assert!((hit.y - height).abs() < 5e-3, "{} {}", hit.y, height);
             prop_assert!((normal.length() - 1.0).abs() < 1e-3);
-            // First: a point well before is above the surface.
+            // First, a point well before the hit is above the surface.
             let before = ray.point_at(distance * 0.5);
             prop_assert!(before.y > surface_at(&field, before.x, before.z).unwrap().0 - 5e-3 || distance < 1e-2);
         }
 
-        /// The surface over a place is the library's triangle over it.
+        /// The height at a place is that of the library's triangle.
         #[test]
         fn heights_are_those_of_the_triangles(
             heights in prop::collection::vec(-1.0_f32..1.0, 20),

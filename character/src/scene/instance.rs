@@ -5,28 +5,28 @@ use std::sync::Arc;
 
 use super::{Transform, Volume};
 
-/// What all instances of one definition share.
+/// Shape and rules that all instances of one definition share.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// The object itself.
+    /// Shape of the object itself.
     pub volume: Volume,
-    /// Where a character's box must reach to use it.
+    /// A character whose box reaches this volume can use the object.
     pub trigger: Volume,
-    /// Whether rays and boxes hit it.
+    /// Whether rays and boxes hit the object.
     pub solid: bool,
-    /// Whether any number of characters may use it at once. It is never reserved or held.
+    /// Whether any number of characters may use it at once. It is then never reserved or held.
     pub shared: bool,
 }
 
-/// A session whose character has reserved or holds an object.
+/// Identifies a session whose character has reserved or holds an object.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Holder {
-    /// The session's id.
+    /// Id of the session.
     pub session: Arc<str>,
 }
 
 impl Holder {
-    /// The character of session `session`.
+    /// The holder for the character of session `session`.
     pub fn new(session: impl Into<Arc<str>>) -> Self {
         Self {
             session: session.into(),
@@ -40,21 +40,21 @@ impl fmt::Display for Holder {
     }
 }
 
-/// Whose an instance is.
+/// Who has an instance.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum State {
-    /// Nobody's.
+    /// No character has it.
     #[default]
     Free,
-    /// A character is on its way to it, or uses it where it is.
+    /// A character is on its way to it, or uses it in place.
     Reserved(Holder),
-    /// A character carries it. Until its release it is nowhere in the scene: nothing hits or finds
-    /// it, and its transform is where it was taken.
+    /// A character carries it. Until it is released it is not in the scene: nothing hits or finds
+    /// it, and its transform is the place that it was taken from.
     Held(Holder),
 }
 
 impl State {
-    /// Whose it is, where it is somebody's.
+    /// The character that has it; none if it is free.
     pub fn holder(&self) -> Option<&Holder> {
         match self {
             Self::Free => None,
@@ -70,19 +70,19 @@ pub struct Instance {
     pub id: Arc<str>,
     /// Name of its definition.
     pub object: Arc<str>,
-    /// Shape and trigger, those of the definition.
+    /// Shape and trigger of the definition.
     pub body: Arc<Body>,
-    /// Where it is.
+    /// Place in the world. While held: the place that it was taken from.
     pub transform: Transform,
-    /// Whose it is.
+    /// Who has it.
     pub state: State,
-    /// Grows whenever it moves or its body is replaced, so that a user of it can tell without
+    /// Grows whenever the instance moves or its body is replaced, so that its user notices without
     /// comparing.
     pub revision: u64,
 }
 
 impl Instance {
-    /// Whether it is in the scene, rather than in somebody's hand.
+    /// Whether it is in the scene, not in a hand.
     pub fn is_placed(&self) -> bool {
         !matches!(self.state, State::Held(_))
     }

@@ -1,19 +1,20 @@
-//! Scenes: what a session's characters stand on and may use (paper section 6.2, detection and
+//! Scenes: what the characters of sessions stand on and may use (paper section 6.2, detection and
 //! placement).
 //!
-//! A [`Scene`] has a ground height, static [`Collider`]s and object [`Instance`]s that may move, be
-//! reserved and be held. Two questions are asked of it: which instances' trigger volumes a box
-//! meets ([`Scene::detect`]), and what a ray, or a box on its way, hits first ([`Scene::cast_ray`],
-//! [`Scene::support`], [`Scene::first_solid`]). Shapes and queries are those of `parry3d`; bounding
-//! volume trees keep the cost of a question, and of a move, to what is near.
+//! A [`Scene`] has a ground height, static [`Collider`]s, and object [`Instance`]s that can move,
+//! be reserved and be held. It answers two kinds of queries: which instances' trigger volumes a box
+//! meets ([`Scene::detect`]), and what a ray or a moving box hits first ([`Scene::cast_ray`],
+//! [`Scene::support`], [`Scene::first_solid`]). Shapes and queries come from `parry3d`. Trees of
+//! bounding volumes keep the cost of a query, and of a move, to what is near.
 //!
 //! A scene is a plain value. Sessions share one through a [`SceneCell`]: readers take a snapshot
-//! without a lock, a writer publishes a changed copy that shares all that did not change.
+//! without a lock, and a writer publishes a changed copy, which shares everything that did not
+//! change.
 //!
-//! Scenes are read from TOML or JSON ([`NamedScene::read`], [`load_file`], [`load_folder`]), as the
-//! definitions of their objects are; [`Bodies`] is where they find these.
+//! Scenes are read from TOML or JSON ([`NamedScene::read`], [`load_file`], [`load_folder`]), like
+//! the definitions of their objects, which [`Bodies`] finds.
 //!
-//! Space is the server's own: right-handed, Y up, metres.
+//! Coordinates are native: right-handed, Y up, metres.
 
 mod cell;
 mod check;
@@ -60,9 +61,9 @@ pub use troupe_proto::docs::{
 };
 pub use world::Scene;
 
-/// Version of the scene format that this server reads.
+/// The format number of scenes that this server reads.
 pub const FORMAT: u32 = 1;
-/// Most bytes of a scene that is read.
+/// Largest scene that is read, bytes.
 pub const MAX_BYTES: usize = 8 << 20;
 /// Farthest that anything in a scene may be from its origin along an axis, metres.
 pub const MAX_COORDINATE_M: f32 = 1e4;
@@ -72,23 +73,22 @@ pub const HALF_EXTENT_M: std::ops::RangeInclusive<f32> = 1e-3..=1e3;
 pub const MAX_SHAPE_COORDINATE_M: f32 = 1e3;
 /// Fewest and most points of a convex shape.
 pub const CONVEX_POINTS: std::ops::RangeInclusive<usize> = 4..=64;
-/// A convex shape is at least this thick in every direction, metres.
+/// Least thickness of a convex shape in every direction, metres.
 pub const MIN_THICKNESS_M: f32 = 1e-3;
 /// Fewest and most rows, and columns, of a heightfield.
 pub const HEIGHTFIELD_SIDE: std::ops::RangeInclusive<usize> = 2..=512;
-/// Most samples of a scene's heightfields together.
+/// Most samples of all heightfields of a scene together.
 pub const MAX_HEIGHT_SAMPLES: usize = 1 << 20;
 /// Most static colliders of a scene.
 pub const MAX_COLLIDERS: usize = 1024;
 /// Most object instances of a scene.
 pub const MAX_INSTANCES: usize = 4096;
-/// Most bytes of an instance's or collider's id, or of a scene's name.
+/// Longest id of an instance or collider, and longest name of a scene, bytes.
 pub const MAX_ID_BYTES: usize = 128;
-/// Most volumes that one question to a scene looks at: those that the tree of their bounds gives
-/// first. A question in ordinary scenes meets a few; thousands in one place would cost more than a
-/// frame has.
+/// Most volumes that one query looks at: the first that the tree of bounds gives. A query in an
+/// ordinary scene meets a few. Thousands in one place would take longer than a frame.
 pub const MAX_CANDIDATES: usize = 256;
-/// Most scenes of a server.
+/// Most scenes on a server.
 pub const MAX_SCENES: usize = 256;
-/// How far a rotation's length may be from 1.
+/// Largest difference between a rotation's length and 1.
 pub const UNIT_TOLERANCE: f32 = 1e-3;

@@ -1,4 +1,4 @@
-//! Questions to a scene.
+//! Queries of a scene.
 
 use std::sync::Arc;
 
@@ -13,15 +13,16 @@ use super::{BoxTrace, Instance, MAX_CANDIDATES, Scene, Transform, Volume};
 /// An object whose trigger volume a box trace meets.
 #[derive(Debug, Clone)]
 pub struct Detected {
-    /// The object.
+    /// The object as it is now.
     pub instance: Arc<Instance>,
-    /// Share of the trace's sweep after which it is met, 0 to 1.
+    /// Share of the sweep after which the box meets it, 0 to 1.
     pub share: f32,
-    /// From the middle of the box at its start to the middle of the trigger volume, metres.
+    /// Distance between the middle of the box at its start and the middle of the trigger volume,
+    /// metres.
     pub distance_m: f32,
 }
 
-/// What a ray or a box hit.
+/// The surface that a ray or a box hits.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Surface {
     /// The ground plane.
@@ -32,28 +33,27 @@ pub enum Surface {
     Object(Arc<str>),
 }
 
-/// Where a ray first hits.
+/// The first hit of a ray.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RayHit {
-    /// The place, metres.
+    /// World position, metres.
     pub point: Vec3,
-    /// Unit normal on the ray's side of the surface; zero where the ray starts inside of what it
-    /// hit.
+    /// Unit normal on the ray's side of the surface. Zero if the ray starts inside.
     pub normal: Vec3,
-    /// From the ray's origin, metres.
+    /// Distance from the ray's origin, metres.
     pub distance_m: f32,
-    /// What was hit.
+    /// What the ray hits.
     pub surface: Surface,
 }
 
 impl RayHit {
-    /// Whether the ray started inside of what it hit.
+    /// Whether the ray starts inside of what it hits.
     pub fn is_inside(&self) -> bool {
         self.normal == Vec3::ZERO
     }
 }
 
-/// A ray's hit in the library's terms.
+/// A ray's hit as the library gives it.
 #[derive(Clone, Copy)]
 struct Hit {
     distance: f32,
@@ -61,15 +61,15 @@ struct Hit {
 }
 
 impl Scene {
-    /// All objects whose trigger volumes `trace` meets, held ones left out: first those met first,
-    /// of those met at once the nearer ones, of those as near the ones with the lower id.
+    /// All objects whose trigger volumes `trace` meets, without held ones. Sorted by the share of
+    /// the sweep, then by distance, then by id.
     pub fn detect(&self, trace: &BoxTrace) -> Vec<Detected> {
         let mut found = Vec::new();
         self.detect_into(trace, &mut found);
         found
     }
 
-    /// As [`Scene::detect`], into a list that is cleared first and may be used again.
+    /// As [`Scene::detect`], into a list that is cleared first and can be reused.
     pub fn detect_into(&self, trace: &BoxTrace, found: &mut Vec<Detected>) {
         found.clear();
         let prepared = trace.prepare();
@@ -96,8 +96,8 @@ impl Scene {
         });
     }
 
-    /// What a box on its way hits first, the ground plane left out, and the share of the sweep
-    /// after which it does. `ignore` is the id of an object that it may pass through, its own.
+    /// What a moving box hits first, apart from the ground plane, and the share of the sweep after
+    /// which it does. `ignore` is the id of an object that it may pass through.
     pub fn first_solid(&self, trace: &BoxTrace, ignore: Option<&str>) -> Option<(f32, Surface)> {
         let prepared = trace.prepare();
         let colliders = self
@@ -123,12 +123,12 @@ impl Scene {
             .min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)))
     }
 
-    /// What a ray from `origin` along `direction` (of any length but 0) first hits within `reach_m`
-    /// metres. `ignore` is the id of an object that it passes through. `None` too where a value is
+    /// What a ray from `origin` along `direction` (of any length but 0) hits first within `reach_m`
+    /// metres. `ignore` is the id of an object that it passes through. `None` as well if a value is
     /// not finite.
     ///
-    /// The ground plane is hit from above only; what is solid is hit at once by a ray that starts
-    /// inside of it.
+    /// The ground plane is hit only from above. A ray that starts inside something solid hits it at
+    /// once.
     pub fn cast_ray(
         &self,
         origin: Vec3,
@@ -184,8 +184,8 @@ impl Scene {
         self.cast_ray(point, Vec3::NEG_Y, depth_m, ignore)
     }
 
-    /// Whether nothing solid is, even in part, in the box from `low` to `high`: nothing but the
-    /// ground plane, if that.
+    /// Whether no solid thing is even partly in the box from `low` to `high`. The ground plane does
+    /// not count.
     pub fn is_bare(&self, low: Vec3, high: Vec3) -> bool {
         let bounds = Aabb::new(vector(low), vector(high));
         let mut colliders = self.colliders.tree.intersect_aabb(&bounds);
@@ -226,7 +226,7 @@ fn hit(volume: &Volume, at: Transform, ray: &Ray, reach: f32) -> Option<Hit> {
     Some(Hit { distance, normal })
 }
 
-/// The nearest hit among a tree's leaves, at most `reach` away.
+/// The nearest hit in a tree, at most `reach` away.
 fn nearest(
     tree: &parry3d::partitioning::Bvh,
     ray: &Ray,

@@ -1,4 +1,4 @@
-//! Tests of queries against geometry worked out by hand and by brute force.
+//! Compares queries with geometry worked out by hand and by brute force.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ fn solid(half: Vec3) -> ColliderShape {
     ColliderShape::Solid(box_shape(half))
 }
 
-/// Points of a box at even steps, its corners among them.
+/// Points of a box at even steps, with its corners.
 fn samples(half: Vec3, steps: i32) -> impl Iterator<Item = Vec3> {
     let at = move |i: i32| (i as f32 / steps as f32) * 2.0 - 1.0;
     (0..=steps).flat_map(move |x| {
@@ -48,8 +48,8 @@ fn sampled_meets(
 }
 
 /// As [`sampled_meets`] the other way round: points of the volume's bounds that are in the volume
-/// and in the moved box. It finds meetings of which a coarse grid of the box's own points sees
-/// nothing, such as a corner through a face.
+/// and in the moved box. It finds meetings that a coarse grid of the box misses, such as a corner
+/// through a face.
 fn sampled_back(
     start: Transform,
     half: Vec3,
@@ -73,8 +73,8 @@ fn sampled_back(
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(192))]
 
-    /// Where samples find a meeting, the trace does too; where the trace finds one, a slightly
-    /// larger box and volume do.
+    /// If samples meet, the trace does too. If the trace meets, a slightly larger box and volume
+    /// do.
     #[test]
     fn traces_agree_with_sampling(
         shape in any_shape(),
@@ -106,10 +106,10 @@ proptest! {
         }
     }
 
-    /// The share of a sweep is where the meeting begins: not there a little before, there a little
-    /// after.
+    /// The share of a sweep is where the meeting begins: a little before it there is none, a little
+    /// after it there is.
     #[test]
-    fn a_sweep_tells_where_it_meets(
+    fn a_sweep_gives_where_it_meets(
         shape in any_shape(),
         at in any_transform(0.5),
         rotation in any_rotation(),
@@ -128,7 +128,7 @@ proptest! {
         }
     }
 
-    /// Many instances, one of each question through the tree and without it.
+    /// Many instances, and every query with the tree and without.
     #[test]
     fn the_broad_phase_loses_nothing(
         places in prop::collection::vec(any_transform(6.0), 1..60),
@@ -146,7 +146,7 @@ proptest! {
             scene.move_to(&which.index(places.len()).to_string(), *to).unwrap();
         }
         for which in &gone {
-            // Some are named twice.
+            // Some ids come twice.
             let _ = scene.remove(&which.index(places.len()).to_string());
         }
         let trace = BoxTrace::new(start, Vec3::splat(1.0), direction).unwrap();
@@ -178,7 +178,7 @@ proptest! {
         }
     }
 
-    /// A trigger goes where its instance goes.
+    /// A trigger moves with its instance.
     #[test]
     fn moving_an_instance_moves_its_trigger(
         shape in any_shape(),
@@ -200,7 +200,7 @@ proptest! {
         }
     }
 
-    /// The hit of a ray is on the surface: just before it outside, just after it inside.
+    /// A ray ends on the surface: just before the hit it is outside, just after inside.
     #[test]
     fn rays_end_on_surfaces(shape in any_shape(), at in any_transform(1.0), from in any_vector(6.0)) {
         let volume = Volume::new(&shape).unwrap();
@@ -216,8 +216,8 @@ proptest! {
         prop_assert!(!volume.contains(at, hit.point - direction * 0.01));
     }
 
-    /// A heightfield's surface is between the samples about the place asked for, and at a sample it
-    /// is the sample.
+    /// The surface of a heightfield lies between the samples around a place; at a sample, it is the
+    /// sample.
     #[test]
     fn support_finds_the_height_of_a_heightfield(
         heights in prop::collection::vec(-1.0_f32..1.0, 20),
@@ -340,7 +340,7 @@ fn rays_find_ground_colliders_and_objects() {
     let on_step = down(5.0, Some("crate"));
     assert_eq!(on_step.surface, Surface::Collider("step".into()));
     assert!((on_step.point.y - 0.2).abs() < 1e-5);
-    // Too short, upward, beside, from inside, and without sense.
+    // Too short, upward, beside, from inside, and not finite.
     assert_eq!(scene.support(Vec3::new(0.0, 1.5, 0.0), 1.9, None), None);
     assert_eq!(
         scene.cast_ray(Vec3::new(0.0, 1.5, 0.0), Vec3::Y, 100.0, None),
@@ -354,7 +354,7 @@ fn rays_find_ground_colliders_and_objects() {
 }
 
 #[test]
-fn box_traces_without_sense_are_refused() {
+fn invalid_box_traces_are_refused() {
     for (start, half, sweep, what) in [
         (place(f32::NAN, 0.0, 0.0), Vec3::ONE, Vec3::ZERO, "start"),
         (
@@ -376,10 +376,10 @@ fn box_traces_without_sense_are_refused() {
     }
 }
 
-/// 1,000 instances: what a question, a move and a shared move cost. Measured with `--release`; a
+/// Cost of a query, a move and a shared move with 1,000 instances. Measured with `--release`; a
 /// debug build only runs it.
 #[test]
-fn questions_to_a_large_scene_are_quick() {
+fn queries_of_a_large_scene_are_quick() {
     use std::time::{Duration, Instant};
     let mut scene = Scene::new(0.0).unwrap();
     let body = boxed(0.4);
@@ -435,7 +435,7 @@ fn questions_to_a_large_scene_are_quick() {
 }
 
 #[test]
-fn a_place_is_bare_where_nothing_solid_is() {
+fn a_box_is_bare_without_solid_things() {
     let mut scene = Scene::new(0.0).unwrap();
     let bare =
         |scene: &Scene, x: f32| scene.is_bare(Vec3::new(x - 0.5, -1.0, -0.5), Vec3::new(x + 0.5, 2.0, 0.5));
@@ -445,7 +445,7 @@ fn a_place_is_bare_where_nothing_solid_is() {
         .unwrap();
     assert!(bare(&scene, 0.0) && !bare(&scene, 2.2));
     scene.hold("crate", &Holder::new("a")).unwrap();
-    assert!(bare(&scene, 2.2), "it is in a hand");
+    assert!(bare(&scene, 2.2), "held objects do not count");
     let wall = Collider {
         id: "wall".to_owned(),
         shape: ColliderShape::Solid(box_shape(Vec3::new(0.1, 1.0, 5.0))),

@@ -1,4 +1,4 @@
-//! Scenes as TOML or JSON texts and files.
+//! Reads scenes from TOML or JSON texts and files.
 
 use std::path::Path as FilePath;
 
@@ -11,17 +11,17 @@ impl Document for SceneDoc {
     const MAX_BYTES: usize = MAX_BYTES;
 }
 
-/// A scene that was read, and its name.
+/// A scene with the name that its document gives it.
 #[derive(Debug, Clone)]
 pub struct NamedScene {
-    /// Its name.
+    /// Name of the scene, at most [`MAX_ID_BYTES`](super::MAX_ID_BYTES) bytes.
     pub name: String,
-    /// The scene.
+    /// The checked scene.
     pub scene: Scene,
 }
 
 impl NamedScene {
-    /// Checks what is written; `bodies` has those of its objects.
+    /// Checks a written scene. `bodies` has the bodies of its objects.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
@@ -31,28 +31,28 @@ impl NamedScene {
         Ok(Self { name, scene })
     }
 
-    /// Reads and checks a text; `bodies` has those of its objects.
+    /// Reads a text and checks it. `bodies` has the bodies of its objects.
     ///
     /// # Errors
-    /// [`DocumentError`] for the first thing that is wrong.
+    /// [`DocumentError`] for the first error.
     pub fn read(text: &str, format: Format, bodies: &impl Bodies) -> Result<Self, DocumentError> {
         read(text, format, |doc| Self::from_doc(doc, bodies))
     }
 }
 
-/// Reads and checks the scene in `file`, which ends in `.toml` or `.json`.
+/// Reads the scene in `file`, which ends in `.toml` or `.json`, and checks it.
 ///
 /// # Errors
-/// [`DocumentError`], which names the file, and line and field where there are such.
+/// [`DocumentError`] with the file, and with line and field if the error has them.
 pub fn load_file(file: &FilePath, bodies: &impl Bodies) -> Result<NamedScene, DocumentError> {
     read_file(file, |doc| NamedScene::from_doc(doc, bodies))
 }
 
-/// Reads and checks every `*.toml` and `*.json` of `folder`, sorted by name. A folder that is not
-/// there has none.
+/// Reads and checks every `*.toml` and `*.json` file of `folder`, sorted by name. A folder that
+/// does not exist counts as empty.
 ///
 /// # Errors
-/// [`DocumentError`] for the first file that is not a scene, or has the name of another.
+/// [`DocumentError`] for the first file that is not a scene, or has the same name as another.
 pub fn load_folder(folder: &FilePath, bodies: &impl Bodies) -> Result<Vec<NamedScene>, DocumentError> {
     read_folder(
         folder,

@@ -1,4 +1,4 @@
-//! Scenes that are read, and what is said about those that cannot be.
+//! Which scenes are read, and the errors of those that are not.
 
 use std::path::Path as FilePath;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::document::{Format, parse};
 use crate::object::{self, Definitions};
 use crate::style::testing::TempFolder;
 
-/// Everything that a scene can say, at least once.
+/// Uses everything that a scene can contain at least once.
 const YARD: &str = r#"
 format = 1
 name = "yard"
@@ -56,7 +56,7 @@ position_m = [12.0, 0.8, 0.0]
 rotation = [1.0, 0.0, 0.0, 0.0]
 "#;
 
-/// Knows crates.
+/// Knows only crates.
 struct Crates(Arc<Body>);
 
 impl Bodies for Crates {
@@ -81,7 +81,7 @@ fn said(text: &str, format: Format) -> String {
     NamedScene::read(text, format, &crates()).unwrap_err().to_string()
 }
 
-/// What is under a place.
+/// The surface under a place, and its height.
 fn under(scene: &Scene, x: f32, z: f32) -> (Surface, f32) {
     let hit = scene.support(Vec3::new(x, 9.0, z), 20.0, None).unwrap();
     (hit.surface, hit.point.y)
@@ -98,12 +98,12 @@ fn everything_is_read() {
             ("yard", 2, 0.25)
         );
         assert_eq!(under(&scene, -30.0, 0.0), (Surface::Ground, 0.25));
-        // Turned by a quarter: long along z. Its middle is half a metre over its origin.
+        // Turned by a quarter, so it is long along z. Its middle is half a metre over its origin.
         let (wall, height) = under(&scene, 0.0, 6.5);
         assert_eq!(wall, Surface::Collider("wall".into()));
         assert!((height - 2.5).abs() < 1e-5);
         assert_eq!(under(&scene, 1.5, 5.0).0, Surface::Ground);
-        // Turned by a half: toward -X and -Z.
+        // Turned by a half, toward -X and -Z.
         let (ramp, height) = under(&scene, -2.0, -1.0);
         assert_eq!(ramp, Surface::Collider("ramp".into()));
         assert!((height - 0.5).abs() < 1e-4);
@@ -121,7 +121,7 @@ fn everything_is_read() {
 }
 
 #[test]
-fn little_is_enough_and_what_is_written_comes_back() {
+fn defaults_are_filled_in_and_written_back() {
     let empty = NamedScene::read("format = 1\nname = \"void\"", Format::Toml, &crates()).unwrap();
     assert!(empty.scene.is_empty() && empty.scene.ground_y_m() == 0.0);
     let doc: SceneDoc = parse(YARD, Format::Toml).unwrap();
@@ -132,7 +132,8 @@ fn little_is_enough_and_what_is_written_comes_back() {
     assert_eq!(parse::<SceneDoc>(&json(), Format::Json).unwrap(), doc);
 }
 
-/// A change to the text, and what its error says: line, field, what is wrong, what is allowed.
+/// A change of the text (from, to), and what its error contains: line, field, what is wrong, what
+/// is allowed.
 const WRONG: &[(&str, &str, &str)] = &[
     (
         "format = 1",
@@ -276,7 +277,7 @@ fn errors_name_line_field_and_range() {
 }
 
 #[test]
-fn too_much_is_an_error() {
+fn too_many_entries_are_an_error() {
     let object = |i: usize| {
         format!("[[objects]]\nid = \"{i}\"\ndefinition = \"crate\"\nposition_m = [{i}, 0.5, 0.0]\n")
     };
@@ -303,7 +304,7 @@ fn too_much_is_an_error() {
     assert!(
         said_of_tiles.contains(
             "colliders[6].shape.heightfield.heights_m: brings the samples of the scene's heightfields to 1048582; \
-             allowed: at most 1048576 together"
+             allowed: at most 1048576 in total"
         ),
         "{said_of_tiles}"
     );
@@ -325,7 +326,7 @@ fn files_and_folders() {
     write("z.toml", YARD);
     let twice = load_folder(folder.path(), &crates()).unwrap_err().to_string();
     assert!(
-        twice.contains("z.toml: name: is \"yard\", which another file's scene has"),
+        twice.contains("z.toml: name: is \"yard\", the same as the scene of another file"),
         "{twice}"
     );
     write("z.toml", &YARD.replacen("\"crate\"", "\"car\"", 1));
@@ -339,7 +340,7 @@ fn files_and_folders() {
 }
 
 #[test]
-fn what_is_written_back_is_the_same_scene() {
+fn a_scene_is_unchanged_by_writing_and_reading() {
     let NamedScene { name, scene } = NamedScene::read(YARD, Format::Toml, &crates()).unwrap();
     let text = scene.to_doc(&name).to_toml().unwrap();
     let again = NamedScene::read(&text, Format::Toml, &crates()).unwrap();
@@ -377,7 +378,7 @@ fn the_examples_are_scenes() {
         (name.as_str(), scene.len(), scene.colliders().count()),
         ("courtyard", 6, 4)
     );
-    // The cups stand on the table: put down there, they stay.
+    // The cups stand on the table, and stay in place if put down there.
     let cup = definitions.get("cup").unwrap().definition.clone();
     for id in ["cup-1", "cup-2"] {
         let at = scene.instance(id).unwrap().transform;

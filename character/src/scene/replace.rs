@@ -1,15 +1,14 @@
-//! One scene in the place of another, while characters are in it.
+//! Replaces a scene while characters are in it.
 
 use std::sync::Arc;
 
 use super::{Instance, Scene};
 
 impl Scene {
-    /// Becomes `new`: its ground, its colliders, its objects. An object of the same id and
-    /// definition stays the same one: whoever has reserved or holds it goes on having it, and it
-    /// has moved where its transform is another. What is in somebody's hand stays there; the place
-    /// where it was taken is that of `new` then. All other objects go, and those of `new` come. The
-    /// revision goes on from this scene's.
+    /// Takes over ground, colliders and objects of `new`. An object with the same id and definition
+    /// stays: it keeps its reservation or holder, and counts as moved if its transform differs. A
+    /// held object stays in the hand; its place in the scene becomes that of `new`. All other
+    /// objects go, and those of `new` are added. The revision continues from this scene's.
     pub fn become_scene(&mut self, new: Self) {
         let stays = |old: &Instance| {
             let same = |new: &Arc<Instance>| new.object == old.object;
@@ -20,7 +19,7 @@ impl Scene {
             .map(|old| Arc::clone(&old.id))
             .collect();
         for id in gone {
-            // It is there, so this does not fail.
+            // The object exists, so this does not fail.
             let _ = self.remove(&id);
         }
         for instance in new.instances() {
@@ -34,8 +33,7 @@ impl Scene {
                         transform,
                         ..
                     } = &**instance;
-                    // It was accepted when it came into `new`, and here there is room for all of
-                    // those.
+                    // It was accepted into `new`, and there is room for all of those here.
                     let _ = self.add(id, object, Arc::clone(body), *transform);
                 }
             }
@@ -43,7 +41,7 @@ impl Scene {
         self.take_ground_and_colliders(&new);
     }
 
-    /// Has an object that stays follow its new self.
+    /// Makes an object that stays follow its new version.
     fn follow(&mut self, old: &Instance, new: &Instance) {
         let moved = old.transform != new.transform;
         if moved || !Arc::ptr_eq(&old.body, &new.body) {
@@ -71,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn objects_that_stay_are_the_same_and_others_come_and_go() {
+    fn objects_in_both_scenes_stay_and_others_come_and_go() {
         let mut scene = with(&[
             ("still", "crate", 0.0),
             ("moved", "crate", 3.0),
@@ -92,7 +90,7 @@ mod tests {
             ("other", "cup", 12.0),
             ("fresh", "cup", 15.0),
         ]);
-        // Of the same body, so that it has not changed at all.
+        // With the same body, so it has not changed at all.
         let still = before.instance("still").unwrap();
         new.add("still", "crate", Arc::clone(&still.body), still.transform)
             .unwrap();
@@ -120,7 +118,8 @@ mod tests {
         assert!(scene.revision() > before.revision());
         assert_eq!((scene.ground_y_m(), scene.colliders().len()), (-1.0, 1));
 
-        // What is found follows: the moved one, the held one nowhere, until it is put down.
+        // Queries follow: they find the moved object in its new place, and not the held one until
+        // it is put down.
         let found = |scene: &Scene, x: f32| {
             let trace =
                 super::super::BoxTrace::new(place(x, 0.5, 0.0), Vec3::splat(0.1), Vec3::ZERO).unwrap();

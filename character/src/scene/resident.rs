@@ -1,19 +1,19 @@
-//! Who lives in a scene.
+//! Counts the sessions in a scene.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::SceneCell;
 
-/// The count of a scene that nobody can enter any more.
+/// The count of a scene that no session can enter any more.
 const CLOSED: usize = usize::MAX;
 
-/// Counts those who live in a scene.
+/// Counts the sessions in a scene.
 #[derive(Debug, Default)]
 pub(super) struct Residents(AtomicUsize);
 
 impl Residents {
-    /// How many there are.
+    /// Number of sessions in the scene; 0 once it is closed.
     pub(super) fn count(&self) -> usize {
         match self.0.load(Ordering::Acquire) {
             CLOSED => 0,
@@ -21,7 +21,7 @@ impl Residents {
         }
     }
 
-    /// One more; `false` where nobody can enter any more.
+    /// Counts one more. `false` if the scene is closed.
     fn enter(&self) -> bool {
         let more = |count| (count != CLOSED).then(|| count + 1);
         self.0
@@ -33,7 +33,7 @@ impl Residents {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }
 
-    /// Lets nobody enter from now on, where nobody is in it. Else how many are.
+    /// Closes the scene, if no session is in it. Otherwise returns their number.
     pub(super) fn close(&self) -> Result<(), usize> {
         self.0
             .compare_exchange(0, CLOSED, Ordering::AcqRel, Ordering::Acquire)
@@ -41,7 +41,8 @@ impl Residents {
     }
 }
 
-/// A session's place in a scene, which is not deleted while there are such. Dropping it leaves.
+/// A session's place in a scene, which cannot be removed while it exists. Dropping it leaves the
+/// scene.
 #[derive(Debug)]
 pub struct Resident {
     name: Arc<str>,
@@ -49,7 +50,7 @@ pub struct Resident {
 }
 
 impl Resident {
-    /// A place in the scene of this name; `None` where it is being deleted.
+    /// A place in the scene of this name. `None` if the scene is being removed.
     pub(super) fn enter(name: &str, cell: &Arc<SceneCell>) -> Option<Self> {
         cell.residents.enter().then(|| Self {
             name: Arc::from(name),
@@ -57,12 +58,12 @@ impl Resident {
         })
     }
 
-    /// The scene's name.
+    /// Name of the scene when it was entered.
     pub fn name(&self) -> &Arc<str> {
         &self.name
     }
 
-    /// The scene.
+    /// The scene, also after it was removed from its table.
     pub fn cell(&self) -> &Arc<SceneCell> {
         &self.cell
     }

@@ -1,4 +1,4 @@
-//! Shapes as written, and volumes as the queries use them.
+//! Shapes as written, and volumes as queries use them.
 
 use std::fmt;
 
@@ -14,12 +14,12 @@ use super::{
     Transform,
 };
 
-/// A convex shape, in the frame of what it belongs to.
+/// A convex shape in the frame of reference of its owner.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
-    /// A box along the axes.
+    /// A box whose edges are parallel to the axes.
     Box {
-        /// Its middle, metres.
+        /// Middle of the box, metres.
         center_m: Vec3,
         /// Half its size along each axis, metres.
         half_extents_m: Vec3,
@@ -32,7 +32,7 @@ pub enum Shape {
 }
 
 impl From<&BoxDoc> for Shape {
-    /// The shape, unchecked.
+    /// The shape as written, without checks.
     fn from(doc: &BoxDoc) -> Self {
         Self::Box {
             center_m: doc.center_m.into(),
@@ -42,7 +42,7 @@ impl From<&BoxDoc> for Shape {
 }
 
 impl From<&ConvexDoc> for Shape {
-    /// The shape, unchecked.
+    /// The shape as written, without checks.
     fn from(doc: &ConvexDoc) -> Self {
         Self::Convex {
             points_m: doc.points_m.iter().copied().map(Into::into).collect(),
@@ -51,7 +51,7 @@ impl From<&ConvexDoc> for Shape {
 }
 
 impl From<&ShapeDoc> for Shape {
-    /// The shape, unchecked.
+    /// The shape as written, without checks.
     fn from(doc: &ShapeDoc) -> Self {
         match doc {
             ShapeDoc::Box(shape) => shape.into(),
@@ -64,7 +64,7 @@ impl From<&ShapeDoc> for Shape {
 #[derive(Clone)]
 pub struct Volume {
     shape: SharedShape,
-    /// Where the shape's own origin is: inside of what is convex.
+    /// Origin of the library's shape; inside of a convex one.
     offset: Vec3,
 }
 
@@ -72,7 +72,8 @@ impl Shape {
     /// Checks the shape's values.
     ///
     /// # Errors
-    /// [`ShapeError::Value`] or [`ShapeError::Flat`].
+    /// [`ShapeError::Value`] for a value out of its range, [`ShapeError::Flat`] for points without
+    /// a volume.
     pub fn check(&self) -> Result<(), ShapeError> {
         match self {
             Self::Box {
@@ -109,8 +110,8 @@ impl Shape {
         }
     }
 
-    /// The shape made larger by `reach_m` on every side, along the axes: every point that is not
-    /// farther than that from the shape along each axis at once.
+    /// The shape grown by `reach_m` on every side along the axes: every point at most that far from
+    /// the shape along each axis.
     pub fn grown(&self, reach_m: f32) -> Self {
         match self {
             Self::Box {
@@ -130,7 +131,7 @@ impl Shape {
     }
 }
 
-/// The corners of the box about `center`.
+/// The corners of a box around `center`.
 fn corners(center: Vec3, half: Vec3) -> impl Iterator<Item = Vec3> {
     (0..8).map(move |corner| {
         let side = |bit: u32| if corner & bit == 0 { -1.0 } else { 1.0 };
@@ -148,8 +149,8 @@ fn each_axis(field: &str, v: Vec3, low: f32, high: f32) -> Result<(), ShapeError
     Ok(())
 }
 
-/// How far the points reach to either side of the plane that is flattest among those through the
-/// farthest pair and the point farthest from its line; 0 where there is no such plane.
+/// Largest distance of the points to a plane through three of them: the farthest pair and the point
+/// farthest from its line. 0 if there is no such plane.
 fn thickness(points: &[Vec3]) -> f32 {
     let Some(&a) = points.first() else {
         return 0.0;
@@ -178,17 +179,16 @@ fn thickness(points: &[Vec3]) -> f32 {
 }
 
 impl Volume {
-    /// Prepares `shape`.
+    /// Prepares `shape` for queries.
     ///
     /// # Errors
-    /// [`ShapeError`] where [`Shape::check`] refuses it, or its points have no hull.
+    /// [`ShapeError`] if [`Shape::check`] refuses it, or its points have no hull.
     pub fn new(shape: &Shape) -> Result<Self, ShapeError> {
         shape.check()?;
         Self::build(shape)
     }
 
-    /// Prepares `shape` made larger by `reach_m` (see [`Shape::grown`]), which must not be
-    /// negative.
+    /// Prepares `shape` grown by `reach_m` (see [`Shape::grown`]), at least 0.
     ///
     /// # Errors
     /// As [`Volume::new`].
@@ -207,7 +207,7 @@ impl Volume {
                 *center_m,
             )),
             Shape::Convex { points_m } => {
-                // About the middle, so that a far offset costs no precision.
+                // About the middle, so that a large offset costs no precision.
                 let middle = points_m.iter().copied().sum::<Vec3>() / points_m.len().max(1) as f32;
                 let points: Vec<Vector> = points_m.iter().map(|&point| vector(point - middle)).collect();
                 let hull = convex_hull(&points).ok_or(ShapeError::Hull)?;
@@ -232,8 +232,8 @@ impl Volume {
         self.shape.compute_aabb(&self.pose(at))
     }
 
-    /// A point well inside, in the volume's own frame: the middle of a box, the mean of the points
-    /// of a hull, the origin of a heightfield.
+    /// A point well inside, in the volume's own frame of reference: the middle of a box, the mean
+    /// of a hull's points, the origin of a heightfield.
     pub fn center(&self) -> Vec3 {
         self.offset
     }
@@ -252,9 +252,9 @@ impl Volume {
     }
 }
 
-/// The hull of points that are already known to span a volume. The library's hull asserts what it
-/// believes of its own steps; points that are nearly coplanar by the thousandth can make it wrong,
-/// and that is an error like any other here.
+/// The hull of points that span a volume. The library asserts its own intermediate results. Points
+/// that are nearly coplanar, to a thousandth, can break these; here that is an error like any
+/// other.
 fn convex_hull(points: &[Vector]) -> Option<ConvexPolyhedron> {
     std::panic::catch_unwind(|| ConvexPolyhedron::from_convex_hull(points))
         .ok()

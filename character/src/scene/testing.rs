@@ -1,4 +1,4 @@
-//! Scenes, shapes and values that the tests share.
+//! Scenes, shapes and values shared by tests.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use troupe_motion::{Quat, Vec3};
 
 use super::{Body, Shape, Transform, Volume};
 
-/// A box about its origin.
+/// A box around its origin.
 pub fn box_shape(half: Vec3) -> Shape {
     Shape::Box {
         center_m: Vec3::ZERO,
@@ -15,7 +15,7 @@ pub fn box_shape(half: Vec3) -> Shape {
     }
 }
 
-/// A solid cube with a trigger of 0.5 m about it.
+/// A solid cube with a trigger 0.5 m around it.
 pub fn boxed(half: f32) -> Arc<Body> {
     body(&box_shape(Vec3::splat(half)), 0.5)
 }
@@ -30,7 +30,7 @@ pub fn body(shape: &Shape, reach_m: f32) -> Arc<Body> {
     })
 }
 
-/// Upright at a place.
+/// A transform without rotation.
 pub fn place(x: f32, y: f32, z: f32) -> Transform {
     Transform::new(Vec3::new(x, y, z), Quat::IDENTITY)
 }
@@ -43,7 +43,7 @@ pub fn any_vector(far: f32) -> impl Strategy<Value = Vec3> {
 /// Any unit quaternion.
 pub fn any_rotation() -> impl Strategy<Value = Quat> {
     prop::array::uniform4(-1.0_f32..1.0)
-        .prop_filter("too short to be a direction", |q| {
+        .prop_filter("shorter than a direction may be", |q| {
             q.iter().map(|v| v * v).sum::<f32>() > 0.01
         })
         .prop_map(|q| Quat::from_array(q).normalize())
@@ -63,6 +63,6 @@ pub fn any_shape() -> impl Strategy<Value = Shape> {
         });
     let hulls = prop::collection::vec(any_vector(1.0), 5..24)
         .prop_map(|points_m| Shape::Convex { points_m })
-        .prop_filter("has no volume to speak of", |shape| Volume::new(shape).is_ok());
+        .prop_filter("almost without volume", |shape| Volume::new(shape).is_ok());
     prop_oneof![boxes, hulls]
 }

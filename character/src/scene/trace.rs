@@ -1,4 +1,4 @@
-//! A box, standing or on its way.
+//! A box that stands or moves.
 
 use parry3d::bounding_volume::{Aabb, BoundingVolume as _};
 use parry3d::math::{Pose, Vector};
@@ -10,7 +10,8 @@ use super::convert::{pose, vector};
 use super::error::{SceneError, coordinates};
 use super::{HALF_EXTENT_M, MAX_COORDINATE_M, Transform, Volume};
 
-/// A box that is moved along a line: what a character takes up, or reaches, from here to there.
+/// A box that moves along a line: the space that a character fills, or reaches, from one place to
+/// another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoxTrace {
     start: Transform,
@@ -19,8 +20,8 @@ pub struct BoxTrace {
 }
 
 impl BoxTrace {
-    /// A box of half extents `half_extents_m`, its middle at `start` and turned like it, moved by
-    /// `sweep_m`. No sweep: the box as it stands.
+    /// A box of half extents `half_extents_m`, with its middle at `start`, turned like it, moved by
+    /// `sweep_m`. A zero sweep leaves the box in place.
     ///
     /// # Errors
     /// [`SceneError::Value`] for values that are not finite or out of range.
@@ -68,7 +69,7 @@ impl BoxTrace {
     }
 }
 
-/// A box trace in the library's terms.
+/// A box trace in the library's types.
 pub(super) struct Prepared {
     cuboid: Cuboid,
     at: Pose,
@@ -77,12 +78,12 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    /// The share of the sweep after which the box meets the volume; 0 where it does from the start,
-    /// `None` where it never does.
+    /// The share of the sweep after which the box meets the volume: 0 if it does from the start,
+    /// `None` if never.
     pub(super) fn meets(&self, volume: &Volume, transform: Transform) -> Option<f32> {
         let at = volume.pose(transform);
-        // No answer comes for kinds of shapes that the library cannot pair, and a box pairs with
-        // all that are used here.
+        // The library gives no answer for pairs of shapes that it does not support. It supports a
+        // box with every shape used here.
         let touches = query::intersection_test(&self.at, &self.cuboid, &at, volume.shape());
         if touches.is_ok_and(|test| test.intersecting) {
             return Some(0.0);

@@ -1,4 +1,4 @@
-//! Where a thing is and how it is turned.
+//! Position and rotation of a thing.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Mul;
@@ -10,23 +10,23 @@ use troupe_motion::{Quat, Vec3};
 use super::error::{SceneError, coordinates};
 use super::{MAX_COORDINATE_M, UNIT_TOLERANCE};
 
-/// A rigid transform: turn first, then move.
+/// A rigid transform: first rotate, then move.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Transform {
-    /// Where the origin goes, metres.
+    /// Place of the origin, metres.
     pub position: Vec3,
     /// Unit quaternion.
     pub rotation: Quat,
 }
 
 impl Transform {
-    /// The one that changes nothing.
+    /// The transform that changes nothing.
     pub const IDENTITY: Self = Self {
         position: Vec3::ZERO,
         rotation: Quat::IDENTITY,
     };
 
-    /// At `position`, turned by `rotation`.
+    /// A transform to `position`, rotated by `rotation`.
     pub fn new(position: Vec3, rotation: Quat) -> Self {
         Self { position, rotation }
     }
@@ -36,10 +36,11 @@ impl Transform {
         Self::new(position, yaw(heading))
     }
 
-    /// Whether it is finite, near enough, and its rotation of unit length; made exactly so.
+    /// Checks that it is finite, within range, and its rotation of unit length, which is then made
+    /// exact.
     ///
     /// # Errors
-    /// [`SceneError::Value`], which names `what`.
+    /// [`SceneError::Value`] that names `what`.
     pub fn checked(self, what: &'static str) -> Result<Self, SceneError> {
         coordinates(what, self.position, MAX_COORDINATE_M)?;
         let length = self.rotation.length();
@@ -53,26 +54,26 @@ impl Transform {
         Ok(Self::new(self.position, self.rotation.normalize()))
     }
 
-    /// `point` of this transform's frame, in the world.
+    /// `point` of this transform's frame of reference, in the world.
     #[inline]
     pub fn point(self, point: Vec3) -> Vec3 {
         self.position + self.rotation * point
     }
 
-    /// `point` of the world, in this transform's frame.
+    /// `point` of the world, in this transform's frame of reference.
     #[inline]
     pub fn local_point(self, point: Vec3) -> Vec3 {
         self.rotation.conjugate() * (point - self.position)
     }
 
-    /// The transform that undoes it.
+    /// The inverse transform.
     pub fn inverse(self) -> Self {
         let rotation = self.rotation.conjugate();
         Self::new(rotation * -self.position, rotation)
     }
 
-    /// The turn about +Y that is in the rotation, radians in (-π, π]. A tilt does not change it.
-    /// Where the rotation is a half turn about a level axis there is none, and 0 comes back.
+    /// The rotation about +Y that the rotation contains, radians in (-π, π]. A tilt does not change
+    /// it. A half turn about a level axis has none: 0.
     pub fn heading(self) -> f32 {
         let q = self.rotation;
         if q.y == 0.0 && q.w == 0.0 {
@@ -116,7 +117,7 @@ mod tests {
         }
 
         #[test]
-        fn heading_is_what_it_was_made_with(heading in -3.1_f32..3.1, tilt in -1.5_f32..1.5) {
+        fn heading_is_the_one_it_was_made_with(heading in -3.1_f32..3.1, tilt in -1.5_f32..1.5) {
             let upright = Transform::upright(Vec3::ZERO, heading);
             prop_assert!((upright.heading() - heading).abs() < 1e-5);
             let tilted = Transform::new(Vec3::ZERO, upright.rotation * Quat::from_rotation_x(tilt));
@@ -128,14 +129,14 @@ mod tests {
             let before = Transform::new(Vec3::ZERO, q).heading();
             let after = Transform::new(Vec3::ZERO, yaw(turn) * q).heading();
             prop_assert!(before.is_finite());
-            // Close to a half turn about a level axis the heading is rounding alone.
+            // Near a half turn about a level axis, the heading is only rounding.
             prop_assume!(q.y.hypot(q.w) > 0.05);
             prop_assert!(wrap_angle(after - before - turn).abs() < 1e-3);
         }
     }
 
     #[test]
-    fn what_is_not_a_transform_is_refused() {
+    fn invalid_transforms_are_refused() {
         for (position, rotation) in [
             (Vec3::new(f32::NAN, 0.0, 0.0), Quat::IDENTITY),
             (Vec3::new(0.0, 2e4, 0.0), Quat::IDENTITY),

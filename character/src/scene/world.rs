@@ -1,4 +1,4 @@
-//! A scene and how it is changed.
+//! A scene and its changes.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -9,32 +9,32 @@ use super::collider::{Colliders, Placed};
 use super::error::{self, SceneError};
 use super::{Body, Collider, Holder, Instance, MAX_COORDINATE_M, MAX_INSTANCES, State, Transform};
 
-/// About how much memory a scene takes, bytes: of its own, and for each instance.
+/// Rough memory of a scene, bytes: of its own, and for each instance.
 const SCENE_BYTES: usize = 4096;
 const INSTANCE_BYTES: usize = 1024;
 
-/// What characters share a place with. A copy shares all that is not changed later, so it costs
-/// little.
+/// Ground, colliders and objects that characters share. A copy shares everything that does not
+/// change later, so it is cheap.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
     ground_y_m: f32,
     pub(super) colliders: Arc<Colliders>,
-    /// Places in this list are the leaves of the two trees.
+    /// Indices into this list are the leaves of the two trees.
     slots: Vec<Option<Arc<Instance>>>,
     free: Vec<u32>,
     by_id: Arc<HashMap<Arc<str>, u32>>,
     /// Trigger volumes of the placed instances.
     pub(super) triggers: Bvh,
-    /// Bodies of those that are solid.
+    /// Bodies of the solid placed instances.
     pub(super) solids: Bvh,
     revision: u64,
 }
 
 impl Scene {
-    /// An empty scene with its ground at `ground_y_m`.
+    /// An empty scene with its ground at height `ground_y_m`.
     ///
     /// # Errors
-    /// [`SceneError::Value`] for a height that is not finite or too far.
+    /// [`SceneError::Value`] for a height that is not finite, or too far from 0.
     pub fn new(ground_y_m: f32) -> Result<Self, SceneError> {
         let mut scene = Self::default();
         scene.set_ground(ground_y_m)?;
@@ -66,17 +66,17 @@ impl Scene {
         self.colliders.list.iter().map(|placed| &placed.source)
     }
 
-    /// Samples of all heightfields together.
+    /// Total number of samples of all heightfields.
     pub fn height_samples(&self) -> usize {
         self.colliders.samples()
     }
 
-    /// About how much memory it takes, bytes.
+    /// A rough measure of its memory, bytes.
     pub fn bytes(&self) -> usize {
         SCENE_BYTES + self.colliders.bytes() + self.len() * INSTANCE_BYTES
     }
 
-    /// All instances, in no order that means anything.
+    /// All instances, in no particular order.
     pub fn instances(&self) -> impl Iterator<Item = &Arc<Instance>> {
         self.slots.iter().flatten()
     }
@@ -91,7 +91,7 @@ impl Scene {
         self.slots.get(slot as usize)?.as_ref()
     }
 
-    /// Whether it has objects of this definition, held ones too.
+    /// Whether it has objects of this definition, held ones included.
     pub fn uses(&self, definition: &str) -> bool {
         self.instances().any(|instance| &*instance.object == definition)
     }
@@ -99,7 +99,7 @@ impl Scene {
     /// Moves the ground plane.
     ///
     /// # Errors
-    /// [`SceneError::Value`].
+    /// [`SceneError::Value`] for a height that is not finite, or too far from 0.
     pub fn set_ground(&mut self, ground_y_m: f32) -> Result<(), SceneError> {
         let limit = MAX_COORDINATE_M;
         if !(-limit..=limit).contains(&ground_y_m) {
@@ -123,20 +123,20 @@ impl Scene {
         self.set_colliders_each(colliders).map_err(|(_, error)| error)
     }
 
-    /// [`Scene::set_colliders`], whose error comes with the index of the collider that it is about,
-    /// where it is about one.
+    /// [`Scene::set_colliders`], whose error comes with the index of the collider at fault, if it
+    /// is a single one.
     pub fn set_colliders_each(&mut self, colliders: &[Collider]) -> Result<(), (Option<usize>, SceneError)> {
         self.place_colliders(Colliders::prepare(colliders)?);
         Ok(())
     }
 
-    /// Replaces all static colliders by such as have been checked, one by one and together.
+    /// Replaces all static colliders by ones that were checked, singly and together.
     pub(super) fn place_colliders(&mut self, colliders: Vec<Placed>) {
         self.colliders = Arc::new(Colliders::new(colliders));
         self.revision += 1;
     }
 
-    /// Places an object: `id` is its own, `object` the name of its definition, `body` that
+    /// Places an object. `id` is its own, `object` the name of its definition, `body` that
     /// definition's.
     ///
     /// # Errors
@@ -182,10 +182,10 @@ impl Scene {
         Ok(())
     }
 
-    /// Takes an object out, whoever has it. Its last state comes back.
+    /// Removes an object, even if somebody has it. Returns its last state.
     ///
     /// # Errors
-    /// [`SceneError::Unknown`].
+    /// [`SceneError::Unknown`] if it does not exist.
     pub fn remove(&mut self, id: &str) -> Result<Arc<Instance>, SceneError> {
         let (slot, instance) = self.find(id)?;
         Arc::make_mut(&mut self.by_id).remove(id);
@@ -197,7 +197,7 @@ impl Scene {
         Ok(instance)
     }
 
-    /// Moves an object, and its trigger volume with it, whether somebody has reserved it or not.
+    /// Moves an object with its trigger volume, reserved or not.
     ///
     /// # Errors
     /// [`SceneError::Unknown`], [`SceneError::MoveHeld`], or [`SceneError::Value`] for a transform
@@ -215,8 +215,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Gives every instance of definition `object` another body: the definition was replaced. How
-    /// many there were.
+    /// Gives every instance of definition `object` a new body, after the definition was replaced.
+    /// Returns their number.
     pub fn replace_body(&mut self, object: &str, body: &Arc<Body>) -> usize {
         let of_object = |instance: &Arc<Instance>| &*instance.object == object;
         let slots: Vec<u32> = (0..self.slots.len() as u32)
@@ -230,8 +230,8 @@ impl Scene {
         slots.len()
     }
 
-    /// Reserves an object for `by`; reserving again changes nothing. A shared one stays free, and
-    /// one that `by` holds is held on.
+    /// Reserves an object for `by`. Reserving again changes nothing. A shared object stays free,
+    /// and one that `by` holds stays held.
     ///
     /// # Errors
     /// [`SceneError::Unknown`] or [`SceneError::Taken`].
@@ -243,11 +243,11 @@ impl Scene {
         Ok(())
     }
 
-    /// Puts an object into the hand of `by`: from now on it is nowhere in the scene.
+    /// Puts an object into the hand of `by`: from now on it is not in the scene.
     ///
     /// # Errors
-    /// [`SceneError::Unknown`], [`SceneError::Taken`], or [`SceneError::Value`] for an object that
-    /// is shared.
+    /// [`SceneError::Unknown`], [`SceneError::Taken`], or [`SceneError::Value`] for a shared
+    /// object.
     pub fn hold(&mut self, id: &str, by: &Holder) -> Result<(), SceneError> {
         let (slot, instance) = self.own(id, by)?;
         if instance.body.shared {
@@ -263,7 +263,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Puts an object that `by` holds back into the scene, free, at `transform`.
+    /// Puts an object that `by` holds back into the scene at `transform`, free.
     ///
     /// # Errors
     /// [`SceneError::Unknown`], [`SceneError::NotHeld`], or [`SceneError::Value`] for a transform
@@ -284,7 +284,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Ends a reservation of `by`, if it is that. Whether it was.
+    /// Ends a reservation of `by`. Answers whether there was one.
     pub fn unreserve(&mut self, id: &str, by: &Holder) -> bool {
         match self.find(id) {
             Ok((slot, instance)) if instance.state == State::Reserved(by.clone()) => {
@@ -295,14 +295,14 @@ impl Scene {
         }
     }
 
-    /// The objects that `by` reserved or holds.
+    /// The objects that `by` has reserved or holds.
     pub fn of_holder<'a>(&'a self, by: &'a Holder) -> impl Iterator<Item = &'a Arc<Instance>> {
         self.instances()
             .filter(move |instance| instance.state.holder() == Some(by))
     }
 
-    /// Frees all that the characters `gone` names reserved or hold: they are no more. What they
-    /// held is where it was taken. How many objects that freed.
+    /// Frees everything of the characters for which `gone` is true. What they held is back where it
+    /// was taken. Returns the number of objects.
     pub fn free_all(&mut self, gone: impl Fn(&Holder) -> bool) -> usize {
         let taken = |instance: &Arc<Instance>| instance.state.holder().is_some_and(&gone);
         let slots: Vec<u32> = (0..self.slots.len() as u32)
@@ -316,7 +316,7 @@ impl Scene {
         slots.len()
     }
 
-    /// Changes place or body of an object, if there is one.
+    /// Changes place or body of an object, if it exists.
     pub(super) fn change_instance(&mut self, id: &str, change: impl FnOnce(&mut Instance)) {
         if let Ok((slot, instance)) = self.find(id) {
             self.change(slot, &instance, change);
@@ -340,7 +340,7 @@ impl Scene {
         Ok((slot, Arc::clone(instance)))
     }
 
-    /// As [`Self::find`], where nobody but `by` has it.
+    /// As [`Self::find`], for an object that no holder but `by` has.
     fn own(&self, id: &str, by: &Holder) -> Result<(u32, Arc<Instance>), SceneError> {
         let (slot, instance) = self.find(id)?;
         match instance.state.holder() {
@@ -359,7 +359,7 @@ impl Scene {
         self.put(slot, Arc::new(changed));
     }
 
-    /// A change of place or body.
+    /// Changes place or body of an instance.
     fn change(&mut self, slot: u32, instance: &Arc<Instance>, change: impl FnOnce(&mut Instance)) {
         let mut changed = Instance::clone(instance);
         change(&mut changed);
@@ -368,8 +368,7 @@ impl Scene {
         self.put(slot, Arc::new(changed));
     }
 
-    /// Puts an instance into its slot and the trees in order: its leaves alone are taken out and in
-    /// again.
+    /// Puts an instance into its slot, and updates its leaves in the trees.
     fn put(&mut self, slot: u32, instance: Arc<Instance>) {
         let Instance { body, transform, .. } = &*instance;
         let placed = instance.is_placed();

@@ -1,4 +1,4 @@
-//! Tests of changes to a scene, and of the shapes in it.
+//! Changes of a scene, and its shapes.
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ fn reserve_hold_release() {
         "object \"crate\" is reserved or held by session \"a\""
     );
     assert!(matches!(scene.hold("crate", &b), Err(SceneError::Taken { .. })));
-    // It may be moved under the one who reserved it.
+    // It may be moved while it is reserved.
     scene.move_to("crate", place(2.0, 0.5, 0.0)).unwrap();
     assert_eq!((found(&scene, 0.0), found(&scene, 2.0)), (0, 1));
     assert_eq!(scene.of_holder(&a).count(), 1);
@@ -57,7 +57,7 @@ fn reserve_hold_release() {
 }
 
 #[test]
-fn characters_that_are_gone_hold_nothing() {
+fn characters_that_left_hold_nothing() {
     let mut scene = one_crate();
     scene
         .add("other", "crate", boxed(0.5), place(5.0, 0.5, 0.0))
@@ -65,7 +65,7 @@ fn characters_that_are_gone_hold_nothing() {
     scene.hold("crate", &Holder::new("a")).unwrap();
     scene.reserve("other", &Holder::new("b")).unwrap();
     assert_eq!(scene.free_all(|by| &*by.session == "a"), 1);
-    assert_eq!(found(&scene, 0.0), 1, "back where it was taken");
+    assert_eq!(found(&scene, 0.0), 1, "back in its old place");
     assert!(scene.instance("other").unwrap().state.holder().is_some());
 }
 
@@ -174,7 +174,7 @@ fn colliders_are_replaced_together_or_not_at_all() {
 }
 
 #[test]
-fn heightfields_without_sense_are_refused() {
+fn invalid_heightfields_are_refused() {
     let good = Heightfield {
         rows: 2,
         columns: 3,
@@ -223,7 +223,7 @@ fn heightfields_without_sense_are_refused() {
 }
 
 #[test]
-fn shapes_without_sense_are_refused() {
+fn invalid_shapes_are_refused() {
     let convex = |points: &[[f32; 3]]| Shape::Convex {
         points_m: points.iter().copied().map(Vec3::from).collect(),
     };
@@ -249,8 +249,8 @@ fn shapes_without_sense_are_refused() {
 }
 
 proptest! {
-    /// Points on a coarse grid make all kinds of ties: an answer or an error, and a hull holds its
-    /// points.
+    /// Points on a coarse grid make ties of all kinds. The result is an error, or a hull that
+    /// contains its points.
     #[test]
     fn hulls_of_awkward_points_never_panic(
         points in prop::collection::vec(prop::array::uniform3(-2_i32..3), 4..40),
@@ -271,9 +271,9 @@ proptest! {
         }
     }
 
-    /// A grown shape holds what is within reach, and nothing beyond.
+    /// A grown shape contains what is within reach, and nothing beyond.
     #[test]
-    fn growing_reaches_as_far_as_it_says(
+    fn a_grown_shape_reaches_exactly_as_far(
         shape in any_shape(),
         reach in 0.05_f32..1.0,
         toward in any_vector(1.0),

@@ -1,4 +1,4 @@
-//! Scenes as they are written: back from what they were checked to.
+//! Writes scenes as documents.
 
 use troupe_motion::Quat;
 use troupe_motion::rotation::to_wxyz;
@@ -9,7 +9,7 @@ use super::{
 };
 
 impl Scene {
-    /// The scene as it is now, under this name. Who has reserved or holds its objects is not
+    /// The document of the scene as it is now, under this name. Reservations and holders are not
     /// written.
     pub fn to_doc(&self, name: &str) -> SceneDoc {
         let mut objects: Vec<InstanceDoc> = self.instances().map(|instance| instance.to_doc()).collect();

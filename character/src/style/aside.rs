@@ -1,11 +1,11 @@
-//! Steps aside and backwards for a style that has none.
+//! Builds gaits aside and backwards for a style that has none.
 //!
-//! Clips of people who walk "to the left" turn their hips to where they go: in the default pack's
-//! data the way is 8 to 46° off the hips. So whoever must face ahead and go straight to the side
-//! needs a gait that is built: the body of the style's walk, with less of its swing, over legs that
-//! open and close. The foot on the side of the way steps out, the other follows it; they never pass
-//! each other. Legs are bent to their feet, and the hips are as low as the wider of the two legs
-//! needs.
+//! In clips, people who walk "to the left" turn their hips that way: in the default pack's data,
+//! travel is 8 to 46° off the hips. A character that must face ahead and move straight to the side
+//! therefore needs a built gait. It takes the body of the style's walk, with less swing, over legs
+//! that open and close. The foot on the side of travel steps out and the other follows; they never
+//! pass each other. Legs are bent to their feet, and the hips are as low as the wider of the two
+//! legs needs.
 
 use std::f32::consts::{PI, TAU};
 
@@ -17,7 +17,7 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::{Gait, MAX_GAITS, Style, StyleKey};
 
-/// The gaits and their ways, degrees to the left of ahead.
+/// Names of the gaits and their directions, degrees to the left of ahead.
 const WAYS: [(&str, f32); 5] = [
     ("step-left", 90.0),
     ("step-right", -90.0),
@@ -27,38 +27,38 @@ const WAYS: [(&str, f32); 5] = [
 ];
 /// Keys of a cycle.
 const KEYS: usize = 24;
-/// A gait is not built where the style has one whose way is nearer than this, radians, and that is
-/// not much slower: its speed against the one that would be built.
+/// A gait is not built if the style has one within this angle, radians, that reaches at least this
+/// share of the built one's speed.
 const NEAR: f32 = 0.4;
 const SLOWER: f32 = 0.86;
-/// Ways that are farther than this off ahead have the upper body of a walk backwards, where there
-/// is one, radians.
+/// A gait farther from ahead than this, radians, takes its upper body from a walk backwards, if the
+/// style has one.
 const BACKWARDS: f32 = 1.8;
-/// A gait goes straight ahead whose way is within the first of its hips, radians, and that turns by
-/// less than the second, rad/s.
+/// A gait goes straight ahead if its travel is within the first value of its hips, radians, and it
+/// turns by less than the second, rad/s.
 const STRAIGHT_AHEAD: (f32, f32) = (0.3, 0.3);
-/// Speed against the walk's, and the fastest, m/s: legs that do not pass each other cannot go
+/// Speed relative to the walk, and highest speed, m/s: legs that do not pass each other cannot be
 /// faster.
 const SPEED: (f32, f32) = (0.9, 1.25);
-/// How far a foot goes in a cycle: metres at no speed, and metres for each m/s.
+/// Travel of a foot in a cycle: metres at speed 0, and more metres for each m/s.
 const STRIDE: (f32, f32) = (0.42, 0.33);
-/// Share of a cycle in which a foot stands.
+/// Share of a cycle for which a foot stands.
 const STANDING: f32 = 0.5;
-/// Feet come no nearer to each other than this, ankle to ankle, metres.
+/// Least distance between the two ankles, metres.
 const CLOSED_M: f32 = 0.16;
-/// How high a foot is lifted, metres.
+/// Height to which a foot is lifted, metres.
 const LIFT_M: f32 = 0.07;
-/// How straight a leg may become, against its length.
+/// Greatest length of a leg, as a share of its straight length.
 const STRAIGHT: f32 = 0.985;
-/// How much the hips go up and down at most, metres either way.
+/// Largest vertical movement of the hips from their mean, metres.
 const BOB_M: f32 = 0.02;
 /// Share of the walk's swing that the upper body keeps.
 const SWING: f32 = 0.4;
-/// Frames a second that styles are given at.
+/// Frame rate of the gaits of styles, Hz.
 const FPS: f32 = 30.0;
 
-/// The gaits that a style lacks to step aside; none where it has such gaits, does not walk, or its
-/// skeleton has not two legs with knees.
+/// The gaits aside that a style lacks. Empty if it has them, does not walk, or its skeleton does
+/// not have two legs with knees.
 pub(super) fn build(style: &Style, skeleton: &Skeleton) -> Vec<Gait> {
     let legs = legs(skeleton);
     let goes = |gait: &&Gait, way: f32| {
@@ -72,7 +72,7 @@ pub(super) fn build(style: &Style, skeleton: &Skeleton) -> Vec<Gait> {
         return Vec::new();
     }
     let back = style.gaits.iter().find(|gait| goes(gait, PI));
-    let body = |gait| Body::new(skeleton, [one, other], style.idle(), gait);
+    let body = |gait| SideSteps::new(skeleton, [one, other], style.idle(), gait);
     let (Some(ahead), Some(back)) = (body(walk), body(back.unwrap_or(walk))) else {
         return Vec::new();
     };
@@ -94,7 +94,7 @@ pub(super) fn build(style: &Style, skeleton: &Skeleton) -> Vec<Gait> {
     .collect()
 }
 
-/// The style's walk: the gait of this name, else the slowest that goes straight ahead.
+/// The style's walk: the gait of this name, otherwise the slowest that goes straight ahead.
 fn walk(style: &Style) -> Option<&Gait> {
     let ahead = |gait: &&Gait| {
         let off = gait.left_mps.atan2(gait.forward_mps).abs();
@@ -110,19 +110,19 @@ fn walk(style: &Style) -> Option<&Gait> {
     style.gait("walk").filter(ahead).or_else(slowest)
 }
 
-/// The speed of gaits that are built for a style of this walk, m/s.
+/// Speed of the gaits that are built for a style with this walk, m/s.
 fn speed_mps(walk: &Gait) -> f32 {
     (walk.speed_mps() * SPEED.0).min(SPEED.1)
 }
 
-/// What a body steps aside with.
-struct Body<'a> {
+/// A body that steps aside: what is needed of its walk and its stand.
+struct SideSteps<'a> {
     skeleton: &'a Skeleton,
     /// The left leg and the right one.
     legs: [&'a Leg; 2],
-    /// The pose that its legs stand in, joint 0 facing +Z.
+    /// The pose that the legs stand in, joint 0 facing +Z.
     stand: Vec<Quat>,
-    /// Where its feet stand, seen from the root on the ground, and how they are turned.
+    /// Place and rotation of each foot in that pose, relative to the root on the ground.
     feet: [(Vec3, Quat); 2],
     walk: &'a Gait,
     /// The walk's keys with joint 0 facing +Z, and their mean.
@@ -130,8 +130,8 @@ struct Body<'a> {
     mean: Vec<Quat>,
 }
 
-impl<'a> Body<'a> {
-    /// `None` for legs on one side of the body.
+impl<'a> SideSteps<'a> {
+    /// `None` if both legs are on one side of the body.
     fn new(skeleton: &'a Skeleton, legs: [&'a Leg; 2], stand: &StyleKey, walk: &'a Gait) -> Option<Self> {
         let ahead = |rotations: &[Quat]| {
             let mut rotations = rotations.to_vec();
@@ -167,7 +167,7 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// The gait that goes a way, radians to the left of ahead, at a speed in m/s.
+    /// The gait in direction `way`, radians to the left of ahead, at a speed in m/s.
     fn gait(&self, name: &str, way: f32, speed: f32) -> Gait {
         let stride = STRIDE.0 + STRIDE.1 * speed;
         let phases = (0..KEYS).map(|key| key as f32 / KEYS as f32);
@@ -194,13 +194,13 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Where the ankles are at a phase, seen from the root on the ground: left and right.
+    /// Places of the ankles at a phase, left and right, relative to the root on the ground.
     fn ankles(&self, phase: f32, way: f32, stride: f32) -> [Vec3; 2] {
         let apart = CLOSED_M + 0.5 * stride * way.sin().abs();
         let side = if way < 0.0 { -1.0 } else { 1.0 };
         let middle = 0.5 * (self.feet[0].0.z + self.feet[1].0.z);
         [1.0, -1.0].map(|which: f32| {
-            // The foot on the side of the way comes down at 0, the other half a cycle later.
+            // The foot on the side of travel comes down at phase 0, the other half a cycle later.
             let leads = which == side;
             let (along, lift) = step(if leads { phase } else { phase - 0.5 }, stride);
             let (stand, _) = self.feet[usize::from(which < 0.0)];
@@ -208,7 +208,7 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// The body above the legs at a phase.
+    /// The pose above the legs at a phase.
     fn upper(&self, phase: f32) -> Vec<Quat> {
         let place = phase * self.keys.len() as f32;
         let from = place as usize % self.keys.len();
@@ -247,8 +247,8 @@ impl<'a> Body<'a> {
         pose
     }
 
-    /// Heights of the root: the walk's where the legs reach, else as low as they need, up and down
-    /// twice in a cycle.
+    /// Heights of the root in a cycle: the walk's if the legs reach the ground, otherwise as low as
+    /// they need, up and down twice a cycle.
     fn heights(&self, way: f32, stride: f32) -> Vec<f32> {
         let most: Vec<f32> = (0..KEYS)
             .map(|key| self.reach_m(key as f32 / KEYS as f32, way, stride))
@@ -269,7 +269,7 @@ impl<'a> Body<'a> {
         (0..KEYS).map(|key| wave(key) - over).collect()
     }
 
-    /// How high the root may be at a phase.
+    /// Highest root at a phase from which the legs reach their feet, metres.
     fn reach_m(&self, phase: f32, way: f32, stride: f32) -> f32 {
         let (hips, _) = places(self.skeleton, 0.0, &self.upper(phase));
         let ankles = self.ankles(phase, way, stride);
@@ -283,8 +283,8 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Where a foot is along the way, seen from the root, and how high over its stand: it comes down at
-/// phase 0.
+/// Place of a foot along the direction of travel, relative to the root, and its height over its
+/// stand, metres. It comes down at phase 0.
 fn step(phase: f32, stride: f32) -> (f32, f32) {
     let phase = phase.rem_euclid(1.0);
     let half = 0.5 * STANDING * stride;
@@ -300,9 +300,8 @@ fn step(phase: f32, stride: f32) -> (f32, f32) {
     )
 }
 
-/// How far a foot has gone in a share of its swing, from 0 to 1, by modified trapezoidal
-/// acceleration: of the smooth profiles for cams the one that accelerates least (4.9 times the way
-/// over the time squared).
+/// Travel of a foot in a share of its swing, 0 to 1, by modified trapezoidal acceleration. Of the
+/// smooth cam profiles this one accelerates least: 4.9 times the travel over the time squared.
 fn swing(share: f32) -> f32 {
     if share > 0.5 {
         return 1.0 - swing(1.0 - share);
@@ -324,7 +323,7 @@ fn swing(share: f32) -> f32 {
     }
 }
 
-/// Where the joints are and how they are turned, in a pose with its root at a height.
+/// Places and rotations of all joints in a pose with its root at a height.
 fn places(skeleton: &Skeleton, height_m: f32, pose: &[Quat]) -> (Vec<Vec3>, Vec<Quat>) {
     let mut positions = vec![Vec3::ZERO; pose.len()];
     let mut rotations = vec![Quat::IDENTITY; pose.len()];

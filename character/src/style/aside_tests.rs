@@ -16,7 +16,7 @@ fn pack() -> (Arc<Skeleton>, StyleTable) {
 }
 
 #[test]
-fn every_style_of_the_default_pack_that_walks_goes_every_way() {
+fn every_walking_style_of_the_default_pack_goes_in_every_direction() {
     let (_, styles) = pack();
     for style in styles.list().iter().filter(|style| !style.is_static) {
         for (name, degrees) in WAYS {
@@ -34,9 +34,9 @@ fn every_style_of_the_default_pack_that_walks_goes_every_way() {
                 style.name
             );
         }
-        let told = style.to_proto();
+        let message = style.to_proto();
         assert!(
-            told.gaits.iter().all(|gait| !gait.name.starts_with("step-")),
+            message.gaits.iter().all(|gait| !gait.name.starts_with("step-")),
             "{}",
             style.name
         );
@@ -95,7 +95,7 @@ fn feet_stand_still_and_hips_face_ahead() {
     assert!(built > 60, "{built} gaits");
 }
 
-/// Whether a leg is on the side of the way.
+/// Whether a leg is on the side of travel.
 fn leads(leg: &Leg, legs: &[Leg], gait: &Gait, places: &[Vec3]) -> bool {
     let other = legs.iter().find(|other| other.foot != leg.foot).unwrap();
     let left = places[leg.upper].x > places[other.upper].x;
@@ -103,7 +103,7 @@ fn leads(leg: &Leg, legs: &[Leg], gait: &Gait, places: &[Vec3]) -> bool {
 }
 
 #[test]
-fn a_style_that_steps_aside_or_has_no_knees_keeps_what_it_has() {
+fn nothing_is_built_for_a_style_with_side_gaits_or_without_knees() {
     assert!(build(&walker_style(), &walker()).is_empty(), "no knees");
     let (skeleton, styles) = pack();
     let mut style = Style::clone(&styles.get("normal").unwrap());
@@ -132,7 +132,7 @@ fn a_swing_goes_the_whole_way_and_comes_to_rest() {
     for share in 0..999 {
         let share = share as f32 * 1e-3;
         assert!(step(share) >= 0.0);
-        // The acceleration is 8π / (2 + π) at most, and the velocity has no jump.
+        // The acceleration is at most 8π / (2 + π), and the velocity has no jump.
         assert!((step(share + 1e-3) - step(share)).abs() < 6.5e-6, "{share}");
     }
 }

@@ -1,15 +1,15 @@
 //! What planning needs of a style's gaits beyond their values, worked out once for each style.
 //!
 //! **Common phase.** Gaits are blended at one phase, so phase 0 must be the same moment of a step
-//! in all of them: that at which the left foot is foremost in the direction of travel, by the first
-//! harmonic of the distance between the feet.
+//! in all of them. It is the moment at which the left foot is foremost in the direction of travel,
+//! by the first harmonic of the distance between the feet.
 //!
-//! **Sway.** The pelvis turns with every step. A key's pose is kept without its own heading and the
-//! heading beside it: the part by which the key's joint 0 still turns, or, where all keys face +Z,
-//! the sum of the keys' turning over the cycle.
+//! **Sway.** The pelvis turns with every step. A key's pose is stored without its own heading, and
+//! that heading beside it. The heading is what joint 0 of the key still turns by. If all keys face
+//! +Z, it is the sum of the keys' turning over the cycle.
 //!
 //! **Matching.** Joint positions relative to the projected root, facing +Z, and their velocities,
-//! at equal steps of the common phase: what the nearest moment of the gait is found by.
+//! at equal steps of the common phase. With them the nearest moment of the gait is found.
 
 use std::f32::consts::TAU;
 
@@ -20,21 +20,22 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::{Gait, Style, StyleKey};
 
-/// Steps of a cycle at which a pose is compared with it.
+/// Steps of a cycle at which it is compared with a pose.
 pub(crate) const MATCH_STEPS: usize = 32;
 /// Seconds of a joint's velocity that count as much as a metre of its position.
 pub(crate) const MATCH_VELOCITY_S: f32 = 0.1;
-/// Weight of feet and shins against other joints.
+/// Weight of feet and shins relative to other joints.
 const LEG_WEIGHT: f32 = 3.0;
-/// Joints that are nearer to each other are one, metres.
+/// Joints nearer to each other than this count as one, metres.
 const LEAST_BONE_M: f32 = 0.04;
-/// Frames a second that styles are given at.
+/// Frame rate of the gaits of styles, Hz.
 const FPS: f32 = 30.0;
-/// Headings of a gait's keys closer together than this are taken out ones, radians.
+/// If the headings of a gait's keys differ by less than this, they were taken out before, radians.
 const SWAY_IN_KEYS: f32 = 0.005;
-/// Most that the pelvis may sway either way, radians.
+/// Largest sway of the pelvis to either side, radians.
 const MAX_SWAY: f32 = 0.6;
-/// Feet pass each other while they are no farther apart than this along the way, metres.
+/// Feet pass each other while they are this near to each other along the direction of travel,
+/// metres.
 const PASSING_M: f32 = 0.25;
 /// A step in which the feet move apart by less than this has no phase, metres.
 const MIN_STEP_M: f32 = 0.01;
@@ -42,21 +43,21 @@ const MIN_STEP_M: f32 = 0.01;
 /// Cycles of all gaits of a style.
 #[derive(Debug)]
 pub(crate) struct Cycles {
-    /// One for each gait.
+    /// One for each gait, in the style's order.
     pub(crate) gaits: Vec<Cycle>,
     /// Weight of each joint in matching.
     pub(crate) joint_weights: Vec<f32>,
-    /// How the feet are lifted, for steps on the spot. `None`: no gait goes forwards, or the
+    /// How the feet are lifted for steps on the spot. `None` if no gait goes forwards, or the
     /// skeleton has no feet.
     pub(crate) steps: Option<Steps>,
 }
 
-/// Where a walk lifts its feet highest while they pass each other.
+/// Where a walk lifts its passing feet highest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Steps {
-    /// The gait.
+    /// Index of the walk among the style's gaits.
     pub(crate) gait: usize,
-    /// Its phases with the left and the right foot highest.
+    /// Common phases with the left and the right foot highest, cycles.
     pub(crate) left_right: [f32; 2],
 }
 
@@ -65,7 +66,7 @@ pub(crate) struct Steps {
 pub(crate) struct Cycle {
     /// Share of the gait's own cycle at common phase 0.
     offset: f32,
-    /// Joint 0 of each key with its own heading taken out.
+    /// Joint 0 of each key without its own heading.
     pelvis: Vec<Quat>,
     /// Heading of each key, radians.
     sway: Vec<f32>,
@@ -75,23 +76,23 @@ pub(crate) struct Cycle {
     pub(crate) velocities: Vec<Vec3>,
 }
 
-/// A gait at a phase, beside its rotations.
+/// A gait at a phase, without its rotations.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Moment {
     /// Heading of the pelvis, radians.
     pub(crate) sway: f32,
     /// Height of the root joint, metres.
     pub(crate) height_m: f32,
-    /// Velocity to the left beyond the gait's, m/s.
+    /// Velocity to the left beyond the gait's mean, m/s.
     pub(crate) left_mps: f32,
-    /// Velocity forward beyond the gait's, m/s.
+    /// Velocity forward beyond the gait's mean, m/s.
     pub(crate) forward_mps: f32,
-    /// Turning beyond the gait's, rad/s.
+    /// Turning rate beyond the gait's mean, rad/s.
     pub(crate) turn_rps: f32,
 }
 
 impl Moment {
-    /// Adds `other`'s share `weight`.
+    /// Adds `other` with the weight `weight`.
     pub(crate) fn add(&mut self, other: &Self, weight: f32) {
         self.sway += weight * other.sway;
         self.height_m += weight * other.height_m;
@@ -102,12 +103,12 @@ impl Moment {
 }
 
 impl Cycles {
-    /// Works out every gait of `style`, whose poses are of `skeleton`.
+    /// Works out every gait of `style`, whose poses belong to `skeleton`.
     pub(crate) fn new(style: &Style, skeleton: &Skeleton) -> Self {
         let mut joint_weights = vec![1.0; skeleton.joint_count()];
         for &joint in skeleton.contacts.iter().flat_map(|contacts| &contacts.joints) {
             joint_weights[joint] = LEG_WEIGHT;
-            // The bone above it, through the joints of one that a robot has several of.
+            // The bone above it. A robot may have several joints at one place.
             let mut at = joint;
             while let Some(parent) = skeleton.joints[at].parent {
                 joint_weights[parent] = LEG_WEIGHT;
@@ -130,7 +131,7 @@ impl Cycles {
     }
 }
 
-/// The highest feet of the slowest gait that goes forwards.
+/// Phases of the slowest forward gait with the highest feet.
 fn find_steps(style: &Style, cycles: &[Cycle], skeleton: &Skeleton) -> Option<Steps> {
     let forward = |gait: &Gait| gait.forward_mps > 2.0 * gait.left_mps.abs() && !gait.stands();
     let (gait, _) = style
@@ -222,8 +223,8 @@ impl Cycle {
         (self.positions, self.velocities) = (positions, velocities);
     }
 
-    /// The keys on either side of a common phase (in cycles, any whole number more or less), and
-    /// the share of the second.
+    /// The keys on either side of a common phase (in cycles, wrapped), and the weight of the
+    /// second.
     fn between(&self, phase: f32) -> (usize, usize, f32) {
         let keys = self.pelvis.len();
         let place = (phase + self.offset).rem_euclid(1.0) * keys as f32;
@@ -236,8 +237,8 @@ impl Cycle {
         key as f32 / self.pelvis.len() as f32 - self.offset
     }
 
-    /// The gait, whose cycle this is, at a common phase: calls `joint` with every joint's rotation,
-    /// joint 0 facing +Z.
+    /// Samples `gait`, whose cycle this is, at a common phase. Calls `joint` with every joint's
+    /// rotation, joint 0 facing +Z.
     pub(crate) fn sample(&self, gait: &Gait, phase: f32, mut joint: impl FnMut(usize, Quat)) -> Moment {
         let (a, b, t) = self.between(phase);
         let (from, to) = (&gait.keys[a], &gait.keys[b]);
@@ -249,7 +250,7 @@ impl Cycle {
         self.moment_between(gait, (a, b, t))
     }
 
-    /// The gait at a common phase without its rotations.
+    /// The gait at a common phase, without its rotations.
     pub(crate) fn moment(&self, gait: &Gait, phase: f32) -> Moment {
         self.moment_between(gait, self.between(phase))
     }
@@ -267,7 +268,7 @@ impl Cycle {
     }
 }
 
-/// Joint positions relative to the projected root of a key that faces +Z.
+/// Joint positions of a key that faces +Z, relative to the projected root.
 fn key_positions(key: &StyleKey, pelvis: Quat, skeleton: &Skeleton) -> Vec<Vec3> {
     let mut local = key.rotations.clone();
     local[0] = pelvis;
@@ -278,7 +279,7 @@ fn key_positions(key: &StyleKey, pelvis: Quat, skeleton: &Skeleton) -> Vec<Vec3>
     positions
 }
 
-/// Heading of each key beside the gait's own turning; their mean is 0.
+/// Heading of each key apart from the gait's own turning; the mean is 0.
 fn sway(gait: &Gait, headings: &[f32]) -> Vec<f32> {
     let keys = headings.len();
     let off = |heading: f32| wrap_angle(heading - headings[0]);
@@ -308,12 +309,12 @@ fn sway(gait: &Gait, headings: &[f32]) -> Vec<f32> {
 }
 
 /// Share of the gait's cycle at which the left foot is foremost in the direction of travel. `None`
-/// for a gait that does not travel or has no step to speak of.
+/// for a gait that does not travel, or hardly steps.
 fn foremost_phase(gait: &Gait, positions: &[Vec3], skeleton: &Skeleton) -> Option<f32> {
     let direction = Vec3::new(gait.left_mps, 0.0, gait.forward_mps).try_normalize()?;
     let contacts = &skeleton.contacts.as_ref()?.joints;
     let (joints, keys) = (skeleton.joint_count(), gait.keys.len());
-    // Left feet are those that are to the left over the whole cycle.
+    // Left feet are on the left on average over the whole cycle.
     let side = |joint: usize| -> f32 {
         let x: f32 = (0..keys).map(|key| positions[key * joints + joint].x).sum();
         x.signum()
@@ -328,7 +329,7 @@ fn foremost_phase(gait: &Gait, positions: &[Vec3], skeleton: &Skeleton) -> Optio
             sine += reach * sin;
         }
     }
-    // Each foot swings by `amplitude`; both count.
+    // Each foot swings by `amplitude`, and both count.
     let amplitude = 2.0 * cosine.hypot(sine) / (keys * contacts.len().max(1)) as f32;
     (amplitude > MIN_STEP_M).then(|| (sine.atan2(cosine) / TAU).rem_euclid(1.0))
 }
@@ -366,7 +367,7 @@ mod tests {
         }
         assert!(
             (cycle(&style, "run").1.offset - 0.75).abs() < 1e-3,
-            "it starts a quarter later"
+            "phase 0 is a quarter later"
         );
     }
 
@@ -374,12 +375,12 @@ mod tests {
     fn sway_is_the_sum_of_the_turning() {
         let style = walker_style();
         let (gait, walk) = cycle(&style, "walk");
-        // Turning as the cosine is a heading as the sine: 0.15 rad at a quarter of the cycle.
+        // If turning is the cosine, the heading is the sine: 0.15 rad at a quarter of the cycle.
         for (phase, want) in [(0.0, 0.0), (0.25, 0.15), (0.5, 0.0), (0.75, -0.15)] {
             let sway = walk.moment(gait, phase).sway;
             assert!((sway - want).abs() < 0.005, "{phase}: {sway}");
         }
-        // The same where the poses themselves sway.
+        // The same if the poses themselves sway.
         let mut swaying = style.clone();
         let index = swaying.gaits.iter().position(|gait| gait.name == "walk").unwrap();
         for (key, &sway) in swaying.gaits[index].keys.iter_mut().zip(&walk.sway) {
@@ -394,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gait_of_one_key_is_that_key_at_any_phase() {
+    fn a_gait_of_one_key_is_the_same_at_any_phase() {
         let style = walker_style();
         let (gait, idle) = cycle(&style, "idle");
         for phase in [-1.3, 0.0, 0.4, 0.999_999_9] {

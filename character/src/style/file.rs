@@ -1,4 +1,4 @@
-//! Styles as files: the JSON form of the message `Style`, named for the style.
+//! Styles as files: the JSON form of the message `Style`, in a file with the style's name.
 
 use std::ffi::OsStr;
 use std::path::{Path as FilePath, PathBuf};
@@ -10,14 +10,14 @@ use crate::document::write_whole;
 use crate::{FieldError, Path};
 use troupe_motion::model::Rig;
 
-/// What style files end in.
+/// Ending of style files.
 const EXTENSION: &str = "json";
 
-/// A style file or folder that cannot be used, and where it is.
+/// A style file or folder that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("style {}: {problem}", path.display())]
 pub struct StyleError {
-    /// The file or folder.
+    /// The file or folder at fault.
     pub path: PathBuf,
     /// What is wrong with it.
     pub problem: StyleProblem,
@@ -26,24 +26,24 @@ pub struct StyleError {
 /// What is wrong with a style file.
 #[derive(Debug, thiserror::Error)]
 pub enum StyleProblem {
-    /// It cannot be read.
+    /// The file system's error.
     #[error("cannot be read: {0}")]
     Read(std::io::Error),
-    /// It is not JSON, or not that of a style. The cause tells line and column.
+    /// It is not JSON, or not a style. The cause names line and column.
     #[error("{}{cause}", place(field))]
     Parse {
-        /// The value's place in the file; `.` where there is none.
+        /// The value's place in the file; `.` for the whole document.
         field: String,
-        /// What is wrong with it.
+        /// The parser's error.
         cause: serde_json::Error,
     },
     /// A value that is not accepted.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// The style in it is not named like the file.
-    #[error("name is {0:?}, but a style file is named for its style")]
+    /// The style's name differs from the file's.
+    #[error("name is {0:?}, but the file has another name")]
     Name(String),
-    /// An added style has a name of the pack's own.
+    /// An added style has the name of one of the pack's own.
     #[error("the pack has a style of this name; choose another name")]
     BuiltIn,
     /// More added styles than a pack may have.
@@ -59,13 +59,13 @@ fn place(field: &str) -> String {
     }
 }
 
-/// Loads every `*.json` of `folder`, sorted by name. A folder that is not there has none. Of styles
-/// that users have added, one that cannot be used is left out with a warning: it must not keep a
-/// server from starting.
+/// Loads every `*.json` file of `folder`, sorted by name. A folder that does not exist counts as
+/// empty. A style that a user added and that cannot be used is skipped with a warning: it must not
+/// keep the server from starting.
 ///
 /// # Errors
-/// [`StyleError`] for the first file that is not a style of `pack`; it names the file and the line
-/// or field.
+/// [`StyleError`] for the first file that is not a style of the pack, with the file and the line or
+/// field.
 pub fn load_folder(folder: &FilePath, rig: &Rig, built_in: bool) -> Result<Vec<Style>, StyleError> {
     let unreadable = |cause| StyleError {
         path: folder.to_owned(),
@@ -88,7 +88,7 @@ pub fn load_folder(folder: &FilePath, rig: &Rig, built_in: bool) -> Result<Vec<S
         match load_file(&path, rig, built_in).map_err(|problem| StyleError { path, problem }) {
             Ok(style) => styles.push(style),
             Err(error) if built_in => return Err(error),
-            Err(error) => tracing::warn!(%error, "a file is left out"),
+            Err(error) => tracing::warn!(%error, "skipped a style that cannot be used"),
         }
     }
     styles.sort_by(|a, b| a.name.cmp(&b.name));
@@ -115,8 +115,8 @@ fn parse(text: &str, rig: &Rig, built_in: bool) -> Result<Style, StyleProblem> {
     Ok(Style::from_proto(&Path::root(), &style, rig, built_in)?)
 }
 
-/// Writes a style into `folder`, which is made where it is not there. Readers see the old file or
-/// the new one, never a part of one.
+/// Writes a style into `folder`, which is created if needed. Readers see the old file or the new
+/// one, never a part of one.
 pub(super) fn write_file(folder: &FilePath, style: &Style) -> std::io::Result<()> {
     let text = serde_json::to_string(&style.to_proto())?;
     write_whole(folder, &folder.join(format!("{}.{EXTENSION}", style.name)), &text)
@@ -128,7 +128,7 @@ mod tests {
     use crate::style::testing::{TempFolder, walker_rig, walker_style};
 
     #[test]
-    fn written_and_loaded_is_the_same() {
+    fn a_style_is_unchanged_by_writing_and_loading() {
         let folder = TempFolder::new("style-files");
         let styles = folder.path().join("not/yet/there");
         let mut brisk = walker_style();
@@ -184,13 +184,13 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_is_not_there_has_no_styles() {
+    fn a_missing_folder_has_no_styles() {
         let none = load_folder(FilePath::new("no/such/folder"), &walker_rig(), true).unwrap();
         assert!(none.is_empty());
     }
 
     #[test]
-    fn errors_name_the_file_and_the_place() {
+    fn errors_name_file_and_place() {
         let folder = TempFolder::new("style-errors");
         let good = serde_json::to_string_pretty(&walker_style().to_proto()).unwrap();
         for (file, text, want) in [
@@ -214,7 +214,7 @@ mod tests {
             (
                 "stroller.json",
                 good.clone(),
-                "name is \"walker\", but a style file is named for its style",
+                "name is \"walker\", but the file has another name",
             ),
         ] {
             let path = folder.path().join(file);

@@ -1,13 +1,13 @@
-//! Locomotion styles: what a command's velocity chooses target poses from (paper section 6.1 and
+//! Locomotion styles, from which a command's velocity chooses target poses (paper section 6.1 and
 //! appendix D).
 //!
 //! A [`Style`] is a set of [`Gait`]s, each a cycle of keyframes captured at one velocity. Styles
-//! come as files (`styles/*.json` in a pack folder, the JSON form of the message `Style`), or over
-//! the API; [`StyleTable`] holds those of a pack. What planning needs of a style beyond its values
-//! is worked out once and kept with it: [`cycles`].
+//! come as files (`styles/*.json` in a pack folder, the JSON form of the message `Style`) or over
+//! the API. [`StyleTable`] has those of a pack. What planning needs beyond their values is worked
+//! out once and kept with the style: [`cycles`].
 //!
-//! A style need not have a gait that stands. Where none does, standing takes the key of the slowest
-//! gait at which the root is highest: the moment of a step at which the legs are under the body.
+//! A style need not have a standing gait. Without one, standing takes the key of the slowest gait
+//! with the highest root: the moment of a step at which the legs are under the body.
 
 mod aside;
 pub(crate) mod cycles;
@@ -38,86 +38,85 @@ pub const MAX_GAITS: usize = 16;
 pub const MAX_KEYS: usize = 32;
 /// Most words of a style.
 pub const MAX_WORDS: usize = 8;
-/// Largest velocity of a gait along an axis (m/s), its largest turning rate (rad/s) and the highest
-/// default speed.
+/// Highest velocity of a gait along an axis (m/s), highest turning rate (rad/s), and highest
+/// default speed (m/s).
 pub const MAX_GAIT_VELOCITY: f32 = 10.0;
-/// Largest momentary velocity of a keyframe along an axis (m/s) and its largest turning rate
-/// (rad/s).
+/// Highest momentary velocity of a keyframe along an axis (m/s), and highest turning rate (rad/s).
 pub const MAX_KEY_VELOCITY: f32 = 50.0;
 /// Longest cycle, frames.
 pub const MAX_PERIOD_FRAMES: f32 = 300.0;
 /// Fewest and most frames between plans.
 pub const REPLAN_INTERVAL_FRAMES: std::ops::RangeInclusive<u32> = 3..=30;
-/// Highest root ratio.
+/// Highest root ratio; 0 is the lowest.
 pub const MAX_ROOT_RATIO: f32 = 1.2;
-/// A gait slower than this (m/s over the ground, and 0.3 m times rad/s of turning) stands.
+/// A slower gait stands, m/s. Speed over the ground plus 0.3 m times the turning rate in rad/s.
 pub const STANDING_GAIT_MPS: f32 = 0.05;
-/// Heights of a style's gaits that are farther apart than this are a range that a command may
-/// choose from, metres. Those closer are what gaits differ by anyway: a run is a few centimetres
-/// lower than a walk.
+/// If the heights of a style's gaits differ by more than this, metres, a command may choose a
+/// height. Smaller differences are normal: a run is a few centimetres lower than a walk.
 pub const HEIGHT_RANGE_M: f32 = 0.12;
-/// Metres over the ground that a radian of turning counts for.
+/// A radian of turning counts as this much travel over the ground, metres.
 pub const TURN_RADIUS_M: f32 = 0.3;
 
-/// A way to move: gaits between which the command's velocity chooses and blends.
+/// A way to move: the gaits that a command's velocity chooses from and blends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Style {
-    /// Its name, unique in its pack.
+    /// Unique in its pack.
     pub name: String,
-    /// Speed that it was captured at, m/s.
+    /// Speed that the style was captured at, m/s.
     pub default_speed_mps: f32,
     /// Frames between plans, 3 to 30.
     pub replan_interval_frames: u32,
     /// Token counts that a plan may have. Empty: as many as the horizon takes.
     pub allowed_token_counts: Vec<u32>,
-    /// It stands still: plans are made for commands and a low buffer only.
+    /// Whether it stands still: it plans only for commands and a low buffer.
     pub is_static: bool,
     /// How closely the root follows the spring's path, 0 to 1.2.
     pub root_ratio: f32,
-    /// At least one, each with at least one key. Where there are words: the pose to stand in.
+    /// At least one, each with at least one key. For a style of words: the pose to stand in.
     pub gaits: Vec<Gait>,
-    /// How to move, in words, for a body that is planned for by paths; none for others.
+    /// The words that say how to move, for a body that is planned for by paths; none for others.
     pub words: Option<Words>,
-    /// Takes of walks, which the walkers of a crowd differ by: the pack's.
+    /// Takes of walks by which the characters of a crowd differ. Those of the pack.
     pub takes: Arc<[Take]>,
     /// Whether it came with the pack.
     pub built_in: bool,
-    /// What planning needs of the gaits; `Default::default()` for a new style.
+    /// What planning needs of the gaits. `Default::default()` for a new style.
     pub cache: StyleCache,
 }
 
-/// Words that a model of many bodies knows.
+/// Words for a model of many bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Words {
-    /// Words with their weights; none for whatever suits the path.
+    /// Words with their weights. Empty: whatever suits the path.
     pub weights: Vec<(String, f32)>,
-    /// Fastest path of the body, m/s.
+    /// Highest speed of a path of this body, m/s.
     pub max_speed_mps: f32,
 }
 
 /// One way to move at one velocity: a cycle of keyframes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gait {
-    /// Its name, unique in the style.
+    /// Unique in the style.
     pub name: String,
-    /// Velocity to the left in the heading's frame, m/s.
+    /// Velocity to the left of the heading, m/s.
     pub left_mps: f32,
-    /// Velocity forward in the heading's frame, m/s.
+    /// Velocity along the heading, m/s.
     pub forward_mps: f32,
     /// Turning rate, rad/s.
     pub turn_rps: f32,
-    /// Frames of a cycle; 0 for one that stands.
+    /// Frames of a cycle; 0 for a standing gait.
     pub period_frames: f32,
     /// Poses at equal steps through the cycle, at least one.
     pub keys: Vec<StyleKey>,
-    /// It was worked out from the style's other gaits, and is not part of its message.
+    /// Whether it was built from the style's other gaits. Such a gait is not part of the style's
+    /// message.
     pub built: bool,
 }
 
-/// A pose of a gait, in the heading's frame.
+/// A pose of a gait, relative to its heading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StyleKey {
-    /// One for each joint; the first with the heading taken out, others relative to their parents.
+    /// One rotation a joint: the first without the heading, others relative to their parents.
     pub rotations: Vec<Quat>,
     /// Height of the root joint, metres.
     pub height_m: f32,
@@ -129,18 +128,19 @@ pub struct StyleKey {
     pub turn_rps: f32,
 }
 
-/// Name of the gait that a style of words has.
+/// Name of the only gait in a style of words.
 const STAND: &str = "stand";
-/// Name of the style that has no words.
+/// Name of the style without words.
 pub const PLAIN: &str = "plain";
-/// Frames between plans of a style of words. With 9, joints are accelerated 10 % more and paths are
-/// kept half as well (`wander_bodies`).
+/// Frames between plans of a style of words. With 9, joints accelerate 10 % more and paths are
+/// followed half as closely (`troupe-eval bodies`).
 const WORDS_INTERVAL_FRAMES: u32 = 15;
 
 impl Style {
-    /// About how much memory it takes, with what planning makes of it, bytes.
+    /// A rough measure of its memory, with what planning derives from it, bytes.
     pub fn bytes(&self) -> usize {
-        /// Of a style or a gait without keys, of a key without joints, and of a joint of a key.
+        /// Bytes of a style or a gait without keys, of a key without joints, and of a joint of a
+        /// key.
         const ITSELF: usize = 1 << 10;
         const KEY: usize = 256;
         const JOINT: usize = 48;
@@ -184,7 +184,7 @@ impl Style {
         }
     }
 
-    /// The styles that a body has by itself: one a word, and a plain one.
+    /// The styles that every body has: one for each word, and a plain one.
     pub fn all_of(body: &ByPath) -> Vec<Self> {
         let words = body.words.iter().filter(|word| *word != PLAIN);
         let of_word = |word: &String| Self::of_words(word, vec![(word.clone(), 1.0)], body, true);
@@ -192,11 +192,11 @@ impl Style {
         words.map(of_word).chain([plain]).collect()
     }
 
-    /// The pose to stand in: the first key of the first gait that stands, or else the highest key
-    /// of the slowest gait.
+    /// The pose to stand in: the first key of the first standing gait, otherwise the highest key of
+    /// the slowest gait.
     ///
     /// # Panics
-    /// If the style has no gait or the gait no key, which no checked style is.
+    /// If the style has no gait, or the gait no key, which a checked style never is.
     pub fn idle(&self) -> &StyleKey {
         let slowest = self.slowest_gait();
         let gait = &self.gaits[slowest];
@@ -208,8 +208,8 @@ impl Style {
         self.gaits.iter().find(|gait| gait.name == name)
     }
 
-    /// Heights of the root joint that a command may choose from, metres. `None`: the style has no
-    /// such range.
+    /// Lowest and highest root that a command may choose, metres. `None` if the style has no such
+    /// range.
     pub fn height_range_m(&self) -> Option<(f32, f32)> {
         let heights = || self.gaits.iter().filter(|gait| !gait.built).map(Gait::height_m);
         let (low, high) = (
@@ -219,7 +219,7 @@ impl Style {
         (high - low > HEIGHT_RANGE_M).then_some((low, high))
     }
 
-    /// Index of the first of the slowest gaits.
+    /// Index of the slowest gait; of several, the first.
     pub(crate) fn slowest_gait(&self) -> usize {
         let mut slowest = 0;
         for (index, gait) in self.gaits.iter().enumerate() {
@@ -233,7 +233,7 @@ impl Style {
         slowest
     }
 
-    /// What planning needs of the gaits. Worked out at the first call, for the skeleton of the
+    /// What planning needs of the gaits. The first call works it out, for the skeleton of the
     /// style's pack.
     pub(crate) fn cycles(&self, skeleton: &Skeleton) -> &Cycles {
         self.cache.0.get_or_init(|| Cycles::new(self, skeleton))
@@ -246,12 +246,12 @@ impl Gait {
         self.left_mps.hypot(self.forward_mps)
     }
 
-    /// Speed with the turning in it, m/s.
+    /// Speed over the ground and in turning, m/s.
     pub(crate) fn pace_mps(&self) -> f32 {
         self.speed_mps().hypot(self.turn_rps * TURN_RADIUS_M)
     }
 
-    /// Whether it stays where it is.
+    /// Whether the gait stays in place.
     pub fn stands(&self) -> bool {
         self.pace_mps() < STANDING_GAIT_MPS
     }
@@ -262,7 +262,7 @@ impl Gait {
         sum / self.keys.len().max(1) as f32
     }
 
-    /// Index of the first of the highest keys.
+    /// Index of the highest key; of several, the first.
     pub(crate) fn highest_key(&self) -> usize {
         let mut highest = 0;
         for (index, key) in self.keys.iter().enumerate() {
@@ -274,8 +274,8 @@ impl Gait {
     }
 }
 
-/// What planning needs of a style's gaits, worked out when first asked for. A copy of a style
-/// starts without.
+/// What planning needs of a style's gaits, worked out at the first request. A copy of a style
+/// starts without it.
 #[derive(Default)]
 pub struct StyleCache(OnceLock<Cycles>);
 
@@ -286,7 +286,7 @@ impl Clone for StyleCache {
 }
 
 impl PartialEq for StyleCache {
-    /// It follows from the style's values, so it never tells two styles apart.
+    /// The cache follows from the style's values, so it never makes two styles differ.
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -308,7 +308,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn standing_takes_the_standing_gait_or_the_highest_key_of_the_slowest() {
+    fn standing_takes_a_standing_gait_or_the_highest_key_of_the_slowest() {
         let mut style = walker_style();
         assert_eq!(style.idle(), &style.gait("idle").unwrap().keys[0]);
         style.gaits.retain(|gait| gait.speed_mps() > 0.0);
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn heights_make_a_range_where_they_differ_enough() {
+    fn heights_that_differ_enough_make_a_range() {
         let mut style = walker_style();
         assert_eq!(style.height_range_m(), None);
         let mut crouch = style.gait("walk").unwrap().clone();

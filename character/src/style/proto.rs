@@ -1,4 +1,4 @@
-//! Styles as messages: checks on the way in, and the way out.
+//! Styles as messages: checks a message, and writes one.
 
 use std::sync::Arc;
 
@@ -15,9 +15,9 @@ use crate::{FieldError, Path};
 use troupe_motion::model::{ByPath, Rig};
 
 impl Style {
-    /// Checks a message for `pack`. `path` is the message's place in the request, for errors. What
-    /// a client cannot say is not read: `built_in`, and the `height` of a gait, which follows from
-    /// its keys.
+    /// Checks a message for the pack of `rig`. `path` is the message's place in the request, for
+    /// errors. Two fields are not read: `built_in`, which a client cannot set, and the `height` of
+    /// a gait, which follows from its keys.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
@@ -51,7 +51,7 @@ impl Style {
         if !style.words.is_empty() {
             return Err(path.field("words").error(
                 format!("has {} entries, and the pack knows no words", style.words.len()),
-                "none; gaits in their place",
+                "none; use gaits instead",
             ));
         }
         Ok(Self {
@@ -69,7 +69,7 @@ impl Style {
         })
     }
 
-    /// The message, with every keyframe.
+    /// The message with all keyframes.
     pub fn to_proto(&self) -> v1::Style {
         self.message(true)
     }
@@ -88,7 +88,7 @@ impl Style {
             is_static: self.is_static,
             root_ratio: self.root_ratio,
             gaits: match &self.words {
-                // It follows from the body.
+                // They follow from the body.
                 Some(_) => Vec::new(),
                 None => {
                     let own = self.gaits.iter().filter(|gait| !gait.built);
@@ -141,7 +141,7 @@ impl StyleKey {
     }
 }
 
-/// Checks a name of a style or gait.
+/// Checks the name of a style or gait.
 fn check_name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
     let allowed = || format!("1 to {MAX_NAME_CHARS} letters, digits, '-', '_' or '.'");
     if name.is_empty() {
@@ -157,12 +157,12 @@ fn check_name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
     }
 }
 
-/// The words of a style for a body.
+/// The words of a style, for a body that is planned for by paths.
 fn check_words(path: &Path<'_>, style: &v1::Style, body: &ByPath) -> Result<Vec<(String, f32)>, FieldError> {
     if !style.gaits.is_empty() {
         return Err(path.field("gaits").error(
             format!("has {} entries, and the pack plans by paths", style.gaits.len()),
-            "none; words in their place",
+            "none; use words instead",
         ));
     }
     if !style.allowed_token_counts.is_empty() {
@@ -190,7 +190,7 @@ fn check_words(path: &Path<'_>, style: &v1::Style, body: &ByPath) -> Result<Vec<
         }
         if weights.iter().any(|(before, _)| *before == given.word) {
             return Err(word.error(
-                format!("is {:?}, which is there before", given.word),
+                format!("is {:?}, which is there already", given.word),
                 "each word once",
             ));
         }
@@ -203,7 +203,7 @@ fn check_words(path: &Path<'_>, style: &v1::Style, body: &ByPath) -> Result<Vec<
 
 fn check_counts(path: &Path<'_>, counts: &[u32], rig: &Rig) -> Result<(), FieldError> {
     let dims = &rig.dims;
-    // The context and the targets take their frames.
+    // The context and the targets take some of the frames.
     let low = dims
         .min_tokens
         .max(dims.tokens_for(dims.context_frames + dims.max_targets));
@@ -287,7 +287,7 @@ fn check_gait(path: &Path<'_>, gait: &v1::Gait, rig: &Rig) -> Result<Gait, Field
         keys,
         built: false,
     };
-    // Keys of a moving gait are equal steps through its cycle, so it must have a length.
+    // The keys of a moving gait are equal steps of its cycle, so the cycle must have a length.
     if count > 1 && !gait.stands() && gait.period_frames < 1.0 {
         return Err(path.field("period_frames").error(
             format!("is {} for a gait of {count} keys that moves", gait.period_frames),
@@ -338,7 +338,7 @@ fn check_rotations(path: &Path<'_>, rotations: &[f32], rig: &Rig) -> Result<Vec<
             let rotation = from_wxyz(wxyz);
             let length = rotation.length();
             let (low, high) = (1.0 - UNIT_TOLERANCE, 1.0 + UNIT_TOLERANCE);
-            // NaN and infinity are outside too.
+            // Rejects NaN and infinity too.
             if (low..=high).contains(&length) {
                 return Ok(rotation / length);
             }
@@ -350,7 +350,7 @@ fn check_rotations(path: &Path<'_>, rotations: &[f32], rig: &Rig) -> Result<Vec<
         .collect()
 }
 
-/// Checks a number against its range; NaN is outside of any.
+/// Checks a number against its range. NaN is outside every range.
 fn number(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<(), FieldError> {
     if (low..=high).contains(&value) {
         Ok(())

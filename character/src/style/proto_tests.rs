@@ -9,7 +9,7 @@ fn check(change: impl FnOnce(&mut v1::Style)) -> Result<Style, FieldError> {
 }
 
 #[test]
-fn a_style_comes_back() {
+fn a_style_is_unchanged_by_writing_and_checking() {
     let style = walker_style();
     let back = check(|_| {}).unwrap();
     assert_eq!(back.name, style.name);
@@ -35,7 +35,7 @@ fn a_style_comes_back() {
 }
 
 #[test]
-fn lists_leave_the_keyframes_out() {
+fn lists_have_no_keyframes() {
     let summary = walker_style().to_proto_summary();
     let walk = &summary.gaits[1];
     assert_eq!((walk.keys.len(), walk.key_count), (0, 16));
@@ -44,7 +44,7 @@ fn lists_leave_the_keyframes_out() {
 }
 
 #[test]
-fn what_the_server_decides_is_not_read() {
+fn fields_that_the_server_sets_are_not_read() {
     let style = check(|style| {
         style.built_in = true;
         style.gaits[1].height = 7.0;
@@ -61,7 +61,7 @@ fn rotations_are_made_unit() {
     assert_eq!(style.gaits[0].keys[0].rotations[0].length(), 1.0);
 }
 
-/// Every field out of its range is refused with its place and what is allowed.
+/// Every field out of its range is refused, with its place and what is allowed.
 #[test]
 fn bad_fields_are_named_with_their_range() {
     type Case = (fn(&mut v1::Style), &'static str, &'static str);

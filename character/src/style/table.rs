@@ -1,4 +1,4 @@
-//! The styles of one pack: its own and those that users added.
+//! The styles of one pack: its own, and those that users added.
 
 use std::collections::BTreeMap;
 use std::path::{Path as FilePath, PathBuf};
@@ -12,28 +12,28 @@ use super::takes::{self, Take};
 use super::{PLAIN, Style, aside};
 use troupe_motion::model::Rig;
 
-/// Most styles that may be added to a pack.
+/// Most styles that users may add to a pack.
 pub const MAX_ADDED_STYLES: usize = 256;
-/// Folder of a pack's own styles inside the pack.
+/// Folder of a pack's own styles inside the pack's folder.
 const FOLDER: &str = "styles";
-/// The style of sessions that name none, where the pack has it.
+/// The style of sessions that name none, if the pack has it.
 const PREFERRED_DEFAULT: &str = "normal";
-/// The same where styles are words.
+/// The same for a pack whose styles are words.
 const PREFERRED_WORD: &str = "walk";
 
 type Styles = BTreeMap<String, Arc<Style>>;
 
-/// The styles of one pack. Reading takes no lock and sees a style wholly or not at all; a session
-/// keeps the style that it has when that is replaced.
+/// The styles of one pack. Reading takes no lock, and never sees half of a change. A session keeps
+/// its style when the style is replaced.
 #[derive(Debug)]
 pub struct StyleTable {
     pack: String,
     skeleton: Arc<Skeleton>,
     takes: Arc<[Take]>,
     styles: ArcSwap<Styles>,
-    /// Where added styles are kept over a restart.
+    /// Where added styles are kept for the next start; none if they are not.
     folder: Option<PathBuf>,
-    /// One writer at a time.
+    /// Held by the one writer.
     writing: Mutex<()>,
 }
 
@@ -43,15 +43,15 @@ impl crate::saved::Styles for StyleTable {
     }
 }
 
-/// A name that is no style's.
+/// No style has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", self.text())]
 pub struct UnknownStyle {
-    /// The pack.
+    /// Name of the pack.
     pub pack: String,
-    /// The name; empty where the default was asked for and there is none.
+    /// The unknown name. Empty if the default was asked for and the pack has none.
     pub name: String,
-    /// The styles that there are.
+    /// The names that exist.
     pub known: Vec<String>,
 }
 
@@ -69,29 +69,29 @@ impl UnknownStyle {
 /// Why a style was not added.
 #[derive(Debug, thiserror::Error)]
 pub enum PutError {
-    /// The name is of one of the pack's own.
+    /// The name belongs to one of the pack's own styles.
     #[error("style {0:?} came with the pack and cannot be replaced")]
     BuiltIn(String),
-    /// The pack has as many as it may.
+    /// The pack has [`MAX_ADDED_STYLES`] added styles.
     #[error("the pack has {MAX_ADDED_STYLES} added styles, the most that it may have")]
     TooMany,
-    /// It could not be written to the folder of added styles.
+    /// The style could not be written to the folder of added styles.
     #[error("style {name:?} cannot be written to its folder: {cause}")]
     Keep {
-        /// The style.
+        /// Name of the style.
         name: String,
-        /// Why.
+        /// The file system's error.
         cause: std::io::Error,
     },
 }
 
 impl StyleTable {
-    /// Loads the pack's own styles from the folder `styles` inside `pack_folder`, which it need not
-    /// have, and added ones from `folder`/`pack name`, which need not be there yet. Without
-    /// `folder`, added styles last until the server stops.
+    /// Loads the pack's own styles from the folder `styles` inside `pack_folder`, and added styles
+    /// from `folder`/`pack name`. Either folder may be missing. Without `folder`, added styles last
+    /// until the server stops.
     ///
     /// # Errors
-    /// [`StyleError`], which names the file and what is wrong with it.
+    /// [`StyleError`] with the file and what is wrong with it.
     pub fn load(rig: &Rig, pack_folder: &FilePath, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let own = match &rig.by_path {
             Some(body) => Style::all_of(body),
@@ -105,7 +105,7 @@ impl StyleTable {
         Self::with_added(own.collect(), takes, rig, folder)
     }
 
-    /// A table with the pack's own styles of this one, and added ones of its own, kept in
+    /// A table with the same styles of the pack, and its own added styles, kept in
     /// `folder`/`pack name`.
     ///
     /// # Errors
@@ -142,7 +142,7 @@ impl StyleTable {
                     .unwrap_or_default()
                     .join(format!("{}.json", style.name));
                 let problem = StyleProblem::BuiltIn;
-                tracing::warn!(error = %StyleError { path, problem }, "a file is left out");
+                tracing::warn!(error = %StyleError { path, problem }, "skipped a style that cannot be used");
             }
             !taken
         });
@@ -167,8 +167,8 @@ impl StyleTable {
         self.styles.load().values().cloned().collect()
     }
 
-    /// The style of sessions that name none: `normal` where there is one, else the first by name.
-    /// Of words: `walk`, else none.
+    /// The style of sessions that name none: `normal`, or the first by name if the pack has no such
+    /// style. If styles are words: `walk` or none.
     pub fn default_style(&self) -> Option<Arc<Style>> {
         let styles = self.styles.load();
         let of_words = styles.values().any(|style| style.words.is_some());
@@ -179,10 +179,10 @@ impl StyleTable {
         preferred.or_else(|| styles.values().next()).cloned()
     }
 
-    /// The style of this name, or the default one for an empty name.
+    /// The style of this name, or the default style for an empty name.
     ///
     /// # Errors
-    /// [`UnknownStyle`] with the names that there are. A pack need not have styles.
+    /// [`UnknownStyle`] with the names that exist. A pack need not have styles.
     pub fn resolve(&self, name: &str) -> Result<Arc<Style>, UnknownStyle> {
         let style = if name.is_empty() {
             self.default_style()
@@ -196,11 +196,11 @@ impl StyleTable {
         })
     }
 
-    /// Adds a checked style, or replaces one that was added. Writes it to the folder of added
-    /// styles, where there is one: this blocks.
+    /// Adds a checked style, or replaces an added one. Blocks while it writes the style to the
+    /// folder of added styles, if there is one.
     ///
     /// # Errors
-    /// [`PutError`]; the table is as it was then.
+    /// [`PutError`]; then nothing has changed.
     pub fn put(&self, style: Style) -> Result<Arc<Style>, PutError> {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut styles = Styles::clone(&self.styles.load());
@@ -227,7 +227,7 @@ impl StyleTable {
     }
 }
 
-/// A style with all that planning needs of it.
+/// A style with everything that planning needs of it.
 fn ready(mut style: Style, skeleton: &Skeleton, takes: &Arc<[Take]>) -> (String, Arc<Style>) {
     style.gaits.extend(aside::build(&style, skeleton));
     if style.words.is_none() {
@@ -249,7 +249,8 @@ mod tests {
         }
     }
 
-    /// The table of a pack in a folder with the styles `names`, and of those added in another.
+    /// The table of a pack whose folder has the styles `names`, with added styles in another
+    /// folder.
     fn table_with(
         folder: &TempFolder,
         names: &[&str],
@@ -305,7 +306,7 @@ mod tests {
         assert_eq!(
             first.default_speed_mps,
             walker_style().default_speed_mps,
-            "held ones stay"
+            "a session keeps its style"
         );
         let again = load().unwrap().get("mine").unwrap();
         assert_eq!(
@@ -314,7 +315,7 @@ mod tests {
             "kept over a restart"
         );
 
-        // A name that the pack took meanwhile, and a file that is no style, are left out.
+        // A name that the pack has taken since, and a file that is not a style, are skipped.
         let folder = added.path().join("walkers");
         file::write_file(&folder, &named("normal")).unwrap();
         std::fs::write(folder.join("broken.json"), "{").unwrap();

@@ -1,8 +1,8 @@
-//! How takes of one walk differ from each other: what the walkers of a crowd may differ by.
+//! How takes of one walk differ from each other, by which the characters of a crowd differ.
 //!
-//! A pack's folder may have a file `takes.json`. For each take it says how the joints above the
-//! legs are turned on average against the mean of the style's takes, and how quick its steps are
-//! for its speed.
+//! A pack's folder may have a file `takes.json`. For each take it has the mean turn of the joints
+//! above the legs relative to the mean of the style's takes, and the cadence of its steps for its
+//! speed.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,21 +15,21 @@ use crate::{FieldError, Path as FieldPath};
 
 /// The file in a pack's folder.
 const FILE: &str = "takes.json";
-/// Most that a joint of a take is turned by, radians.
+/// Largest turn of a joint in the file, radians.
 const MAX_TURN: f32 = 1.0;
-/// How far walkers go beyond the takes, which one performer each made one after another.
+/// Factor by which characters exceed the takes: one performer made them all, one after another.
 const SPREAD: f32 = 2.6;
-/// Most that a joint is turned by then, radians.
+/// Largest turn of a joint after that, radians.
 const MAX_SPREAD: f32 = 0.35;
-/// How quick steps may be against the style's.
+/// Allowed cadences relative to the style's.
 const CADENCES: std::ops::RangeInclusive<f32> = 0.8..=1.25;
 
-/// What a take of a walk differs by from the mean of its style's takes.
+/// How a take of a walk differs from the mean of its style's takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Take {
-    /// How quick its steps are for its speed; 1 is the mean.
+    /// Cadence of its steps for its speed; 1 is the mean.
     pub cadence: f32,
-    /// Joints with their turns, in the frame of the joint's parent.
+    /// Joints with their turns, in the frame of reference of the joint's parent.
     pub turns: Vec<(usize, Quat)>,
 }
 
@@ -48,11 +48,11 @@ struct Row {
     #[serde(rename = "style")]
     _style: String,
     cadence: f32,
-    /// Axes times angles, radians, one for each of the document's joints.
+    /// Axes times angles, radians, one for each joint of the document.
     turns: Vec<[f32; 3]>,
 }
 
-/// The takes of a pack's folder; none where it has no such file.
+/// The takes in a pack's folder. Empty if it has no such file.
 pub(super) fn load(folder: &Path, skeleton: &Skeleton) -> Result<Arc<[Take]>, StyleError> {
     let path = folder.join(FILE);
     let text = match std::fs::read_to_string(&path) {
@@ -109,7 +109,7 @@ impl Row {
             .zip(joints)
             .map(|((index, turn), &joint)| {
                 let turn = Vec3::from_array(*turn);
-                // NaN is outside too.
+                // Rejects NaN too.
                 if turn.length() <= MAX_TURN {
                     let spread = (turn * SPREAD).clamp_length_max(MAX_SPREAD);
                     return Ok((joint, Quat::from_scaled_axis(spread)));
@@ -140,19 +140,19 @@ mod tests {
     }
 
     #[test]
-    fn takes_are_read_by_the_names_of_joints() {
+    fn takes_are_read_by_joint_names() {
         let folder = TempFolder::new("takes");
         let skeleton = walker();
         assert!(
             load(folder.path(), &skeleton).unwrap().is_empty(),
-            "a pack need not have any"
+            "a pack may have none"
         );
         let joint = &skeleton.joints[1].name;
         std::fs::write(folder.path().join(FILE), document(0.1, 1.05, joint)).unwrap();
         let takes = load(folder.path(), &skeleton).unwrap();
         let wanted = Take {
             cadence: 1.05,
-            // Beyond the take, and no farther than a body is bent.
+            // Beyond the take, but within what a body bends.
             turns: vec![(1, Quat::from_rotation_y(0.1 * SPREAD))],
         };
         assert_eq!(takes[..], [wanted]);

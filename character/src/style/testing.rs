@@ -1,4 +1,4 @@
-//! A small walker and a style of it that the tests share.
+//! A small walker and its style, shared by tests.
 
 use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -39,28 +39,28 @@ pub fn walker_rig() -> Rig {
     rig_of("walkers", (*walker()).clone())
 }
 
-/// What a test gait is like.
+/// The parameters of a test gait.
 #[derive(Clone, Copy)]
 pub struct GaitShape {
-    /// Its name.
+    /// Unique in the style.
     pub name: &'static str,
     /// Speed to the left, m/s.
     pub left_mps: f32,
     /// Speed ahead, m/s.
     pub forward_mps: f32,
-    /// Turning, rad/s.
+    /// Turning rate, rad/s.
     pub turn_rps: f32,
-    /// Length of its cycle.
+    /// Frames of a cycle.
     pub period_frames: f32,
-    /// How many key poses it has.
+    /// Number of keys.
     pub keys: usize,
-    /// Share of the cycle that has passed at the first key since the left foot was foremost.
+    /// Share of the cycle between the left foot being foremost and the first key.
     pub start: f32,
     /// Largest angle of a leg, radians.
     pub swing: f32,
     /// Largest heading of the pelvis either way, radians.
     pub sway: f32,
-    /// Height of the hips.
+    /// Height of the hips, metres.
     pub height_m: f32,
 }
 
@@ -78,12 +78,12 @@ impl GaitShape {
         height_m: 0.95,
     };
 
-    /// The gait, its legs swinging in the direction of its velocity as cosines.
+    /// The gait: legs swing in the direction of travel, as cosines.
     pub fn gait(self) -> Gait {
         let direction = Vec3::new(self.left_mps, 0.0, self.forward_mps)
             .try_normalize()
             .unwrap_or(Vec3::Z);
-        // Turns a hanging leg to the direction.
+        // The axis that turns a hanging leg to the direction.
         let axis = Vec3::new(-direction.z, 0.0, direction.x);
         let key = |index: usize| {
             let angle = TAU * (index as f32 / self.keys as f32 + self.start);
@@ -116,7 +116,7 @@ impl GaitShape {
     }
 }
 
-/// Standing, walking, running, going back and aside, and turning on the spot.
+/// Stands, walks, runs, goes back and aside, and turns on the spot.
 pub fn walker_style() -> Style {
     let walk = GaitShape::WALK;
     let shapes = [
@@ -190,11 +190,11 @@ pub fn walker_style() -> Style {
     }
 }
 
-/// A folder of its own for one test, removed when it ends.
+/// A folder for one test, removed at its end.
 pub struct TempFolder(PathBuf);
 
 impl TempFolder {
-    /// A new one, with `name` in its name.
+    /// Creates a folder with `name` in its name.
     pub fn new(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("troupe-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&path);
@@ -202,7 +202,7 @@ impl TempFolder {
         Self(path)
     }
 
-    /// Where it is.
+    /// The folder's path, inside the system's folder for temporary files.
     pub fn path(&self) -> &Path {
         &self.0
     }

@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use troupe_client::{Encoding, Rate};
+use troupe_client::Rate;
 
-use crate::files::{Scale, Unit};
 use crate::take::Character;
 use crate::values::Seconds;
 
@@ -60,24 +59,6 @@ pub(crate) struct Drive {
     /// Frames a second.
     #[arg(long, value_enum, default_value_t = RateArgument::Hz30)]
     pub(crate) rate: RateArgument,
-
-    /// How frames come over the wire.
-    #[arg(long, value_enum, default_value_t = EncodingArgument::F32)]
-    pub(crate) encoding: EncodingArgument,
-
-    /// Length unit of a BVH file.
-    #[arg(long, value_enum, default_value_t = Unit::Cm)]
-    pub(crate) unit: Unit,
-}
-
-impl Drive {
-    /// How a BVH file is written.
-    pub(crate) fn scale(&self) -> Scale {
-        Scale {
-            unit: self.unit,
-            other_bones: false,
-        }
-    }
 }
 
 /// [`Rate`] as an argument.
@@ -100,27 +81,6 @@ impl From<RateArgument> for Rate {
             RateArgument::Hz30 => Self::Hz30,
             RateArgument::Hz50 => Self::Hz50,
             RateArgument::Hz60 => Self::Hz60,
-        }
-    }
-}
-
-/// [`Encoding`] as an argument.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum EncodingArgument {
-    /// 32-bit floats.
-    F32,
-    /// 16-bit rotations and a root in tenths of a millimetre.
-    Compact,
-    /// MuJoCo's qpos, of a robot.
-    Qpos,
-}
-
-impl From<EncodingArgument> for Encoding {
-    fn from(encoding: EncodingArgument) -> Self {
-        match encoding {
-            EncodingArgument::F32 => Self::F32,
-            EncodingArgument::Compact => Self::Compact,
-            EncodingArgument::Qpos => Self::Qpos,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A character under the keys of this terminal, on the server's clock.
+//! Drives a character with the keys of this terminal, on the server's clock.
 
 use std::collections::VecDeque;
 use std::io::{self, IsTerminal as _};
@@ -22,15 +22,15 @@ use super::screen::{SceneObject, Screen, View};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::{Format, Scale};
-use crate::take::{Told, options_of, scene_of};
+use crate::take::{InWords, options_of, scene_of};
 
-/// Where recordings go that were not asked for by name.
+/// File of recordings without --out.
 const DEFAULT_OUT: &str = "take.bvh";
-/// Time over which the speed shown is taken, seconds.
+/// Time over which the displayed speed is averaged, seconds.
 const SPEED_OVER_S: f32 = 0.5;
-/// Told where U finds no object.
+/// Note if U finds no object.
 const NOTHING_AHEAD: &str = "there is nothing to use ahead";
-/// How far ahead objects are looked for, metres.
+/// Reach of the search for objects ahead, metres.
 const REACH_M: f32 = 1.5;
 
 pub(super) async fn run(
@@ -48,28 +48,27 @@ pub(super) async fn run(
         Some(name) => Some(places(&client.scene(name, Convention::Native).await?)),
         None => None,
     };
-    let live = client
+    let session = client
         .session(&pack, &options_of(None, &command.character))
         .await?;
-    let id = live.id().to_owned();
+    let id = session.id().to_owned();
     let (choices, style) = choices(&styles, command.character.style.as_deref());
 
     let options = DriveOptions {
         frames: FrameOptions {
             rate: command.rate.into(),
-            encoding: command.encoding.into(),
-            positions: false,
+            ..FrameOptions::default()
         },
         every_tick: true,
         close_sessions: true,
         ..DriveOptions::default()
     };
     let mut drive = client.drive(options).await?;
-    drive.attach([live]).await?;
+    drive.attach([session]).await?;
 
     let screen = Screen::open().map_err(|e| Failure::Other(format!("the terminal: {e}")))?;
-    let controls = Controls::new(choices.clone(), style, screen.tells_releases());
-    let mut stage = Stage {
+    let controls = Controls::new(choices.clone(), style, screen.reports_releases());
+    let mut live = KeyDriven {
         client,
         id,
         uses: false,
@@ -87,22 +86,20 @@ pub(super) async fn run(
         takes: Takes {
             out: command.out.clone().unwrap_or_else(|| PathBuf::from(DEFAULT_OUT)),
             format: format.unwrap_or(Format::BVH),
-            scale: command.scale(),
             written: Vec::new(),
         },
     };
-    let outcome = stage.play(&mut drive, screen).await;
-    // The terminal is the user's again: a recording that runs is kept, and what was written is
-    // told.
-    let kept = stage.stop_recording();
-    for path in &stage.takes.written {
+    let outcome = live.play(&mut drive, screen).await;
+    // A recording that still runs is kept. The terminal is free for notes again.
+    let kept = live.stop_recording();
+    for path in &live.takes.written {
         context.term.note(format_args!("{} written", path.display()));
     }
     drive.close().await?;
     outcome.and(kept)
 }
 
-/// Where the objects of a scene are.
+/// The objects of a scene and their places.
 fn places(scene: &v1::Scene) -> Vec<SceneObject> {
     let place = |object: &v1::SceneObject| SceneObject {
         id: object.id.clone(),
@@ -115,7 +112,7 @@ fn place_of(position: Option<v1::Vec3>) -> Vec2 {
     position.map_or(Vec2::ZERO, |p| Vec2::new(p.x, p.z))
 }
 
-/// The styles in the order of their keys, and the one to begin with.
+/// The styles in the order of their keys, and the index of the first one to use.
 fn choices(styles: &v1::ListStylesResponse, wanted: Option<&str>) -> (Vec<Choice>, usize) {
     let wanted = wanted.unwrap_or(&styles.default_style);
     let mut choices = styles
@@ -126,7 +123,7 @@ fn choices(styles: &v1::ListStylesResponse, wanted: Option<&str>) -> (Vec<Choice
             speed_mps: style.default_speed,
         })
         .collect::<Vec<_>>();
-    // The one to begin with must have a key.
+    // The first style must have a key.
     let mut at = choices.iter().position(|c| c.name == wanted).unwrap_or_default();
     if at > 8 {
         let choice = choices.remove(at);
@@ -136,25 +133,24 @@ fn choices(styles: &v1::ListStylesResponse, wanted: Option<&str>) -> (Vec<Choice
     (choices, at)
 }
 
-/// All that goes on between keys, stream and screen.
-struct Stage {
+/// A character between keys, stream and screen.
+struct KeyDriven {
     client: Client,
     id: String,
-    /// It uses an object: its locomotion is left alone until a key moves it.
+    /// Whether it uses an object. Then it gets no locomotion until a key moves it.
     uses: bool,
     pack: Pack,
     options: FrameOptions,
     controls: Controls,
     view: View,
-    /// The places of the last half second.
+    /// Places of the last half second.
     recent: VecDeque<Vec2>,
     recording: Option<Recording>,
     takes: Takes,
 }
 
-impl Stage {
-    /// Until the user leaves, the session is gone or the stream ends. The screen is closed in any
-    /// case.
+impl KeyDriven {
+    /// Runs until the user leaves, the session is gone or the stream ends, and closes the screen.
     async fn play(&mut self, drive: &mut Drive, mut screen: Screen) -> Result<(), Failure> {
         let mut keys = EventStream::new();
         loop {
@@ -194,7 +190,7 @@ impl Stage {
         }
     }
 
-    /// Moves the character as the keys say, unless it is at an object and they say nothing.
+    /// Moves the character as the keys say, unless it uses an object and no key is held.
     fn command(&mut self, drive: &mut Drive) {
         let wanted = self.controls.intent(Instant::now());
         self.view.commanded = Vec2::new(wanted.velocity.x, wanted.velocity.z);
@@ -219,7 +215,7 @@ impl Stage {
         drive.act(&self.id, act);
     }
 
-    /// Uses the first object that is in reach.
+    /// Uses the nearest object within reach.
     async fn use_nearest(&mut self, drive: &mut Drive) {
         if self.view.objects.is_none() {
             return;
@@ -243,16 +239,16 @@ impl Stage {
         }
     }
 
-    /// Tells that a key had nothing to do in the scene.
-    fn nothing(&mut self, told: &str) {
+    /// Shows why a key did nothing in the scene.
+    fn nothing(&mut self, why: &str) {
         if self.view.objects.is_some() {
-            told.clone_into(&mut self.view.note);
+            why.clone_into(&mut self.view.note);
         }
     }
 
-    /// Takes note of what happened in the scene.
-    fn told(&mut self, kind: &Kind) {
-        self.view.note = Told(kind).to_string();
+    /// Shows an event, and keeps track of objects.
+    fn event(&mut self, kind: &Kind) {
+        self.view.note = InWords(kind).to_string();
         match kind {
             Kind::Started(of) => self.view.in_use = Some(of.instance.clone()),
             Kind::Entered(of) => self.view.in_use = Some(format!("{}, {}", of.instance, of.set)),
@@ -324,7 +320,7 @@ impl Stage {
             }
             DriveEvent::Happened { events, .. } => {
                 for kind in events.iter().filter_map(|event| event.kind.as_ref()) {
-                    self.told(kind);
+                    self.event(kind);
                 }
             }
             DriveEvent::NotAttached { problem, id, .. } | DriveEvent::Left { problem, id, .. } => {
@@ -344,7 +340,7 @@ impl Stage {
         self.view.note = "recording".to_owned();
     }
 
-    /// Writes what was recorded, if something was.
+    /// Writes the recording, if there is one.
     fn stop_recording(&mut self) -> Result<(), Failure> {
         let Some(recording) = self.recording.take().filter(|r| !r.is_empty()) else {
             return Ok(());
@@ -355,11 +351,10 @@ impl Stage {
     }
 }
 
-/// Where recordings go.
+/// The files of recordings.
 struct Takes {
     out: PathBuf,
     format: Format,
-    scale: Scale,
     written: Vec<PathBuf>,
 }
 
@@ -367,13 +362,13 @@ impl Takes {
     fn write(&mut self, recording: Recording) -> Result<&Path, Failure> {
         let path = nth(&self.out, self.written.len() + 1);
         let clip = recording.into_clip().map_err(|e| Failure::Other(e.to_string()))?;
-        self.format.write(&clip, &path, self.scale)?;
+        self.format.write(&clip, &path, Scale::default())?;
         self.written.push(path);
         Ok(self.written.last().map_or(&self.out, |path| path))
     }
 }
 
-/// The file of the n-th take: the first has the name that was given.
+/// The file of a take: the first has the given name, others get their number.
 fn nth(out: &Path, take: usize) -> PathBuf {
     if take == 1 {
         return out.to_owned();
@@ -395,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn the_style_to_begin_with_has_a_key() {
+    fn the_first_style_has_a_key() {
         let styles = v1::ListStylesResponse {
             styles: (0..12)
                 .map(|i| v1::Style {

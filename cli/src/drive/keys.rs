@@ -1,4 +1,4 @@
-//! From keys to what the character should do.
+//! From keys to commands.
 
 use std::f32::consts::FRAC_PI_8;
 use std::time::{Duration, Instant};
@@ -8,11 +8,11 @@ use glam::{Vec2, Vec3};
 use troupe_client::Locomotion;
 use troupe_motion::root::wrap_angle;
 
-/// How long a key counts as held after it was pressed, where the terminal does not tell when it is
-/// let go: until its repeats come, and from then on from repeat to repeat.
+/// Time for which a key counts as held, in terminals that do not report releases: after the first
+/// press, and after each repeat.
 const HELD_AT_FIRST: Duration = Duration::from_millis(650);
 const HELD_BY_REPEAT: Duration = Duration::from_millis(180);
-/// A press of Q or E.
+/// Turn of one press of Q or E, radians.
 const TURN: f32 = FRAC_PI_8;
 const SPEED_STEP_MPS: f32 = 0.1;
 const MAX_SPEED_MPS: f32 = 6.0;
@@ -24,28 +24,28 @@ pub(super) struct Choice {
     pub(super) speed_mps: f32,
 }
 
-/// What a key asked for, beside moving.
+/// What a key asks for, beside moving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Asked {
     Nothing,
     Record,
-    /// To use the nearest object.
+    /// Use the nearest object.
     Use,
-    /// To end what is held.
+    /// End the interaction that is held.
     End,
-    /// To put down what is in the hand.
+    /// Put down the object in the hand.
     PutDown,
     Leave,
 }
 
-/// The keys that are held, and what was chosen. Directions are those of the view from above: up is
-/// +z, right is -x.
+/// The keys that are held, with the chosen style and speed. Directions are those of the view from
+/// above: up is +z, right is -x.
 #[derive(Debug)]
 pub(super) struct Controls {
-    /// Until when each direction counts as held.
+    /// The moment until which each direction counts as held.
     held: [Option<Instant>; 4],
-    /// The terminal tells when keys are let go.
-    tells_releases: bool,
+    /// Whether the terminal reports releases of keys.
+    reports_releases: bool,
     facing: Option<f32>,
     speed_mps: f32,
     styles: Vec<Choice>,
@@ -56,12 +56,12 @@ pub(super) struct Controls {
 const DIRECTIONS: [Vec2; 4] = [Vec2::Y, Vec2::X, Vec2::NEG_Y, Vec2::NEG_X];
 
 impl Controls {
-    /// Nothing held; `style` is where to begin among `styles`.
-    pub(super) fn new(styles: Vec<Choice>, style: usize, tells_releases: bool) -> Self {
+    /// Without a held key. `style` is the index of the first style.
+    pub(super) fn new(styles: Vec<Choice>, style: usize, reports_releases: bool) -> Self {
         let speed_mps = styles.get(style).map_or(1.2, |s| s.speed_mps);
         Self {
             held: [None; 4],
-            tells_releases,
+            reports_releases,
             facing: None,
             speed_mps,
             styles,
@@ -69,7 +69,7 @@ impl Controls {
         }
     }
 
-    /// Takes a key; `heading` is where the character faces now.
+    /// Takes a key. `heading` is that of the character now, radians.
     pub(super) fn key(&mut self, key: KeyEvent, now: Instant, heading: f32) -> Asked {
         if key.modifiers.contains(KeyModifiers::CONTROL) {
             return match key.code {
@@ -114,7 +114,7 @@ impl Controls {
         let held = &mut self.held[direction];
         if kind == KeyEventKind::Release {
             *held = None;
-        } else if self.tells_releases {
+        } else if self.reports_releases {
             // So long that only its release ends it, but not for ever should that get lost.
             *held = Some(now + Duration::from_secs(60));
         } else if held.is_some_and(|until| until > now) {
@@ -178,12 +178,12 @@ fn direction(key: KeyCode) -> Option<usize> {
 mod tests {
     use super::*;
 
-    fn controls(tells_releases: bool) -> Controls {
+    fn controls(reports_releases: bool) -> Controls {
         let choice = |name: &str, speed_mps| Choice {
             name: name.to_owned(),
             speed_mps,
         };
-        Controls::new(vec![choice("walk", 1.2), choice("run", 3.0)], 0, tells_releases)
+        Controls::new(vec![choice("walk", 1.2), choice("run", 3.0)], 0, reports_releases)
     }
 
     fn event(code: KeyCode, kind: KeyEventKind) -> KeyEvent {

@@ -10,7 +10,7 @@ use troupe_client::FrameOptions;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::Format;
+use crate::files::{Format, Scale};
 use crate::output::print;
 use crate::path::Path;
 use crate::take::{Event, Take, follow, pack_of, print_events};
@@ -18,7 +18,7 @@ use crate::take::{Event, Take, follow, pack_of, print_events};
 pub(crate) use self::args::Drive;
 
 pub(super) async fn run(context: &Context, command: &Drive) -> Result<(), Failure> {
-    // Before any work is done for nothing.
+    // Checked first, so that no work is lost.
     let format = command.out.as_deref().map(Format::of).transpose()?;
     let path = command.path.as_deref().map(Path::read).transpose()?;
     if let (Some(format), Some(out)) = (format, &command.out) {
@@ -33,12 +33,11 @@ pub(super) async fn run(context: &Context, command: &Drive) -> Result<(), Failur
     }
     let options = FrameOptions {
         rate: command.rate.into(),
-        encoding: command.encoding.into(),
-        positions: false,
+        ..FrameOptions::default()
     };
     let take = follow(context, &path, &command.character, options).await?;
     if let (Some(format), Some(out)) = (format, &command.out) {
-        format.write(&take.clip, out, command.scale())?;
+        format.write(&take.clip, out, Scale::default())?;
         context.term.note(format_args!(
             "{} frames written to {}",
             take.clip.frames(),
@@ -59,7 +58,7 @@ fn in_words(take: &Take) -> String {
         None => String::new(),
     };
     let mean = match measures.mean_speed_mps {
-        Some(mps) => format!("{mps:.2} m/s on average while told to go, "),
+        Some(mps) => format!("{mps:.2} m/s on average while commanded to go, "),
         None => String::new(),
     };
     format!(

@@ -42,7 +42,7 @@ impl Screen {
     }
 
     /// Whether the terminal tells when keys are let go.
-    pub(super) fn tells_releases(&self) -> bool {
+    pub(super) fn reports_releases(&self) -> bool {
         self.enhanced
     }
 
@@ -88,13 +88,13 @@ pub(super) struct View {
     pub(super) underruns: u64,
     /// Seconds recorded, while recording.
     pub(super) recording_s: Option<f32>,
-    /// The objects of the scene; none where it is in no scene.
+    /// The objects of the scene. None without a scene.
     pub(super) objects: Option<Vec<SceneObject>>,
     /// The object in use, and the set that it is at.
     pub(super) in_use: Option<String>,
     /// The object in the hand.
     pub(super) in_hand: Option<String>,
-    /// What happened last.
+    /// The last event.
     pub(super) note: String,
 }
 
@@ -187,7 +187,7 @@ impl View {
             row("place    ", format!("{:.2} {:.2} m", self.place.x, self.place.y)),
             row(
                 "heading  ",
-                format!("{:.0}°, told {facing}", self.heading.to_degrees()),
+                format!("{:.0}°, commanded {facing}", self.heading.to_degrees()),
             ),
             row(
                 "speed    ",
@@ -203,11 +203,11 @@ impl View {
             Line::default(),
         ];
         if self.objects.is_some() {
-            let told = |of: &Option<String>| of.clone().unwrap_or_else(|| "nothing".to_owned());
+            let name = |of: &Option<String>| of.clone().unwrap_or_else(|| "nothing".to_owned());
             let at = lines.len() - 1;
             let scene = [
-                row("in use   ", told(&self.in_use)),
-                row("in hand  ", told(&self.in_hand)),
+                row("in use   ", name(&self.in_use)),
+                row("in hand  ", name(&self.in_hand)),
             ];
             lines.splice(at..at, scene);
         }

@@ -1,8 +1,8 @@
 //! Moving pictures, as animated PNG.
 //!
-//! Browsers and GitHub play them wherever they show a PNG, and programs that cannot show the first
-//! frame. Of the formats that play in a README they are the smallest for such drawings: 255 colours
-//! as in a GIF, but deflated, and pixels that stay as they are cost next to nothing.
+//! Browsers and GitHub play them like any PNG. Other programs show the first frame. Of the formats
+//! that play in a README they are the smallest for such drawings: a palette as in a GIF, but
+//! deflated, and pixels that stay as they are cost almost nothing.
 
 use png::{BitDepth, BlendOp, ColorType, Compression, DisposeOp, Encoder, EncodingError, Filter};
 
@@ -39,7 +39,7 @@ impl Animation {
     /// Adds a frame: its pixels, row by row.
     ///
     /// # Panics
-    /// Where it is of another size.
+    /// If it has another size.
     pub(crate) fn push(&mut self, frame: Vec<Rgb>) {
         assert_eq!(
             frame.len(),
@@ -52,7 +52,7 @@ impl Animation {
     /// The file, which plays for ever.
     ///
     /// # Errors
-    /// A sentence, where it cannot be encoded: there is no frame.
+    /// A sentence, if it has no frame.
     pub(crate) fn to_png(&self) -> Result<Vec<u8>, String> {
         let mut palette = Palette::of(self.frames.iter().flatten().copied(), COLOURS);
         let colours = palette.colours();
@@ -124,7 +124,7 @@ impl Area {
         }
     }
 
-    /// The least in which all changes are; one pixel where there are none.
+    /// The smallest rectangle around all changes; one pixel without a change.
     fn of_changes(before: &[u8], now: &[u8], width: usize) -> Self {
         let mut found: Option<Self> = None;
         for at in (0..now.len()).filter(|&at| before[at] != now[at]) {

@@ -107,7 +107,7 @@ impl Fonts {
     /// The fonts of this program.
     ///
     /// # Errors
-    /// A sentence, where they cannot be read.
+    /// A sentence, if they cannot be read.
     pub(crate) fn load() -> Result<Self, String> {
         let font = |bytes| FontRef::try_from_slice(bytes).map_err(|e| format!("the built-in font: {e}"));
         Ok(Self {
@@ -137,7 +137,7 @@ impl Canvas {
     /// A white picture of a layout of `width` x `height`, scaled by `zoom`.
     ///
     /// # Errors
-    /// A sentence, where the size is not one that a picture can have.
+    /// A sentence, if no picture can have this size.
     pub(crate) fn new(width: f32, height: f32, zoom: f32) -> Result<Self, String> {
         let mut pixels = Pixmap::new((width * zoom).round() as u32, (height * zoom).round() as u32)
             .ok_or("a picture of that size cannot be made")?;
@@ -154,7 +154,7 @@ impl Canvas {
     /// The picture as a PNG file.
     ///
     /// # Errors
-    /// A sentence, where encoding fails.
+    /// A sentence, if encoding fails.
     pub(crate) fn to_png(&self) -> Result<Vec<u8>, String> {
         self.pixels.encode_png().map_err(|e| e.to_string())
     }

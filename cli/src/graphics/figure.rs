@@ -112,7 +112,7 @@ impl Figure {
             bones.last().map_or(0.0, |b| middle(b)),
         );
 
-        // A white rim keeps neighbours apart where they overlap.
+        // A white rim separates neighbours that overlap.
         for bone in &bones {
             let ends = [pixel(places[bone.from]), pixel(places[bone.to])];
             canvas.line(&ends, bone.width_m * scale + 3.0, WHITE.alpha(ink.opacity()));

@@ -38,7 +38,7 @@ pub(crate) struct Entry<'a> {
     pub(crate) name: &'a str,
 }
 
-/// Title, subtitle and legend, laid out. The legend is beside the title where both fit, else in
+/// Title, subtitle and legend, laid out. The legend is beside the title if both fit, else in
 /// lines of its own below.
 #[derive(Debug)]
 pub(crate) struct Header<'a> {
@@ -98,7 +98,7 @@ impl<'a> Header<'a> {
 }
 
 impl Entry<'_> {
-    /// Its letters.
+    /// Font and size of the text.
     fn letters() -> Type {
         regular(16.0, DARK, Align::Left)
     }
@@ -153,7 +153,7 @@ fn row(widths: &[f32], first: Point) -> Vec<Point> {
     (0..widths.len()).map(place).collect()
 }
 
-/// The entries of each line, where no line is wider than `most` unless a single entry is.
+/// The entries of each line. No line is wider than `most`, unless a single entry is.
 fn lines(widths: &[f32], most: f32) -> Vec<Range<usize>> {
     let mut lines: Vec<Range<usize>> = Vec::new();
     for nth in 0..widths.len() {

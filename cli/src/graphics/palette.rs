@@ -25,7 +25,7 @@ pub(super) fn apart(a: Rgb, b: Rgb) -> u32 {
 pub(super) struct Palette {
     /// Colours that are kept.
     flat: Vec<Rgb>,
-    /// Colours that stand for all others. None where all are kept.
+    /// Colours that stand for all others. None if all are kept.
     others: Option<NeuQuant>,
     /// Indices found before.
     known: HashMap<Rgb, u8>,

@@ -129,8 +129,8 @@ speed = 1.0
 
     #[test]
     fn what_is_wrong_is_told_by_its_line() {
-        for (text, told) in [
-            ("title = 'Nobody'", "no [[character]]"),
+        for (text, wanted) in [
+            ("title = 'Empty'", "no [[character]]"),
             (
                 &TWO.replace("speed = 1.2", "speed = 99.0"),
                 "line 10: speed is 99",
@@ -154,7 +154,7 @@ speed = 1.0
             (&TWO.replace("style", "stile"), "stile"),
         ] {
             let why = Cast::parse(text).unwrap_err();
-            assert!(why.contains(told), "{told}: {why}");
+            assert!(why.contains(wanted), "{wanted}: {why}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Scripted paths: what a character is told to do, in a file.
+//! Scripted paths: files with the commands or the way of a character.
 
 mod cast;
 mod player;

@@ -6,11 +6,11 @@ use troupe_client::{Act, Locomotion};
 use super::script::{AFTERMATH_S, MOMENT_S, Manner, Moment, Path, Waypoint, When};
 use super::velocity::Velocity;
 
-/// How far the way to a waypoint may turn from where the character is told to go before it is told
-/// again, radians. Every command makes a new plan, so small corrections are saved up.
+/// Least change of the direction to a waypoint that makes a new command, radians. Every command
+/// makes a new plan, so smaller corrections wait.
 const CORRECTION: f32 = 0.09;
-/// A waypoint counts as reached this many seconds ahead of it, so that the turn to the next begins
-/// before it, and the halt at the last.
+/// A waypoint counts as reached this many seconds before it, so that the turn to the next, or the
+/// halt at the last, begins before it.
 const REACH_S: f32 = 0.35;
 /// Nearest that a waypoint must be reached, metres.
 const REACH_M: f32 = 0.15;
@@ -21,19 +21,19 @@ pub(crate) struct Player<'a> {
     path: &'a Path,
     next_command: usize,
     next_waypoint: usize,
-    /// When the last command was given.
+    /// Time of the last command.
     given_s: f32,
-    /// When what the next command waits for came.
+    /// Time of the moment that the next command waits for, once it has come.
     came_s: Option<f32>,
-    /// It uses an object, and its locomotion is left alone.
+    /// Whether it uses an object. Then it gets no locomotion.
     uses: bool,
-    /// It acts out a sentence, until the next command.
+    /// Whether it acts out a sentence, until the next command.
     performs: bool,
-    /// It holds a keyframe until it is told to go on.
+    /// Whether it holds a keyframe until the next command.
     holds: bool,
-    /// What it was told to do beside moving, to be taken by [`Self::take_acts`].
+    /// Commands beside moving, which [`Self::take_acts`] takes.
     acts: Vec<&'a Act>,
-    /// Until when it stands at the waypoint that it has reached.
+    /// Time until which it stands at the waypoint that it has reached.
     waits_until_s: Option<f32>,
     velocity: Velocity,
     intent: Locomotion,
@@ -66,13 +66,12 @@ impl<'a> Player<'a> {
         player
     }
 
-    /// How the character should move at a time, being at a place (x, z); nothing while it uses an
-    /// object or acts out a sentence. What it should do beside moving is in [`Self::take_acts`]
-    /// then. Times must not go back.
+    /// The locomotion of the character at a time and a place (x, z). None while it uses an object
+    /// or acts out a sentence. Other commands of that time are then in [`Self::take_acts`]. Times
+    /// must not go back.
     pub(crate) fn intent(&mut self, time_s: f32, place: Vec2) -> Option<&Locomotion> {
         while let Some(command) = self.path.commands.get(self.next_command) {
-            // A ten-thousandth of a second of slack, so that frame times that are rounded down
-            // count.
+            // The slack makes frame times count that are rounded down.
             if self.next_command_s().is_none_or(|due_s| due_s > time_s + 1e-4) {
                 break;
             }
@@ -82,7 +81,7 @@ impl<'a> Player<'a> {
                 None => self.uses = false,
             }
             self.velocity.change(command.motion);
-            // What is put down is put down on the way.
+            // It puts an object down on the way, so its manner stays.
             if command.act != Some(Act::Drop) {
                 self.set_manner(&command.manner);
             }
@@ -119,7 +118,7 @@ impl<'a> Player<'a> {
                 self.uses = false;
                 self.velocity.speed_mps = 0.0;
             }
-            // It moves by itself, as far as the player knows.
+            // It moves by itself.
             Act::FollowPath(_) => self.velocity.speed_mps = 0.0,
             // A command to move would end it.
             Act::Perform(_) => self.performs = true,
@@ -128,17 +127,17 @@ impl<'a> Player<'a> {
         self.acts.push(act);
     }
 
-    /// What the character was told to do beside moving since this was last asked.
+    /// Commands beside moving since the last call.
     pub(crate) fn take_acts(&mut self) -> impl Iterator<Item = &'a Act> {
         self.acts.drain(..)
     }
 
-    /// Whether the character uses an object, as far as it is known.
+    /// Whether the character uses an object, as far as the player knows.
     pub(crate) fn uses(&self) -> bool {
         self.uses
     }
 
-    /// Tells what came of what the character was told to do. The first of each counts.
+    /// Takes a moment of an interaction. The first of each kind counts.
     pub(crate) fn came(&mut self, moment: Moment, time_s: f32) {
         match moment {
             Moment::Held => self.holds = true,
@@ -153,8 +152,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Lets a path that uses objects end a moment after the last of its commands has come to its
-    /// end.
+    /// Lets a path with other commands than moving end soon after the last of them is through.
     fn end_after(&mut self, time_s: f32, is_through: bool) {
         let last = self.next_command == self.path.commands.len();
         if last && is_through && self.path.acts() && self.path.seconds.is_none() {
@@ -201,7 +199,7 @@ impl<'a> Player<'a> {
         self.end_after(time_s, true);
     }
 
-    /// Whether a waypoint is near, or behind: the character went past it.
+    /// Whether a waypoint is near, or the character has passed it.
     fn is_reached(&self, target: &Waypoint, place: Vec2) -> bool {
         let from = match self.next_waypoint.checked_sub(1) {
             Some(before) => self.path.waypoints[before].at,
@@ -226,7 +224,7 @@ impl<'a> Player<'a> {
     }
 
     /// The command, counted from 1, that has waited too long, and the moment that did not come. A
-    /// path that says how long it goes on may wait to its end.
+    /// path of a given length may wait to its end.
     pub(crate) fn waits_in_vain(&self, time_s: f32) -> Option<(usize, Moment)> {
         let When::Later {
             after: Some(moment), ..
@@ -238,12 +236,12 @@ impl<'a> Player<'a> {
         (too_long && self.path.seconds.is_none()).then_some((self.next_command + 1, moment))
     }
 
-    /// When the path is at its end, as far as it is known.
+    /// Time of the end of the path, as far as the player knows.
     pub(crate) fn ends_s(&self) -> f32 {
         self.ends_s
     }
 
-    /// Time of the next command that has not come yet, where it is known.
+    /// Time of the next command, if the player knows it yet.
     pub(crate) fn next_command_s(&self) -> Option<f32> {
         match self.path.commands.get(self.next_command)?.when {
             When::At(time_s) => Some(time_s),

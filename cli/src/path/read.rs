@@ -186,7 +186,7 @@ impl Check<'_> {
             let act = self.act(spanned)?;
             let motion = self.motion(entry)?;
             if with_waypoints && motion != Motion::AsBefore {
-                let what = "velocity, speed and direction_deg are the waypoints' where there are any; a [[command]] may then \
+                let what = "velocity, speed and direction_deg come from the waypoints if a path has some; a [[command]] may then \
                             set facing_deg, style, gait and height_m, or act";
                 return Err(self.fault(spanned, what));
             }

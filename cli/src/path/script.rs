@@ -1,4 +1,4 @@
-//! What a scripted path is.
+//! A scripted path in memory.
 
 use glam::Vec2;
 use troupe_client::Act;
@@ -16,44 +16,44 @@ pub(crate) struct Path {
     pub(crate) seed: u64,
     pub(crate) start: Vec2,
     pub(crate) heading: f32,
-    /// How long it goes on. None: until all is done, and a moment longer.
+    /// Length. None: until all commands and waypoints are through, and a moment longer.
     pub(crate) seconds: Option<f32>,
     /// In order.
     pub(crate) commands: Vec<Timed>,
     pub(crate) waypoints: Vec<Waypoint>,
 }
 
-/// A command and its time. Velocity and style stay as they were where it does not say them.
+/// A command and its time. Velocity and style that it leaves out stay as they were.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Timed {
     pub(crate) when: When,
-    /// What to do instead of moving.
+    /// An action instead of moving.
     pub(crate) act: Option<Act>,
     pub(crate) motion: Motion,
     pub(crate) manner: Manner,
 }
 
-/// When a command is given.
+/// The time of a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum When {
     /// At this time, seconds.
     At(f32),
-    /// So long after the command before it, or after what came of that.
+    /// After a wait from the command before it, or from a moment of its interaction.
     Later { wait_s: f32, after: Option<Moment> },
 }
 
-/// What may come of a command that has the character use an object.
+/// A moment of an interaction that commands can wait for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Moment {
-    /// It holds a keyframe until the interaction is ended: it sits, or has the cup before its
-    /// chest.
+    /// The character holds a keyframe until the interaction is ended: it sits, or has the cup
+    /// before its chest.
     Held,
     /// The interaction is over: through, failed or broken off.
     Done,
 }
 
 impl Moment {
-    /// As files have it.
+    /// The word in files.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Held => "held",
@@ -62,22 +62,22 @@ impl Moment {
     }
 }
 
-/// What a command says about the velocity.
+/// The velocity of a command.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) enum Motion {
-    /// Nothing.
+    /// It stays.
     #[default]
     AsBefore,
     /// All of it, m/s.
     Velocity(Vec2),
-    /// Its length and direction, where they change.
+    /// A change of its length or direction.
     Polar {
         speed_mps: Option<f32>,
         direction: Option<f32>,
     },
 }
 
-/// How to move.
+/// Facing, style, gait and height of a movement.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Manner {
     pub(crate) facing: Option<f32>,
@@ -98,12 +98,12 @@ pub(crate) struct Waypoint {
 
 /// Time that a path goes on after its last command or waypoint.
 pub(super) const AFTERMATH_S: f32 = 2.0;
-/// Longest that a path waits for what comes of a command, unless it says how long it goes on; the
-/// server gives up an approach after 20 s.
+/// Longest wait for a moment, unless the path has a given length. The server gives up an approach
+/// after 20 s.
 pub(crate) const MOMENT_S: f32 = 30.0;
 
 impl Path {
-    /// The longest that it may take: with waypoints a character may come late.
+    /// The longest time that it may take. With waypoints a character may come late.
     pub(crate) fn limit_s(&self) -> f32 {
         if let Some(seconds) = self.seconds {
             return seconds;
@@ -131,7 +131,7 @@ impl Path {
         } else {
             0.0
         };
-        // What is done on the way holds the way up.
+        // Interactions on the way take time.
         let on_the_way = if self.acts() {
             last + on_the_way
         } else {
@@ -140,13 +140,13 @@ impl Path {
         (last + done).max(on_the_way + spare) + AFTERMATH_S
     }
 
-    /// Whether it does a skill.
+    /// Whether it has a skill.
     pub(crate) fn does_skills(&self) -> bool {
         let is_skill = |command: &Timed| matches!(command.act, Some(Act::Skill { .. }));
         self.commands.iter().any(is_skill)
     }
 
-    /// Whether it does anything but move by time and place.
+    /// Whether it has anything but movements by time and place.
     pub(crate) fn acts(&self) -> bool {
         let moves = |command: &Timed| command.act.is_none() && matches!(command.when, When::At(_));
         !self.commands.iter().all(moves)

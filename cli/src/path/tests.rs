@@ -128,9 +128,9 @@ fn what_is_wrong_is_named_with_its_line() {
         ("seconds = 0\n[[command]]\ntime_s = 0", "line 1: seconds is 0"),
         ("start = [1]\n[[command]]\ntime_s = 0", "line 1"),
     ];
-    for (text, told) in cases {
+    for (text, wanted) in cases {
         let error = Path::parse(text).expect_err(text);
-        assert!(error.contains(told), "{text:?}: {error}");
+        assert!(error.contains(wanted), "{text:?}: {error}");
     }
 }
 
@@ -147,7 +147,7 @@ fn commands_keep_velocity_and_style_and_drop_the_rest() {
     let mut player = Player::new(&path);
     let mut at = |time_s| player.intent(time_s, Vec2::ZERO).unwrap().clone();
     assert_eq!(at(0.0), Locomotion::stand().style("walk"));
-    // A speed alone goes where the character faces at first.
+    // A speed alone goes in the direction that the character faces at first.
     let first = at(0.5);
     assert!(first.velocity.abs_diff_eq(Vec3::X, 1e-6), "{}", first.velocity);
     assert_eq!((first.facing, first.height), (Some(0.0), Some(0.7)));
@@ -175,7 +175,7 @@ fn commands_keep_velocity_and_style_and_drop_the_rest() {
     );
 }
 
-/// Moves a point without inertia along a path and returns where it came by, each tenth of a second.
+/// Moves a point without inertia along a path, and returns its place at each tenth of a second.
 fn follow(path: &Path, disturb: Vec2) -> (Vec<Vec2>, f32, usize) {
     let mut player = Player::new(path);
     let (mut at, mut way) = (path.start, Vec::new());
@@ -208,7 +208,7 @@ fn waypoints_are_reached_one_after_the_other() {
         let stands = way.windows(2).filter(|pair| pair[0] == pair[1]).count();
         assert!(stands >= 10, "a second at the first and two at the end: {stands}");
         assert!(seconds < path.limit_s(), "done before the limit: {seconds}");
-        assert!(commands < 25, "it is not told anew all the time: {commands}");
+        assert!(commands < 25, "not a new command all the time: {commands}");
     }
 }
 
@@ -351,13 +351,13 @@ fn a_skill_is_done_and_waited_for() {
     assert_eq!(player.next_command_s(), None, "it does not know when it will lie");
     player.came(Moment::Held, 4.0);
     assert_eq!(player.next_command_s(), Some(4.0));
-    for (text, told) in [
+    for (text, wanted) in [
         ("skill = 'jump'\ncancel = true", "exclude each other"),
         ("skill = 'jump'\nspeed = 1", "exclude what says how to move"),
         ("skill = 'jump'\napproach = 'front'", "approach needs interact"),
         ("speed = 1\nvariant = 'back'", "variant needs interact or skill"),
     ] {
         let error = Path::parse(&format!("[[command]]\ntime_s = 1\n{text}")).unwrap_err();
-        assert!(error.contains(told), "{text}: {error}");
+        assert!(error.contains(wanted), "{text}: {error}");
     }
 }

@@ -1,4 +1,4 @@
-//! The velocities that a path commands, and where they lead.
+//! The velocities that a path commands, and the way that they lead.
 
 use glam::Vec2;
 
@@ -44,9 +44,9 @@ impl Velocity {
 }
 
 impl Path {
-    /// The way that the root would go if it did at once what it is told, for a time: from waypoint
-    /// to waypoint, or along the commanded velocities. Nothing where it uses objects and has no
-    /// waypoints: nobody says where it goes then.
+    /// The way of a root that obeys at once, for a time: from waypoint to waypoint, or along the
+    /// commanded velocities. Empty for a path that uses objects and has no waypoints, because the
+    /// objects decide the way then.
     pub(crate) fn commanded(&self, seconds: f32) -> Vec<Vec2> {
         let mut at = self.start;
         let mut way = vec![at];

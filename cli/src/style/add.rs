@@ -5,6 +5,7 @@ use troupe_proto::v1;
 use super::args::{Add, Source};
 use super::build::{Builder, speed, write};
 use super::extract::{GaitSource, stands};
+use super::list::USUAL_INTERVAL_FRAMES;
 use crate::context::Context;
 use crate::failure::Failure;
 
@@ -32,10 +33,9 @@ pub(super) async fn run(context: &Context, command: &Add) -> Result<(), Failure>
     let moving = gaits.iter().find(|g| !stands(&g.name));
     let style = v1::Style {
         name: command.name.clone(),
-        default_speed: command.speed.unwrap_or_else(|| moving.map_or(0.0, speed)),
-        replan_interval_frames: command.replan_interval,
+        default_speed: moving.map_or(0.0, speed),
+        replan_interval_frames: USUAL_INTERVAL_FRAMES,
         is_static: command.is_static,
-        root_ratio: command.root_ratio,
         gaits,
         ..v1::Style::default()
     };
@@ -43,20 +43,18 @@ pub(super) async fn run(context: &Context, command: &Add) -> Result<(), Failure>
         write(&style, out)?;
         context.term.note(format_args!("written to {}", out.display()));
     }
-    if !command.no_add {
-        let kept = client.put_style(&pack, style).await?;
-        let speed = kept.default_speed;
-        context.term.note(format_args!(
-            "style `{}` added to pack `{}`: {} gaits, default speed {speed:.2} m/s",
-            kept.name,
-            pack.name(),
-            kept.gaits.len()
-        ));
-    }
+    let kept = client.put_style(&pack, style).await?;
+    let speed = kept.default_speed;
+    context.term.note(format_args!(
+        "style `{}` added to pack `{}`: {} gaits, default speed {speed:.2} m/s",
+        kept.name,
+        pack.name(),
+        kept.gaits.len()
+    ));
     Ok(())
 }
 
-/// Refuses what cannot become a style, before any work is done for nothing.
+/// Refuses clips that cannot become a style, before any work on them.
 fn check(command: &Add) -> Result<(), Failure> {
     let sources = &command.sources.0;
     let name = |source: &Source| gait_name(command, source).to_owned();
@@ -76,12 +74,6 @@ fn check(command: &Add) -> Result<(), Failure> {
                 "--gait: two clips make the gait `{gait}`; give each --clip a --gait of its own"
             )));
         }
-    }
-    if !(0.0..=1.2).contains(&command.root_ratio) {
-        return Err(Failure::Input(format!(
-            "--root-ratio: {} is not in 0 to 1.2",
-            command.root_ratio
-        )));
     }
     Ok(())
 }
@@ -105,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_a_style_is_told_before_any_work() {
+    fn clips_that_make_no_style_are_refused_before_any_work() {
         let checked = |line: &str| {
             let line = Line::try_parse_from(format!("x --name calm {line}").split(' ')).unwrap();
             check(&line.add).map_err(|e| e.to_string())
@@ -118,13 +110,12 @@ mod tests {
         ] {
             assert_eq!(checked(good), Ok(()), "{good}");
         }
-        for (bad, told) in [
+        for (bad, wanted) in [
             ("--clip a.bvh --clip b.bvh", "two clips make the gait `walk`"),
             ("--clip a.bvh --gait run --static", "its gait `run` moves"),
-            ("--clip a.bvh --root-ratio 1.3", "0 to 1.2"),
         ] {
             let error = checked(bad).unwrap_err();
-            assert!(error.contains(told), "{bad}: {error}");
+            assert!(error.contains(wanted), "{bad}: {error}");
         }
     }
 }

@@ -24,22 +24,22 @@ pub(super) enum Action {
     Build(Build),
 }
 
-/// Make a style from clips and add it to the running server.
+/// Make a style from clips, and add it to the running server.
 ///
-/// In each clip the cleanest cycle is found, from one strike of the left foot to the next, and
-/// closed so that it repeats without a seam. The pack's own networks then rebuild every key pose
-/// from the motion around it, so that the style holds poses that the pack can make. The pack's own
-/// styles cannot be replaced.
+/// In each clip the command finds the cleanest cycle, from one strike of the left foot to the next,
+/// and closes it so that it repeats without a seam. The pack's networks then rebuild every key pose
+/// from the motion around it, so that the style holds poses that the pack can make. Styles that
+/// come with the pack cannot be replaced.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
---gait, --from and --to belong to the --clip in front of them. Gaits whose names begin with `idle` stand still; \
+--gait, --from and --to belong to the --clip before them. Gaits whose names begin with `idle` stand still; \
 every other goes somewhere.
 
 Examples:
   troupe style add --name sneak --clip sneak.bvh
   troupe style add --name sneak --clip sneak.bvh --gait walk --from 40 --to 160 --clip stand.bvh --gait idle
   troupe style add --name guard --clip guard.bvh --static
-  troupe style add --name sneak --clip sneak.bvh --out sneak.json --no-add")]
+  troupe style add --name sneak --clip sneak.bvh --out sneak.json")]
 pub(super) struct Add {
     /// Name of the style: 1 to 64 letters, digits, '-', '_' or '.'.
     #[arg(long)]
@@ -48,35 +48,18 @@ pub(super) struct Add {
     #[command(flatten)]
     pub(super) sources: Sources,
 
-    /// The style only stands: its clip is searched for a still frame. For one --clip.
+    /// The style only stands. Its one --clip is searched for a still frame.
     #[arg(long = "static", help_heading = HOW)]
     pub(super) is_static: bool,
-
-    /// Speed of the style where a drive names none, in m/s. Without it the speed of its first
-    /// moving gait.
-    #[arg(long, value_name = "M/S", help_heading = HOW)]
-    pub(super) speed: Option<f32>,
-
-    /// Frames between plans, 3 to 30.
-    #[arg(long, default_value_t = 9, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(3..=30), help_heading = HOW)]
-    pub(super) replan_interval: u32,
-
-    /// How closely the root follows the commanded path, 0 to 1.2; 0 leaves it to the pack.
-    #[arg(long, default_value_t = 0.0, value_name = "0-1.2", help_heading = HOW)]
-    pub(super) root_ratio: f32,
 
     /// Also write the style as JSON.
     #[arg(long, value_name = "FILE", help_heading = BUILDING)]
     pub(super) out: Option<PathBuf>,
 
-    /// Do not add it to the server; for --out.
-    #[arg(long, requires = "out", help_heading = BUILDING)]
-    pub(super) no_add: bool,
-
     #[command(flatten)]
     pub(super) building: Building,
 
-    /// Model pack; without it the server's default.
+    /// Model pack. Default: the server's default pack.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME", help_heading = BUILDING)]
     pub(super) pack: String,
 
@@ -105,7 +88,8 @@ pub(super) struct Source {
     pub(super) to: Option<usize>,
 }
 
-/// One or more `--clip FILE [--gait NAME] [--from FRAME] [--to FRAME]`, told apart by their order.
+/// One or more `--clip FILE [--gait NAME] [--from FRAME] [--to FRAME]`, distinguished by their
+/// order.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sources(pub(super) Vec<Source>);
 
@@ -215,7 +199,7 @@ Examples:
   troupe style list
   troupe style list --json | jq -r '.styles[].name'")]
 pub(super) struct List {
-    /// Model pack; without it the server's default.
+    /// Model pack. Default: the server's default pack.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(super) pack: String,
 
@@ -234,7 +218,7 @@ pub(super) struct Show {
     /// The style.
     pub(super) name: String,
 
-    /// Model pack; without it the server's default.
+    /// Model pack. Default: the server's default pack.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(super) pack: String,
 
@@ -272,7 +256,7 @@ pub(super) struct Build {
     #[command(flatten)]
     pub(super) building: Building,
 
-    /// Model pack; without it the server's default.
+    /// Model pack. Default: the server's default pack.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME", help_heading = BUILDING)]
     pub(super) pack: String,
 
@@ -318,7 +302,7 @@ mod tests {
 
     #[test]
     fn flags_out_of_place_are_told() {
-        for (line, told) in [
+        for (line, wanted) in [
             ("x", "--clip <FILE>"),
             (
                 "x --gait run --clip a.bvh",
@@ -328,7 +312,7 @@ mod tests {
             ("x --clip a.bvh --to end", "'end'"),
         ] {
             let error = parse(line).unwrap_err();
-            assert!(error.contains(told), "{line}: {error}");
+            assert!(error.contains(wanted), "{line}: {error}");
         }
     }
 }

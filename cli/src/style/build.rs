@@ -8,7 +8,7 @@ use troupe_proto::v1;
 use super::args::Build;
 use super::extract::{GaitSource, stands};
 use super::json;
-use super::list::{Entry, StyleList};
+use super::list::{StyleEntry, StyleList};
 use super::rebuild::rebuild;
 use crate::context::Context;
 use crate::failure::Failure;
@@ -93,7 +93,7 @@ impl Builder<'_> {
         Ok(rebuilt.gait)
     }
 
-    async fn listed(&self, name: &str, entry: &Entry, data: &Path) -> Result<v1::Style, Failure> {
+    async fn listed(&self, name: &str, entry: &StyleEntry, data: &Path) -> Result<v1::Style, Failure> {
         let mut gaits = Vec::with_capacity(entry.gaits.len());
         for (gait, listed) in &entry.gaits {
             let parts = listed.parts();

@@ -23,7 +23,7 @@ pub(super) struct Extracted {
     pub(super) cycle: ClosedCycle,
     /// The frame of the clip at which it begins.
     pub(super) start: usize,
-    /// How far apart the cycle's ends were, metres; 0 where it stands.
+    /// Distance between the ends of the cycle before it was closed, metres; 0 of a stand.
     pub(super) closure_m: f32,
 }
 
@@ -42,7 +42,7 @@ impl GaitSource<'_> {
     pub(super) fn extract(&self, pack: &Pack, scale: Scale, term: &Term) -> Result<Extracted, Failure> {
         let whole = read_clip(self.path, pack, scale, term)?;
         let (clip, first) = self.cut(&whole)?;
-        let told = |e| Failure::file(self.path, format_args!("no gait `{}`: {e}", self.gait));
+        let failed = |e| Failure::file(self.path, format_args!("no gait `{}`: {e}", self.gait));
         if stands(self.gait) && clip.frames() == 1 {
             return Ok(Extracted {
                 cycle: ClosedCycle::stand(&clip, 0),
@@ -51,7 +51,7 @@ impl GaitSource<'_> {
             });
         }
         if stands(self.gait) {
-            let stand = find_stand(&clip, &StandOptions::default()).map_err(told)?;
+            let stand = find_stand(&clip, &StandOptions::default()).map_err(failed)?;
             return Ok(Extracted {
                 cycle: ClosedCycle::stand(&clip, stand.frame),
                 start: first + stand.frame,
@@ -67,7 +67,7 @@ impl GaitSource<'_> {
             way,
             ..CycleOptions::default()
         };
-        let found = find_cycles(&clip, &options).map_err(told)?;
+        let found = find_cycles(&clip, &options).map_err(failed)?;
         let best = &found[0];
         Ok(Extracted {
             cycle: ClosedCycle::new(&clip, best),

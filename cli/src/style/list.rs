@@ -7,16 +7,20 @@ use serde::Deserialize;
 
 use crate::failure::Failure;
 
-/// A list of styles, by name.
+/// Styles to build, by name.
 #[derive(Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct StyleList {
-    pub(crate) styles: BTreeMap<String, Entry>,
+pub struct StyleList {
+    /// Styles by name.
+    pub styles: BTreeMap<String, StyleEntry>,
 }
 
 impl StyleList {
     /// Reads a list.
-    pub(crate) fn read(path: &Path) -> Result<Self, Failure> {
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if the file cannot be read or is no list.
+    pub fn read(path: &Path) -> Result<Self, Failure> {
         let text = std::fs::read_to_string(path).map_err(|e| Failure::file(path, e))?;
         toml::from_str(&text).map_err(|e| Failure::file(path, e))
     }
@@ -25,41 +29,41 @@ impl StyleList {
 /// One style.
 #[derive(Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Entry {
-    /// Gait whose speed is the style's default. Left out: `walk` where there is one, else the first
+pub struct StyleEntry {
+    /// Gait whose speed is the style's default. Default: `walk` if it exists, else the first gait
     /// that moves.
-    pub(super) speed_of: Option<String>,
+    pub(crate) speed_of: Option<String>,
     /// Frames between plans.
     #[serde(default = "usual_interval")]
-    pub(super) replan_interval_frames: u32,
+    pub(crate) replan_interval_frames: u32,
     /// How closely the root follows the commanded path.
     #[serde(default)]
-    pub(super) root_ratio: f32,
+    pub(crate) root_ratio: f32,
     /// The style only stands.
     #[serde(default)]
-    pub(super) is_static: bool,
+    pub(crate) is_static: bool,
     /// Clips by the gait that they show.
-    pub(crate) gaits: BTreeMap<String, Listed>,
+    pub gaits: BTreeMap<String, GaitClips>,
 }
 
-/// Where a gait is to be found.
+/// The clips that show a gait.
 #[derive(Debug, Deserialize, PartialEq)]
 #[serde(untagged)]
-pub(crate) enum Listed {
+pub enum GaitClips {
     /// A whole clip, by its file's name without the ending.
     Clip(String),
     /// A part of one.
-    Part(Part),
+    Part(ClipPart),
     /// Several ways to stand, one a part.
-    Parts(Vec<Part>),
+    Parts(Vec<ClipPart>),
 }
 
 /// A part of a clip.
 #[derive(Debug, Clone, Default, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Part {
+pub struct ClipPart {
     /// The file's name without the ending.
-    pub(crate) clip: String,
+    pub clip: String,
     /// The only frame to look at.
     frame: Option<usize>,
     /// First frame.
@@ -68,13 +72,13 @@ pub(crate) struct Part {
     to: Option<usize>,
 }
 
-impl Listed {
-    /// The parts.
-    pub(crate) fn parts(&self) -> Vec<Part> {
+impl GaitClips {
+    /// The clips, or parts of clips, that show the gait.
+    pub fn parts(&self) -> Vec<ClipPart> {
         match self {
-            Self::Clip(clip) => vec![Part {
+            Self::Clip(clip) => vec![ClipPart {
                 clip: clip.clone(),
-                ..Part::default()
+                ..ClipPart::default()
             }],
             Self::Part(part) => vec![part.clone()],
             Self::Parts(parts) => parts.clone(),
@@ -82,15 +86,18 @@ impl Listed {
     }
 }
 
-impl Part {
+impl ClipPart {
     /// First and last frame.
-    pub(super) fn frames(&self) -> (Option<usize>, Option<usize>) {
+    pub(crate) fn frames(&self) -> (Option<usize>, Option<usize>) {
         (self.frame.or(self.from), self.frame.or(self.to))
     }
 }
 
+/// Frames between plans of a style that says nothing else.
+pub(super) const USUAL_INTERVAL_FRAMES: u32 = 9;
+
 fn usual_interval() -> u32 {
-    9
+    USUAL_INTERVAL_FRAMES
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Which character to open, as the arguments and the path say.
+//! The character to open: by the arguments, or else by the path.
 
 use clap::Args;
 use troupe_client::SessionOptions;
@@ -10,33 +10,24 @@ const CHARACTER: &str = "Character";
 /// Which character.
 #[derive(Debug, Args)]
 pub(crate) struct Character {
-    /// Model pack; without it the path's or the server's default.
+    /// Model pack. Default: the path's, or the server's default pack.
     #[arg(long, help_heading = CHARACTER, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
-    /// Scene of the server to live in; without it the path's, or none.
+    /// Scene of the server to live in. Default: the path's, if it has one.
     #[arg(long, help_heading = CHARACTER, value_name = "NAME")]
     pub(crate) scene: Option<String>,
 
-    /// Style to begin with; without it the path's or the pack's.
+    /// First style. Default: the path's, or the pack's.
     #[arg(long, help_heading = CHARACTER, value_name = "NAME")]
     pub(crate) style: Option<String>,
 
-    /// The same seed, path and pack give the same frames; without it the path's, or 0.
+    /// The same seed, path and pack give the same frames. Default: the path's, or 0.
     #[arg(long, help_heading = CHARACTER)]
     pub(crate) seed: Option<u64>,
-
-    /// 0 takes the most likely poses; above, up to 2, they are sampled with the seed.
-    #[arg(long, help_heading = CHARACTER, default_value_t = 0.0, value_name = "0-2")]
-    pub(crate) temperature: f32,
-
-    /// Frames between the cursor and the point where a new plan takes over; without it the
-    /// server's.
-    #[arg(long, help_heading = CHARACTER, value_name = "2-12")]
-    pub(crate) look_ahead: Option<u32>,
 }
 
-/// The pack that the arguments or else the path ask for; empty for the server's default.
+/// The pack of the arguments, or else of the path; empty for the server's default pack.
 pub(crate) fn pack_of<'a>(path: Option<&'a Path>, character: &'a Character) -> &'a str {
     match (
         character.pack.as_str(),
@@ -47,18 +38,16 @@ pub(crate) fn pack_of<'a>(path: Option<&'a Path>, character: &'a Character) -> &
     }
 }
 
-/// The scene that the arguments or else the path ask for.
+/// The scene of the arguments, or else of the path.
 pub(crate) fn scene_of<'a>(path: Option<&'a Path>, character: &'a Character) -> Option<&'a str> {
     let of_path = || path.and_then(|path| path.scene.as_deref());
     character.scene.as_deref().or_else(of_path)
 }
 
-/// Options of the character that the arguments and the path ask for.
+/// Options of the session, by the arguments or else by the path.
 pub(crate) fn options_of(path: Option<&Path>, character: &Character) -> SessionOptions {
     let seed = character.seed.or(path.map(|p| p.seed)).unwrap_or_default();
-    let mut options = SessionOptions::new()
-        .seed(seed)
-        .temperature(character.temperature);
+    let mut options = SessionOptions::new().seed(seed);
     let style = character.style.as_ref().or(path.and_then(|p| p.style.as_ref()));
     if let Some(style) = style {
         options = options.style(style);
@@ -68,9 +57,6 @@ pub(crate) fn options_of(path: Option<&Path>, character: &Character) -> SessionO
     }
     if let Some(path) = path {
         options = options.at(glam::Vec3::new(path.start.x, 0.0, path.start.y), path.heading);
-    }
-    if let Some(frames) = character.look_ahead {
-        options = options.look_ahead_frames(frames);
     }
     options
 }

@@ -15,18 +15,18 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::path::{Cast, Path, Player};
 
-/// Frames of a step: the paths are looked at ten times a second.
+/// Frames of a step. The paths are followed up ten times a second.
 const STEP_FRAMES: u32 = 6;
 const RATE: Rate = Rate::Hz60;
 
-/// What came of a cast.
+/// Characters that have followed the paths of a cast.
 #[derive(Debug)]
 pub(crate) struct CrowdTake {
     /// In the order of the cast.
     pub(crate) members: Vec<Recorded>,
-    /// The scene as it was at first, where they live in one.
+    /// The scene before the take, if they live in one.
     pub(crate) scene: Option<v1::Scene>,
-    /// What happened to characters in it.
+    /// Events of the characters.
     pub(crate) events: Vec<Event>,
     /// Plans of all characters.
     pub(crate) plans: u64,
@@ -35,11 +35,11 @@ pub(crate) struct CrowdTake {
 /// What one character did.
 #[derive(Debug)]
 pub(crate) struct Recorded {
-    /// Its motion, 60 frames a second, native convention.
+    /// Motion, 60 frames a second, native convention.
     pub(crate) clip: Clip,
-    /// Its pack.
+    /// Name of the pack.
     pub(crate) pack: String,
-    /// Its styles and the sentences that it acts out, each with its first frame.
+    /// Styles, and sentences that it acts out, each with its first frame.
     pub(crate) labels: Vec<(usize, String)>,
 }
 
@@ -143,9 +143,9 @@ pub(crate) async fn follow_together(
 }
 
 impl Member<'_> {
-    /// Tells it what to do from the next frame on.
+    /// Commands it for the next frames.
     fn command(&mut self, crowd: &mut Crowd, time_s: f32) {
-        // An intent that is looked at is sent, and would end what a character does with an object.
+        // An intent is sent once it is borrowed, and would end an interaction.
         if let Some(now) = self.player.intent(time_s, self.place) {
             if let Some(intent) = crowd.intent_mut(self.id) {
                 intent.clone_from(now);
@@ -185,7 +185,7 @@ impl Member<'_> {
 /// An event at its time.
 ///
 /// # Errors
-/// Where something failed that a character was to do.
+/// [`Failure::Other`] if an interaction failed.
 fn event_of(event: &v1::SessionEvent) -> Result<Option<Event>, Failure> {
     let Some(kind) = event.kind.clone() else {
         return Ok(None);
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_happens_has_its_frame_and_what_fails_ends_the_take() {
+    fn events_have_their_frame_and_failures_end_the_take() {
         let started = event_of(&event(Kind::Started(v1::InteractionStarted::default())));
         let started = started.unwrap().unwrap();
         assert_eq!((started.frame, started.time_s), (90, 1.5));

@@ -1,4 +1,4 @@
-//! What happens to a character in its scene: noted, and told to people and programs.
+//! The events of a character in its scene, for people and for programs.
 
 use std::fmt;
 
@@ -13,44 +13,44 @@ use crate::output::print;
 /// Frames a second of a session's timeline.
 pub(super) const TIMELINE_HZ: f32 = 30.0;
 
-/// Something that happened, and when.
+/// An event and its time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Event {
-    /// Frame of the clip; one that was recorded.
+    /// Frame of the clip.
     pub(crate) frame: usize,
     /// The same in seconds.
     pub(crate) time_s: f32,
-    /// What.
+    /// The event as the server sends it.
     pub(crate) kind: Kind,
 }
 
-/// An object that came to another place.
+/// A new place of an object.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Moved {
-    /// From this frame of the clip on.
+    /// First frame of the clip with this place.
     pub(crate) frame: usize,
-    /// The object.
+    /// Id of the object.
     pub(crate) instance: String,
-    /// Where its origin is, native convention, metres.
+    /// Place of its origin, native convention, metres.
     pub(crate) position: Vec3,
-    /// How it is turned.
+    /// Rotation in the world.
     pub(crate) rotation: Quat,
-    /// Whether it is in the hand there.
+    /// Whether it is in the hand.
     pub(crate) in_hand: bool,
 }
 
-/// What was seen of a character in its scene so far.
+/// The events of a character in its scene so far.
 #[derive(Debug, Default)]
 pub(super) struct Seen {
     pub(super) events: Vec<Event>,
     pub(super) moved: Vec<Moved>,
-    /// It holds a keyframe, and that was noted.
+    /// Whether it is known to hold a keyframe.
     holds: bool,
 }
 
 impl Seen {
-    /// Takes a step's events and what is in the hand at its only frame, which is the clip's `frame`
-    /// and the timeline's `first_frame`. Answers whether an interaction came to its end.
+    /// Takes the events of a step of one frame, and the object in the hand. The frame is `frame` of
+    /// the clip and `first_frame` of the timeline. Returns whether an interaction ended.
     pub(super) fn step(
         &mut self,
         frame: usize,
@@ -76,7 +76,7 @@ impl Seen {
                 }
                 _ => {}
             }
-            // Events come with the frames in which they fall, or a little later.
+            // Events come with the frame of their time, or a little later.
             let late_s = first_frame.saturating_sub(event.frame) as f32 / TIMELINE_HZ;
             let frame = frame.saturating_sub((late_s * hz).round() as usize);
             self.events.push(Event {
@@ -104,7 +104,7 @@ impl Seen {
         });
     }
 
-    /// Notes that it holds a keyframe; false where that is known.
+    /// Notes that it holds a keyframe. Returns whether that is news.
     pub(super) fn began_to_hold(&mut self) -> bool {
         !std::mem::replace(&mut self.holds, true)
     }
@@ -128,19 +128,19 @@ impl Event {
 
 impl fmt::Display for Event {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{:6.2} s  {}", self.time_s, Told(&self.kind))
+        write!(out, "{:6.2} s  {}", self.time_s, InWords(&self.kind))
     }
 }
 
-/// Prints what happened, a line for each event.
+/// Prints a line for each event.
 pub(crate) fn print_events(events: &[Event]) -> Result<(), Failure> {
     events.iter().try_for_each(|event| print(&event.to_string()))
 }
 
 /// An event in words.
-pub(crate) struct Told<'a>(pub(crate) &'a Kind);
+pub(crate) struct InWords<'a>(pub(crate) &'a Kind);
 
-impl fmt::Display for Told<'_> {
+impl fmt::Display for InWords<'_> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             Kind::Started(of) => {
@@ -162,8 +162,7 @@ impl fmt::Display for Told<'_> {
                     before.heading_deg,
                     before.joint_m * 100.0,
                 )?;
-                // One that is left early is not drawn to its keyframe: how far off it is then says
-                // nothing of it.
+                // A set that is left early is not drawn to its keyframe, so its error says nothing.
                 if of.early_frames > 0 {
                     return write!(out, ", left {} frames early", of.early_frames);
                 }
@@ -231,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn objects_are_followed_from_the_hand_to_where_they_are_put() {
+    fn objects_are_followed_from_the_hand_to_their_new_place() {
         let mut seen = Seen::default();
         let at = |x| Some(v1::Vec3 { x, y: 1.0, z: 0.0 });
         let held = v1::HeldObject {
@@ -246,7 +245,7 @@ mod tests {
             rotation: None,
         });
         let done = Kind::Done(v1::InteractionDone { instance: cup() });
-        // The first is two frames late: four of the clip's at 60 Hz.
+        // The first event comes two frames late, which are four frames of the clip at 60 Hz.
         assert!(seen.step(10, 60.0, 105, &[event(103, released), event(105, done)], None));
         let moved: Vec<_> = seen.moved.iter().map(|m| (m.frame, m.position.x)).collect();
         assert_eq!(moved, [(9, 1.0), (10, 2.0)]);
@@ -262,7 +261,7 @@ mod tests {
             root_m,
             ..v1::KeyframeError::default()
         };
-        let told = |early_frames| {
+        let text = |early_frames| {
             let reached = Kind::Reached(v1::KeyframeReached {
                 set: "rise".to_owned(),
                 before: Some(off(0.003)),
@@ -270,11 +269,11 @@ mod tests {
                 early_frames,
                 ..v1::KeyframeReached::default()
             });
-            Told(&reached).to_string()
+            InWords(&reached).to_string()
         };
         let before = "reached rise: root 0.3 cm, heading 0.0°, joints 0.0 cm off";
-        assert_eq!(told(10), format!("{before}, left 10 frames early"));
-        assert_eq!(told(0), format!("{before}, drawn to 1.3 cm, 0.0°, 0.0 cm"));
+        assert_eq!(text(10), format!("{before}, left 10 frames early"));
+        assert_eq!(text(0), format!("{before}, drawn to 1.3 cm, 0.0°, 0.0 cm"));
     }
 
     #[test]

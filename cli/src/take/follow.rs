@@ -13,27 +13,27 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::path::{MOMENT_S, Moment, Path, Player};
 
-/// Times a second that the path is looked at; frames of a step in between.
+/// Times a second that the path is followed up. In between the character is stepped.
 const LOOKS_HZ: u32 = 10;
-/// Time over which a speed is taken, seconds: a step's sway is not speed.
+/// Time over which a speed is averaged, seconds, so that the sway of a step does not count.
 const SPEED_OVER_S: f32 = 0.5;
 
-/// What came of a path.
+/// A character that has followed a path.
 #[derive(Debug)]
 pub(crate) struct Take {
     /// The motion, native convention.
     pub(crate) clip: Clip,
-    /// What was to be done, from each frame on.
-    pub(crate) told: Vec<Order>,
-    /// The way that was commanded, (x, z).
+    /// The commands, each from its frame on.
+    pub(crate) orders: Vec<Order>,
+    /// The commanded way, (x, z).
     pub(crate) commanded: Vec<Vec2>,
-    /// The last waypoint, where the path has some.
+    /// The last waypoint, if the path has any.
     pub(crate) goal: Option<Vec2>,
-    /// The scene as it was at first, where it lives in one.
+    /// The scene before the take, if the character lives in one.
     pub(crate) scene: Option<v1::Scene>,
-    /// What happened to the character in its scene, in order.
+    /// Events of the character in its scene, in order.
     pub(crate) events: Vec<Event>,
-    /// Where objects went that it had in its hand, in order.
+    /// Places of objects that were in its hand, in order.
     pub(crate) moved: Vec<Moved>,
     /// Commands that were sent.
     pub(crate) commands: u64,
@@ -41,7 +41,7 @@ pub(crate) struct Take {
     pub(crate) stats: v1::SessionStats,
 }
 
-/// What was to be done from a frame of the clip on.
+/// The command from a frame of the clip on.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Order {
     pub(crate) frame: usize,
@@ -54,7 +54,7 @@ pub(crate) struct Order {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Measures {
     pub(crate) distance_m: f32,
-    /// While it was told to go; none where it never was.
+    /// Mean over the time in which it was commanded to go, if there is any.
     pub(crate) mean_speed_mps: Option<f32>,
     pub(crate) most_speed_mps: f32,
     pub(crate) end_to_last_waypoint_m: Option<f32>,
@@ -64,7 +64,7 @@ impl Take {
     pub(crate) fn measures(&self) -> Measures {
         let ground = self.clip.root_positions.iter().map(|p| Vec2::new(p.x, p.z));
         let ground = ground.collect::<Vec<_>>();
-        // A window of half a second evens out the sway of the hips.
+        // A window of half a second averages the sway of the hips.
         let window = ((SPEED_OVER_S * self.clip.fps) as usize).clamp(1, ground.len().max(2) - 1);
         let span_s = window as f32 / self.clip.fps;
         let (mut sum, mut count, mut most) = (0.0, 0_usize, 0.0_f32);
@@ -94,10 +94,10 @@ impl Take {
         }
     }
 
-    /// What was to be done at a frame.
+    /// The command at a frame.
     pub(crate) fn order_at(&self, frame: usize) -> Option<&Order> {
-        let after = self.told.partition_point(|order| order.frame <= frame);
-        self.told.get(after.checked_sub(1)?)
+        let after = self.orders.partition_point(|order| order.frame <= frame);
+        self.orders.get(after.checked_sub(1)?)
     }
 }
 
@@ -121,11 +121,11 @@ pub(crate) async fn follow(
         hz: options.rate.hz() as f32,
         is_watched: scene.is_some() || path.does_skills(),
         recording: Recording::of(&live),
-        told: Vec::new(),
+        orders: Vec::new(),
         seen: Seen::default(),
     };
     let outcome = take.play(context, &mut live).await;
-    // Closed in any case; what went wrong before is what matters.
+    // The session is closed in any case. An earlier failure comes first.
     let closed = live.close().await;
     let mut take = outcome?;
     closed?;
@@ -133,15 +133,15 @@ pub(crate) async fn follow(
     Ok(take)
 }
 
-/// A take on its way.
+/// A take that is being recorded.
 struct Taking<'a> {
     path: &'a Path,
     character: &'a Character,
     hz: f32,
-    /// Things may happen to it: it lives in a scene, or does skills.
+    /// Whether it may have events, because it lives in a scene or does skills.
     is_watched: bool,
     recording: Recording,
-    told: Vec<Order>,
+    orders: Vec<Order>,
     seen: Seen,
 }
 
@@ -165,7 +165,7 @@ impl Taking<'_> {
             }
             self.command(live, &mut player, &mut style, place);
             let frames = match self.is_watched {
-                // What is in the hand is told for the last frame of a step alone.
+                // The object in the hand comes for the last frame of a step only.
                 true => 1,
                 false => frames_until(frame, hz, player.next_command_s(), player.ends_s()),
             };
@@ -190,15 +190,15 @@ impl Taking<'_> {
 
     /// Why the path cannot go on: its `nth` command waits for a moment that did not come.
     fn in_vain(&self, nth: usize, moment: Moment) -> Failure {
-        let mut told = format!(
+        let mut text = format!(
             "[[command]] {nth} of the path waited {MOMENT_S} s for after = \"{}\", which did not come; what happened:",
             moment.word()
         );
         match self.seen.events.is_empty() {
-            true => told.push_str(" nothing"),
-            false => (self.seen.events.iter()).for_each(|event| told.push_str(&format!("\n{event}"))),
+            true => text.push_str(" nothing"),
+            false => (self.seen.events.iter()).for_each(|event| text.push_str(&format!("\n{event}"))),
         }
-        Failure::Other(told)
+        Failure::Other(text)
     }
 
     /// Tells the character what to do from the next frame on.
@@ -226,9 +226,12 @@ impl Taking<'_> {
             velocity = Vec2::new(intent.velocity.x, intent.velocity.z);
             live.set_intent(intent);
         }
-        let last = self.told.last().map(|last| (last.style.as_str(), last.velocity));
+        let last = self
+            .orders
+            .last()
+            .map(|last| (last.style.as_str(), last.velocity));
         if last != Some((style.as_str(), velocity)) {
-            self.told.push(Order {
+            self.orders.push(Order {
                 frame,
                 style: style.clone(),
                 velocity,
@@ -272,7 +275,7 @@ impl Taking<'_> {
             commanded: self.path.commanded(clip.duration_s()),
             goal: self.path.waypoints.last().map(|p| p.at),
             clip,
-            told: self.told,
+            orders: self.orders,
             scene: None,
             events: self.seen.events,
             moved: self.seen.moved,
@@ -282,8 +285,8 @@ impl Taking<'_> {
     }
 }
 
-/// Frames to take before the path is looked at again: a tenth of a second's, or fewer so that the
-/// next command, or the end, comes at its frame.
+/// Frames of the next step: those of a tenth of a second, or fewer, so that the next command, or
+/// the end, comes at its frame.
 fn frames_until(frame: usize, hz: f32, next_command_s: Option<f32>, ends_s: f32) -> u32 {
     let look = hz as u32 / LOOKS_HZ;
     let until = |time_s: f32| (time_s * hz).round() as i64 - frame as i64;
@@ -307,7 +310,7 @@ mod tests {
         assert_eq!(frames_until(14, 30.0, Some(0.5), 9.0), 1);
         assert_eq!(frames_until(269, 30.0, Some(20.0), 9.0), 1);
         assert_eq!(frames_until(0, 60.0, None, 9.0), 6);
-        // One that is due is not a reason to stand still.
+        // A command that is due already does not stop the clock.
         assert_eq!(frames_until(20, 30.0, Some(0.5), 9.0), 1);
     }
 
@@ -332,7 +335,7 @@ mod tests {
         };
         let take = Take {
             clip: Clip::new(skeleton, 30.0, roots, vec![Quat::IDENTITY; 91]).unwrap(),
-            told: vec![order(0, Vec2::Y), order(46, Vec2::ZERO)],
+            orders: vec![order(0, Vec2::Y), order(46, Vec2::ZERO)],
             commanded: Vec::new(),
             goal: Some(Vec2::new(0.0, 2.5)),
             scene: None,

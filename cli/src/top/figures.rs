@@ -4,7 +4,7 @@ use troupe_proto::v1;
 
 use super::reading::{Change, Reading};
 
-/// Shown where there is nothing to tell.
+/// Text for an unknown figure.
 const NONE: &str = "-";
 
 /// Headers of the packs' table.

@@ -27,8 +27,8 @@ use crate::values::Seconds;
 
 /// Watch a server: packs, calls and live sessions, refreshed in the terminal.
 ///
-/// Sessions are those that the key may see. Where the server asks for keys, metrics need one of the
-/// role metrics or admin: --key, or --metrics-key beside it.
+/// It shows the sessions that the key may see. If the server asks for keys, metrics need a key of
+/// the role metrics or admin: --key, or --metrics-key beside it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Keys:
@@ -42,15 +42,15 @@ Examples:
   troupe top --once
   troupe top --metrics-key \"$(cat metrics.key)\" --interval 5")]
 pub(crate) struct Top {
-    /// Print one table and leave. It takes an interval, because rates need two looks.
+    /// Print one table and leave. It takes one interval, because rates need two readings.
     #[arg(long)]
     pub(crate) once: bool,
 
-    /// Time between two looks.
+    /// Time between two readings.
     #[arg(long, default_value = "1", value_name = "SECONDS")]
     pub(crate) interval: Seconds,
 
-    /// API key for the metrics, where it is another than that for the sessions.
+    /// API key for the metrics, if it is not the key for the sessions.
     #[arg(long, env = "TROUPE_METRICS_KEY", hide_env_values = true, value_name = "KEY")]
     pub(crate) metrics_key: Option<ApiKey>,
 }
@@ -197,7 +197,7 @@ impl Screen {
         ratatui::try_init().map(Self).map_err(terminal)
     }
 
-    /// Draws and obeys keys until something is there; none where the user leaves first.
+    /// Draws and obeys keys until `look` is done. None if the user leaves first.
     async fn until<T>(
         &mut self,
         what: impl Future<Output = T>,

@@ -33,7 +33,7 @@ impl Reading {
         })
     }
 
-    /// The sum of a counter's or gauge's series; none where there is no such series.
+    /// The sum over the series of a counter or gauge. None without a series.
     pub(super) fn total(&self, name: &str, labels: Labels<'_>) -> Option<f64> {
         let values = self.series(name, labels).filter_map(|series| match series.value {
             Value::Counter(value) | Value::Gauge(value) | Value::Untyped(value) => Some(value),
@@ -77,7 +77,7 @@ pub(super) struct Change<'a> {
 }
 
 impl Change<'_> {
-    /// How much a counter grew. One that shrank has begun again: the server was started anew.
+    /// Growth of a counter. A counter that shrank began again, because the server was restarted.
     fn growth(&self, name: &str, labels: Labels<'_>) -> Option<f64> {
         let after = self.after.total(name, labels)?;
         let before = self.before.total(name, labels).unwrap_or(0.0);

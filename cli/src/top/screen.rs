@@ -92,8 +92,8 @@ impl View {
         frame.render_widget(words.block(Block::new().title(title)), head);
         self.draw_packs(frame, packs);
         self.draw_calls(frame, calls);
-        let told: Vec<Line<'_>> = self.notes.iter().map(|note| Line::from(&**note).red()).collect();
-        frame.render_widget(Text::from(told), notes);
+        let lines: Vec<Line<'_>> = self.notes.iter().map(|note| Line::from(&**note).red()).collect();
+        frame.render_widget(Text::from(lines), notes);
         self.draw_sessions(frame, sessions);
         let help = " q leave · ←→ sort by · r reverse · ↑↓ scroll";
         frame.render_widget(Line::from(help).dim(), keys);

@@ -1,11 +1,11 @@
-//! What a character can do beside moving over the ground.
+//! Actions of characters beside moving over the ground.
 
 use troupe_proto::v1;
 
 use super::path::LivePath;
 use super::performance::Performance;
 
-/// Something that a character does once: use an object of its scene, do a skill, follow a path, or
+/// An action that a character does once: use an object of its scene, do a skill, follow a path, or
 /// act out a sentence. It goes to the server with the next step or tick, or when it is sent.
 ///
 /// ```
@@ -18,25 +18,25 @@ use super::performance::Performance;
 pub enum Act {
     /// Go to an object and use it.
     Interact {
-        /// Its id in the scene.
+        /// Id of the object in the scene.
         instance: String,
-        /// Name of the way to use it. None: one by weight and seed.
+        /// Name of the variant. None: weights and seed decide.
         variant: Option<String>,
-        /// Name of the side to come from. None: the nearest.
+        /// Name of the approach. None: the nearest.
         approach: Option<String>,
     },
-    /// Do a skill of the pack where it stands.
+    /// Do a skill of the pack on the spot.
     Skill {
-        /// Its name.
+        /// Name of the skill.
         name: String,
-        /// Name of the way to do it. None: one by weight and seed.
+        /// Name of the variant. None: weights and seed decide.
         variant: Option<String>,
     },
     /// Leave an interaction or a skill that is held, such as sitting, by its exit.
     EndInteraction,
-    /// Break off whatever it does, at once, let go of what is in the hand, and stand.
+    /// Break everything off at once, let go of the object in the hand, and stand.
     Cancel,
-    /// Put down what is in the hand.
+    /// Put down the object in the hand.
     Drop,
     /// Follow a path, and stand at its end.
     FollowPath(LivePath),
@@ -62,7 +62,7 @@ impl Act {
         }
     }
 
-    /// In this way. Nothing changes where it is neither an interaction nor a skill.
+    /// Sets the variant of an interaction or a skill. Other actions do not change.
     #[must_use]
     pub fn variant(mut self, name: impl Into<String>) -> Self {
         if let Self::Interact { variant, .. } | Self::Skill { variant, .. } = &mut self {
@@ -71,7 +71,7 @@ impl Act {
         self
     }
 
-    /// From this side. Nothing changes where it is no interaction.
+    /// Sets the approach of an interaction. Other actions do not change.
     #[must_use]
     pub fn approach(mut self, name: impl Into<String>) -> Self {
         if let Self::Interact { approach, .. } = &mut self {
@@ -80,7 +80,7 @@ impl Act {
         self
     }
 
-    /// Whether the character goes on moving as it did.
+    /// Whether the character goes on moving.
     pub(crate) fn lets_move(&self) -> bool {
         matches!(self, Self::Drop)
     }

@@ -10,9 +10,9 @@ use crate::connection::Client;
 use crate::error::{AnswerError, ClientError};
 use crate::pack::Pack;
 
-/// Sessions of a page of a list: the most that the server gives.
+/// Sessions of a page of a list. More the server does not give.
 const PAGE: u32 = 1000;
-/// Sessions of a request to create or close some, within the default limits of a server.
+/// Sessions of a request to create or close them, within the default limits of a server.
 const CHUNK: usize = 1000;
 
 impl Client {
@@ -25,8 +25,8 @@ impl Client {
         Ok(sessions.pop().ok_or(AnswerError::Missing("sessions"))?)
     }
 
-    /// Opens many sessions of a pack, in order. Where some cannot be opened, those that were are
-    /// closed again.
+    /// Opens many sessions of a pack, in order. If one cannot be opened, the others are closed
+    /// again.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -41,7 +41,7 @@ impl Client {
                 Ok(opened) => sessions.extend(opened),
                 Err(error) => {
                     let ids = sessions.iter().map(Session::id);
-                    // The first error is the one worth telling.
+                    // The first error says most.
                     let _ = self.close_sessions(ids).await;
                     return Err(error);
                 }
@@ -72,27 +72,27 @@ impl Client {
         Ok(sessions.map(|of| Session::new(self, pack, of)).collect())
     }
 
-    /// Takes up a session that is open already, such as one of a client that went away.
+    /// Resumes a session that is open, such as one of a client that went away.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Session`] where it is gone.
+    /// See [`ClientError`]; [`ClientError::Session`] if the session is gone.
     pub async fn resume_session(&self, id: &str) -> Result<Session, ClientError> {
         let of = self.session_info(id).await?;
         let pack = self.pack(&of.pack).await?;
         Ok(Session::new(self, &pack, &of))
     }
 
-    /// A session as it stands: where it is, what it does and has done.
+    /// The state of a session: its place, activity and counts.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Session`] where it is gone.
+    /// See [`ClientError`]; [`ClientError::Session`] if the session is gone.
     pub async fn session_info(&self, id: &str) -> Result<v1::Session, ClientError> {
         let request = v1::GetSessionRequest { id: id.to_owned() };
         self.unary(|mut rpc| async move { rpc.get_session(request).await })
             .await
     }
 
-    /// All sessions that are open on the server, by id, whoever opened them.
+    /// All open sessions of the server by id, those of other clients too.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -115,7 +115,7 @@ impl Client {
         }
     }
 
-    /// Closes sessions and says how many were still open.
+    /// Closes sessions, and returns how many were still open.
     ///
     /// # Errors
     /// See [`ClientError`].

@@ -18,16 +18,16 @@ use crate::error::{AnswerError, ClientError};
 use crate::pack::Pack;
 use crate::problem::Problem;
 
-/// Questions about single sessions that are open at a time.
+/// Queries of single sessions at the same time.
 const QUESTIONS: usize = 32;
 
-/// How a crowd is advanced.
+/// Options of a crowd.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CrowdOptions {
-    /// How frames are taken.
+    /// Rate and form of frames.
     pub frames: FrameOptions,
-    /// Characters of one request, at most 1024; more are split over requests that run at the same
-    /// time.
+    /// Characters of one request, at most 1024. More characters are split over requests that run at
+    /// the same time.
     pub per_request: usize,
 }
 
@@ -41,36 +41,36 @@ impl Default for CrowdOptions {
     }
 }
 
-/// Names a character of a crowd; never used again for another.
+/// A character of a crowd. No other character gets the same one later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MemberId(usize);
 
 impl MemberId {
-    /// Counts the crowd's characters from 0 in the order in which they came.
+    /// Index of the character, from 0 in the order in which characters were added.
     pub fn index(self) -> usize {
         self.0
     }
 }
 
-/// What is wrong with one character of a crowd.
+/// A problem of one character of a crowd.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fault {
-    /// The character.
+    /// Which character has it.
     pub member: MemberId,
-    /// Its session.
+    /// Id of the character's session.
     pub session: String,
-    /// What is wrong.
+    /// The problem, as the server reports it.
     pub problem: Problem,
-    /// Whether it has left the crowd: its session is gone. Else it is tried again with the next
-    /// step.
+    /// Whether it has left the crowd, because its session is gone. Else the next step tries it
+    /// again.
     pub left: bool,
 }
 
 /// Many characters of one pack, advanced together by the game's clock.
 ///
-/// Every character has an intent that the game may change as it likes; a step sends the changed
-/// ones and brings the next frames of all. Buffers are used again from step to step. A character
-/// whose session is gone is reported and leaves; the others go on.
+/// Every character has an intent that the game may change at any time. A step sends the changed
+/// ones and brings the next frames of all. Buffers are reused from step to step. A character whose
+/// session is gone is reported and leaves. The others go on.
 ///
 /// ```no_run
 /// use glam::Vec3;
@@ -88,7 +88,7 @@ pub struct Fault {
 ///     if let Some(intent) = crowd.intent_mut(members[7]) {
 ///         *intent = Locomotion::walk(Vec3::new(0.0, 0.0, 1.4));
 ///     }
-///     // ... and everybody moves.
+///     // ... and all move.
 ///     let step = crowd.step(1).await?;
 ///     for (member, frames) in step.characters() {
 ///         let Some(frame) = frames.last() else { continue };
@@ -107,11 +107,11 @@ pub struct Crowd {
     client: Client,
     pack: Pack,
     options: CrowdOptions,
-    /// Those that have not left.
+    /// Characters that have not left.
     members: BTreeMap<MemberId, Member>,
-    /// Characters that were ever in it.
+    /// All characters that were ever in it.
     count: usize,
-    /// One a request of the last step.
+    /// One for each request of the last step.
     chunks: Vec<Chunk>,
     faults: Vec<Fault>,
     waited: Duration,
@@ -120,7 +120,7 @@ pub struct Crowd {
 #[derive(Debug)]
 struct Member {
     session: Session,
-    /// Request of the last step and place in its block, where it has frames.
+    /// Request of the last step and index in its block, if it has frames.
     place: Option<(usize, usize)>,
 }
 
@@ -157,7 +157,7 @@ impl Crowd {
         Ok(sessions.into_iter().map(|s| self.adopt(s)).collect())
     }
 
-    /// Takes in a character whose session is open already; it must be of the crowd's pack.
+    /// Adds a character with an open session, which must be of the crowd's pack.
     pub fn adopt(&mut self, session: Session) -> MemberId {
         let member = MemberId(self.count);
         self.count += 1;
@@ -165,7 +165,7 @@ impl Crowd {
         member
     }
 
-    /// Lets a character go, with its session.
+    /// Removes a character, and returns its session.
     pub fn remove(&mut self, member: MemberId) -> Option<Session> {
         self.members.remove(&member).map(|member| member.session)
     }
@@ -190,14 +190,14 @@ impl Crowd {
         self.members.get(&member).map(|m| &m.session)
     }
 
-    /// What a character should do, to be changed. None once it has left.
+    /// The intent of a character, for changes. None once it has left.
     pub fn intent_mut(&mut self, member: MemberId) -> Option<&mut Locomotion> {
         let member = self.members.get_mut(&member)?;
         Some(member.session.intent_mut().wanted_mut())
     }
 
-    /// Has a character do something, such as use an object of its scene, with the next step. Where
-    /// that fails it may not have arrived, and is not sent again. Nothing happens once the
+    /// Has a character do something with the next step, such as use an object of its scene. If the
+    /// step fails it may not have arrived, and is not sent again. Nothing happens once the
     /// character has left.
     pub fn act(&mut self, member: MemberId, act: &Act) {
         if let Some(member) = self.members.get_mut(&member) {
@@ -205,21 +205,21 @@ impl Crowd {
         }
     }
 
-    /// How much it matters that a character is planned for often, 0 to 1: such as by its distance
-    /// from the camera, in steps of a tenth or so, for every change is a command. It goes to the
-    /// server with the next step. Nothing happens once the character has left.
+    /// Sets the priority of a character for plans, 0 to 1, for instance by its distance from the
+    /// camera. Every change is a command, so use steps of a tenth or so. It goes to the server with
+    /// the next step. Nothing happens once the character has left.
     pub fn set_priority(&mut self, member: MemberId, priority: f32) {
         if let Some(member) = self.members.get_mut(&member) {
             member.session.priority(priority);
         }
     }
 
-    /// Advances everybody by some frames, 1 to 120, and tells the server what changed.
+    /// Sends changed intents, and advances all characters by some frames, 1 to 120.
     ///
     /// # Errors
-    /// See [`ClientError`]: where the server cannot be reached, or refuses the request as a whole.
-    /// Characters of other requests of the same step may then have moved on; the first frame's
-    /// number tells.
+    /// See [`ClientError`]: the server cannot be reached, or refuses the request as a whole.
+    /// Characters of other requests of the same step may then have moved on, as the number of their
+    /// first frame shows.
     pub async fn step(&mut self, frames: u32) -> Result<CrowdStep<'_>, ClientError> {
         self.faults.clear();
         self.members.values_mut().for_each(|m| m.place = None);
@@ -251,7 +251,7 @@ impl Crowd {
         }
     }
 
-    /// Puts everybody into requests.
+    /// Distributes all characters over requests.
     fn divide(&mut self) {
         let per_request = self.options.per_request.max(1);
         let mut here = self.members.keys().copied().peekable();
@@ -294,7 +294,7 @@ impl Crowd {
         }
     }
 
-    /// Takes in the answer to one request.
+    /// Takes the answer to one request.
     fn take(&mut self, chunk: usize, answer: v1::StepResponse) -> Result<(), ClientError> {
         self.waited = self.waited.max(Duration::from_micros(answer.waited_us));
         let of = &mut self.chunks[chunk];
@@ -333,15 +333,15 @@ impl Crowd {
         for nth in 0..self.chunks[chunk].members.len() {
             let member = self.chunks[chunk].members[nth];
             let refused = self.session(member).and_then(|s| refusal(results, s.id()));
-            // Whoever is gone has been reported.
+            // Its problem has been reported.
             if let Some(problem) = refused.filter(|p| !p.kind.is_gone()) {
                 self.fault(member, problem);
             }
         }
     }
 
-    /// Where not one character of a request could be served the server answers with the first one's
-    /// problem alone: each is asked for. Other errors are the crowd's.
+    /// If the server can serve no character of a request, it answers with the problem of the first
+    /// alone. So each is queried. Other errors are the crowd's.
     async fn take_error(&mut self, chunk: usize, error: ClientError) -> Result<(), ClientError> {
         let ClientError::Session(common) = error else {
             return Err(error);
@@ -362,7 +362,7 @@ impl Crowd {
         Ok(())
     }
 
-    /// Reports a character, which leaves where its session is gone.
+    /// Reports a character. It leaves if its session is gone.
     fn fault(&mut self, member: MemberId, problem: Problem) {
         let left = problem.kind.is_gone();
         let session = self.session(member).map(|s| s.id().to_owned());
@@ -386,8 +386,8 @@ impl Crowd {
         }
     }
 
-    /// What the sessions have done so far, added up. It lists the server's sessions, so it is not
-    /// for every tick.
+    /// The counts of all sessions, summed. It lists the server's sessions, so do not call it in
+    /// every tick.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -413,7 +413,7 @@ impl Crowd {
     }
 }
 
-/// What a step brought, borrowed from the crowd.
+/// The results of a step, borrowed from the crowd.
 #[derive(Debug, Clone, Copy)]
 pub struct CrowdStep<'a> {
     crowd: &'a Crowd,
@@ -429,13 +429,13 @@ impl<'a> CrowdStep<'a> {
         })
     }
 
-    /// One character's frames. None where it did not move.
+    /// The frames of one character. None if it did not move.
     pub fn get(&self, member: MemberId) -> Option<Frames<'a>> {
         let (chunk, place) = self.crowd.members.get(&member)?.place?;
         Some(self.crowd.chunks[chunk].block.frames(place))
     }
 
-    /// What happened to characters in their scenes, in order for each.
+    /// Events of characters in their scenes, in order for each.
     pub fn events(&self) -> impl Iterator<Item = (MemberId, &'a v1::SessionEvent)> + use<'a> {
         let crowd = self.crowd;
         crowd.chunks.iter().flat_map(|chunk| {
@@ -445,7 +445,7 @@ impl<'a> CrowdStep<'a> {
         })
     }
 
-    /// What is in the characters' hands.
+    /// Objects in the characters' hands.
     pub fn held(&self) -> impl Iterator<Item = (MemberId, &'a v1::HeldObject)> + use<'a> {
         let crowd = self.crowd;
         crowd.chunks.iter().flat_map(|chunk| {
@@ -454,13 +454,13 @@ impl<'a> CrowdStep<'a> {
         })
     }
 
-    /// What was wrong with single characters: those that could not be served, and those whose
-    /// command was refused, which moved on as before.
+    /// Problems of single characters: of those that could not be served, and of those whose command
+    /// was refused, which moved on as before.
     pub fn faults(&self) -> &'a [Fault] {
         &self.crowd.faults
     }
 
-    /// Longest time that a request of the step waited for plans on the server.
+    /// Longest wait of a request of the step for plans on the server.
     pub fn waited(&self) -> Duration {
         self.crowd.waited
     }

@@ -35,7 +35,7 @@ async fn a_crowd_is_split_and_put_together_again() {
     for &member in &members {
         let frames = step.get(member).unwrap();
         assert_eq!((frames.first_frame(), frames.len()), (1, 2));
-        // The root's x is the place in the request of three.
+        // The root's x is the index in the request of three.
         assert_eq!(frames.last().unwrap().root.x, (member.index() % 3) as f32);
     }
     let script = script.lock().unwrap();
@@ -94,10 +94,10 @@ async fn acts_go_once_and_what_happens_comes_with_the_step() {
     assert_eq!(held, [(members[3], "cup")]);
     let step = crowd.step(1).await.unwrap();
     assert_eq!((step.events().count(), step.held().count()), (0, 0));
-    let told = |script: &Script| script.steps.iter().map(|s| s.commands.len()).sum::<usize>();
-    assert_eq!(told(&script.lock().unwrap()), 1);
+    let sent = |script: &Script| script.steps.iter().map(|s| s.commands.len()).sum::<usize>();
+    assert_eq!(sent(&script.lock().unwrap()), 1);
 
-    // One character alone has them too.
+    // A single session gets events too.
     let mut guard = client
         .session(&pack, &SessionOptions::new().id("guard").scene("yard"))
         .await
@@ -146,7 +146,7 @@ async fn who_is_gone_leaves_and_the_others_go_on() {
     script.lock().unwrap().broken = [
         ("c0".to_owned(), "SESSION_EXPIRED"),
         ("c2".to_owned(), "SESSION_BUSY"),
-        // Alone in its request, which therefore fails as a whole.
+        // It is alone in its request, which therefore fails as a whole.
         ("c3".to_owned(), "UNKNOWN_SESSION"),
     ]
     .into();
@@ -170,7 +170,7 @@ async fn who_is_gone_leaves_and_the_others_go_on() {
     assert_eq!((crowd.len(), crowd.session(members[3]).is_none()), (2, true));
     assert!(crowd.intent_mut(members[0]).is_none());
 
-    // Whoever was busy is tried again, and a new one takes nobody's name.
+    // The busy character is tried again, and a new one does not take another's name.
     script.lock().unwrap().broken.clear();
     let new = crowd.add(&[SessionOptions::new().id("c9")]).await.unwrap();
     assert_eq!(new[0].index(), 4);

@@ -10,7 +10,7 @@ use tonic::Streaming;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 use v1::drive_request::Message as Ask;
-use v1::drive_response::Message as Told;
+use v1::drive_response::Message as FromServer;
 
 use super::act::Act;
 use super::drive_event::DriveEvent;
@@ -22,23 +22,23 @@ use crate::connection::Client;
 use crate::error::{AnswerError, ClientError};
 use crate::problem::{Problem, ProblemKind};
 
-/// Messages that may wait to be sent. More wait in their sessions' intents, where a newer one
-/// replaces an older.
+/// Messages that may wait to be sent. Further changes wait in the intents of their sessions, in
+/// which a newer change replaces an older one.
 const QUEUE: usize = 64;
 
-/// How a stream is opened.
+/// Options of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DriveOptions {
-    /// How frames are sent.
+    /// Rate and form of frames.
     pub frames: FrameOptions,
-    /// Give every tick that arrives, in order, such as for a recording. By default [`Drive::next`]
-    /// gives the newest and counts what it skipped.
+    /// Give every tick that arrives, in order, for instance for a recording. By default
+    /// [`Drive::next`] gives the newest and counts the ticks that it skips.
     pub every_tick: bool,
     /// Close the sessions of the stream when it ends. By default they wait for their time to live.
     pub close_sessions: bool,
-    /// How long a stream that breaks is opened again, with its sessions where this client saw them
-    /// last: a server that keeps its sessions may be started anew meanwhile. None: a stream that
-    /// breaks ends with an error. 10 s by default.
+    /// Time for which the client reopens a stream that breaks. Its sessions go on from the last
+    /// frame that came, even after a restart of a server that keeps its sessions. None: a stream
+    /// that breaks ends with an error. 10 s by default.
     pub reconnect: Option<Duration>,
 }
 
@@ -56,10 +56,10 @@ impl Default for DriveOptions {
 /// A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by
 /// [`Client::drive`].
 ///
-/// The sessions are the stream's while they are on it, and come back when they leave. A stream that
-/// breaks is opened again, and its sessions go on behind the last frame that came
-/// ([`DriveOptions::reconnect`], [`DriveEvent::Resumed`]). Where that fails it ends: take the
-/// sessions with [`Self::into_sessions`] and attach them to another.
+/// The stream owns its sessions, and returns them when they leave. A stream that breaks is
+/// reopened, and its sessions go on after the last frame that came ([`DriveOptions::reconnect`],
+/// [`DriveEvent::Resumed`]). If that fails the stream ends. Then take the sessions with
+/// [`Self::into_sessions`] and attach them to another.
 ///
 /// ```no_run
 /// use glam::Vec3;
@@ -98,15 +98,15 @@ pub struct Drive {
     /// Names of the sessions in the stream's slots.
     slots: HashMap<u32, String>,
     blocks: Vec<Block>,
-    /// What is in the characters' hands.
+    /// Objects in the characters' hands.
     held: Vec<v1::HeldObject>,
-    /// Ticks that came but were not given, because newer ones had come.
+    /// Ticks that came but were skipped for newer ones.
     skipped: u64,
     events: Vec<DriveEvent>,
-    /// How the stream ended, to be told once all that came before has been given.
+    /// How the stream ended. The caller gets it after all that came before.
     end: Option<Result<(), ClientError>>,
     ended: bool,
-    /// Why it broke, until it is opened again.
+    /// Why the stream broke, until it is reopened.
     broken: Option<ClientError>,
 }
 
@@ -117,12 +117,12 @@ struct TickHead {
     underruns: u32,
 }
 
-/// What came since the last look.
+/// All that came since the last call.
 #[derive(Debug)]
 pub struct Update<'a> {
-    /// The newest tick, where one came.
+    /// The newest tick, if one came.
     pub tick: Option<Tick<'a>>,
-    /// What happened to sessions.
+    /// Events of sessions.
     pub events: Vec<DriveEvent>,
 }
 
@@ -174,11 +174,11 @@ impl Client {
 }
 
 impl Drive {
-    /// Takes sessions onto the stream. An event tells when each is there, or that it could not be
-    /// taken.
+    /// Takes sessions onto the stream. An event follows for each: it is on the stream, or could not
+    /// be taken.
     ///
     /// # Errors
-    /// [`ClientError::Unreachable`] where the stream is broken.
+    /// [`ClientError::Unreachable`] if the stream is broken.
     pub async fn attach(&mut self, sessions: impl IntoIterator<Item = Session>) -> Result<(), ClientError> {
         let mut session_ids = Vec::new();
         for session in sessions {
@@ -194,7 +194,7 @@ impl Drive {
     /// Takes sessions off the stream. Each comes back with a [`DriveEvent::Left`].
     ///
     /// # Errors
-    /// [`ClientError::Unreachable`] where the stream is broken.
+    /// [`ClientError::Unreachable`] if the stream is broken.
     pub async fn detach(
         &mut self,
         ids: impl IntoIterator<Item = impl Into<String>>,
@@ -224,31 +224,31 @@ impl Drive {
         self.sessions.values()
     }
 
-    /// What a session should do, to be changed; [`Self::next`] and [`Self::flush`] send it.
+    /// The intent of a session, for changes. [`Self::next`] and [`Self::flush`] send it.
     pub fn intent_mut(&mut self, id: &str) -> Option<&mut Locomotion> {
         let session = self.sessions.get_mut(id)?;
         Some(session.intent_mut().wanted_mut())
     }
 
-    /// Has a character do something, such as use an object of its scene; [`Self::next`] and
-    /// [`Self::flush`] send it. Nothing happens where the session is not on the stream.
+    /// Has a character do something, such as use an object of its scene. [`Self::next`] and
+    /// [`Self::flush`] send it. Nothing happens if the session is not on the stream.
     pub fn act(&mut self, id: &str, act: &Act) {
         if let Some(session) = self.sessions.get_mut(id) {
             session.act(act);
         }
     }
 
-    /// How much it matters that a session is planned for often, 0 to 1: such as by its distance
-    /// from the camera, in steps of a tenth or so, for every change is a command. [`Self::next`]
-    /// and [`Self::flush`] send it. Nothing happens where the session is not on the stream.
+    /// Sets the priority of a session for plans, 0 to 1, for instance by its distance from the
+    /// camera. Every change is a command, so use steps of a tenth or so. [`Self::next`] and
+    /// [`Self::flush`] send it. Nothing happens if the session is not on the stream.
     pub fn set_priority(&mut self, id: &str, priority: f32) {
         if let Some(session) = self.sessions.get_mut(id) {
             session.priority(priority);
         }
     }
 
-    /// Sends what changed of what the sessions should do. Where the connection is busy it stays for
-    /// the next time, so that the newest goes.
+    /// Sends the changed intents. If the connection is busy they stay for the next time, and the
+    /// newest goes then.
     pub fn flush(&mut self) {
         let changed = self.sessions.iter_mut();
         let commands = changed
@@ -262,7 +262,7 @@ impl Drive {
             return;
         };
         if let Some(Ask::Command(unsent)) = unsent.into_inner().message {
-            // The last first, so that they are in order again.
+            // The last goes first, so that the order is right again.
             for command in unsent.commands.into_iter().rev() {
                 if let Some(session) = self.sessions.get_mut(&command.session_id) {
                     session.intent_mut().unsent(command);
@@ -271,11 +271,11 @@ impl Drive {
         }
     }
 
-    /// Sends what changed, and waits for the next tick or event. Of several ticks that have come
-    /// the newest is given, unless [`DriveOptions::every_tick`]. None once the stream has ended as
-    /// this client asked.
+    /// Sends changed intents, and waits for the next tick or event. It gives the newest of several
+    /// ticks, unless [`DriveOptions::every_tick`] is set. None once the stream has ended as this
+    /// client asked.
     ///
-    /// Nothing is lost where the future is dropped before it is ready.
+    /// Nothing is lost if the future is dropped before it is ready.
     ///
     /// # Errors
     /// See [`ClientError`]; [`ClientError::StreamEnded`] with the server's reason. The stream has
@@ -293,8 +293,7 @@ impl Drive {
         }
         self.flush();
         let mut newest = None;
-        // Messages that tell this client nothing, such as commands that came late, are no reason to
-        // stop waiting.
+        // Messages without news, such as late commands, do not end the wait.
         while newest.is_none() && self.events.is_empty() && self.end.is_none() {
             if self.broken.is_some() {
                 self.mend().await?;
@@ -302,7 +301,7 @@ impl Drive {
                 continue;
             }
             let first = self.answers.message().await;
-            // No waiting from here on, so that nothing is lost.
+            // There is no await from here on, so that nothing is lost.
             let mut came = Some(first);
             while let Some(message) = came {
                 self.sort(message, &mut newest)?;
@@ -322,7 +321,7 @@ impl Drive {
         };
         let events = std::mem::take(&mut self.events);
         if head.is_none() && events.is_empty() {
-            // It ended and that is all.
+            // It ended without an error.
             self.ended = true;
             return match self.end.take() {
                 Some(Err(error)) => Err(error),
@@ -337,11 +336,10 @@ impl Drive {
         Ok(Some(Update { tick, events }))
     }
 
-    /// Opens a stream again that broke. Until that is done it counts as broken, however often this
-    /// is tried.
+    /// Reopens a stream that broke. Until that succeeds it counts as broken.
     ///
     /// # Errors
-    /// Why it broke, where it cannot be opened again in time.
+    /// Why it broke, if it cannot be reopened in time.
     async fn mend(&mut self) -> Result<(), ClientError> {
         let limit = self.options.reconnect.unwrap_or_default();
         let mended = self.reconnect(limit).await;
@@ -352,7 +350,7 @@ impl Drive {
         }
     }
 
-    /// The stream ended with an error: for good, or until it is opened again.
+    /// Notes that the stream ended with an error: for good, or until it is reopened.
     fn ends(&mut self, error: ClientError) {
         match self.options.reconnect.is_some() && reconnect::is_break(&error) {
             true => self.broken = Some(error),
@@ -366,7 +364,7 @@ impl Drive {
         message: Result<Option<v1::DriveResponse>, tonic::Status>,
         newest: &mut Option<v1::DriveFrames>,
     ) -> Result<(), ClientError> {
-        let told = match message {
+        let message = match message {
             Ok(Some(message)) => message.message.ok_or(AnswerError::Missing("message"))?,
             Ok(None) => {
                 if self.end.is_none() && self.broken.is_none() {
@@ -379,22 +377,22 @@ impl Drive {
                 return Ok(());
             }
         };
-        match told {
-            Told::Frames(frames) => {
+        match message {
+            FromServer::Frames(frames) => {
                 if newest.replace(frames).is_some() {
                     self.skipped += 1;
                 }
             }
-            Told::Attached(attached) => self.attached(attached),
-            Told::Left(left) => {
+            FromServer::Attached(attached) => self.attached(attached),
+            FromServer::Left(left) => {
                 for left in left.sessions {
                     self.slots.remove(&left.slot);
                     let (session, id, problem) = self.give_back(left);
                     self.events.push(DriveEvent::Left { id, session, problem });
                 }
             }
-            Told::Commands(commands) => self.refused(commands),
-            Told::Events(happened) => {
+            FromServer::Commands(commands) => self.refused(commands),
+            FromServer::Events(happened) => {
                 for of in happened.sessions {
                     self.events.push(DriveEvent::Happened {
                         session: of.session_id,
@@ -403,7 +401,7 @@ impl Drive {
                     });
                 }
             }
-            Told::Closing(closing) => {
+            FromServer::Closing(closing) => {
                 let problem = Problem::from(closing.reason.unwrap_or_default());
                 match problem.kind {
                     ProblemKind::ClientDone => self.end = Some(Ok(())),
@@ -425,7 +423,7 @@ impl Drive {
         }
     }
 
-    /// A session that is on the stream no more, unless it is gone altogether.
+    /// Takes a session off the stream, and returns it unless it is gone.
     fn give_back(&mut self, of: v1::SessionProblem) -> (Option<Box<Session>>, String, Problem) {
         let problem = Problem::from(of.problem.unwrap_or_default());
         let session = self.sessions.remove(&of.session_id).map(Box::new);
@@ -447,7 +445,7 @@ impl Drive {
         }
     }
 
-    /// Decodes a tick. Blocks of which no character is known yet, or any more, are passed over.
+    /// Decodes a tick. Blocks without a known character are skipped.
     fn read(&mut self, frames: v1::DriveFrames) -> Result<TickHead, ClientError> {
         self.blocks.iter_mut().for_each(Block::clear);
         let (slots, sessions) = (&self.slots, &self.sessions);
@@ -496,21 +494,21 @@ impl Drive {
         }
     }
 
-    /// The sessions of the stream, such as after an error. Where the server has not noticed yet
-    /// that the stream is gone it may call them busy for a moment.
+    /// The sessions of the stream, for instance after an error. The server may call them busy until
+    /// it notices that the stream is gone.
     pub fn into_sessions(self) -> Vec<Session> {
         self.sessions.into_values().collect()
     }
 }
 
 impl<'a> Tick<'a> {
-    /// Counts the ticks of the stream from 0.
+    /// Number of the tick, from 0.
     pub fn number(&self) -> u64 {
         self.head.number
     }
 
-    /// Ticks so far that never came to the game: the server had not sent them, because this client
-    /// was slow to take them, or they had come but a newer one had too.
+    /// Ticks so far that the game did not get. The server did not send them because this client was
+    /// slow, or a newer one had come too.
     pub fn dropped(&self) -> u64 {
         self.head.dropped + self.skipped
     }
@@ -520,14 +518,14 @@ impl<'a> Tick<'a> {
         self.head.underruns
     }
 
-    /// What is in the characters' hands, by the names of their sessions.
+    /// Objects in the characters' hands, by the ids of their sessions.
     pub fn held(&self) -> impl Iterator<Item = (&'a str, &'a v1::HeldObject)> + use<'a> {
         let drive = self.drive;
         let each = drive.held.iter();
         each.filter_map(move |held| Some((drive.slots.get(&held.slot)?.as_str(), held)))
     }
 
-    /// The characters, by the names of their sessions, each with one frame.
+    /// The characters by the ids of their sessions, each with one frame.
     pub fn characters(&self) -> impl Iterator<Item = (&'a str, Frames<'a>)> + use<'a> {
         let drive = self.drive;
         drive.blocks.iter().flat_map(move |block| {

@@ -1,65 +1,64 @@
-//! What a stream tells beside frames.
+//! Events of a stream.
 
 use troupe_proto::v1;
 
 use super::session::Session;
 use crate::problem::Problem;
 
-/// Something that happened to a stream's sessions.
+/// An event of a stream's sessions.
 #[derive(Debug)]
 pub enum DriveEvent {
     /// The session is on the stream now.
     Attached {
-        /// Its name.
+        /// Id of the session.
         session: String,
     },
-    /// The stream broke, and the session is taken up again: its next frame is the one behind the
-    /// last that came. What it should do is told again. What it was told to do once
-    /// ([`Drive::act`](super::Drive::act)) is not, and may be lost.
+    /// The stream broke, and the session is resumed: its next frame is the one after the last that
+    /// came. Its intent is sent again. Actions ([`Drive::act`](super::Drive::act)) are not, and may
+    /// be lost.
     Resumed {
-        /// Its name.
+        /// Id of the session.
         session: String,
-        /// The frame that it is at.
+        /// Its current frame.
         frame: u64,
-        /// The server was started again and had kept the session. Else only the connection broke.
+        /// Whether the server was restarted and had kept the session. Else only the connection
+        /// broke.
         restored: bool,
-        /// Commands that this client gave and the server does not know.
+        /// Commands of this client that the server does not know.
         lost_commands: u64,
     },
-    /// The session could not be taken onto the stream. It is given back, unless it is gone.
+    /// The session could not be taken onto the stream. It comes back, unless it is gone.
     NotAttached {
-        /// Its name.
+        /// Id of the session.
         id: String,
-        /// It.
+        /// The session itself.
         session: Option<Box<Session>>,
-        /// Why.
+        /// The reason.
         problem: Problem,
     },
-    /// Something happened to a character in a scene. It comes before the tick in which it did.
+    /// A character had events in its scene. They come before the tick in which they happened.
     Happened {
-        /// Its session.
+        /// Id of its session.
         session: String,
-        /// What, in order.
+        /// The events, in order.
         events: Vec<v1::SessionEvent>,
-        /// Events of the session that were dropped so far, because this client was slow to take
-        /// them.
+        /// Events of the session that were dropped so far, because this client was slow.
         dropped: u64,
     },
-    /// The session left the stream: detached, closed or expired. It is given back, unless it is
-    /// gone.
+    /// The session left the stream: detached, closed or expired. It comes back, unless it is gone.
     Left {
-        /// Its name.
+        /// Id of the session.
         id: String,
-        /// It.
+        /// The session itself.
         session: Option<Box<Session>>,
-        /// Why.
+        /// The reason.
         problem: Problem,
     },
-    /// What the session should do was refused; it goes on as before.
+    /// The server refused the session's command. The session goes on as before.
     Refused {
-        /// Its name.
+        /// Id of the session.
         session: String,
-        /// Why.
+        /// The reason.
         problem: Problem,
     },
 }

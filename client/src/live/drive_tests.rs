@@ -6,14 +6,14 @@ use super::*;
 use crate::live::options::SessionOptions;
 use crate::live::testing::{block, problem, scripted};
 
-fn told(message: Told) -> v1::DriveResponse {
+fn from_server(message: FromServer) -> v1::DriveResponse {
     v1::DriveResponse {
         message: Some(message),
     }
 }
 
 fn tick(number: u64, slots: &[u32]) -> v1::DriveResponse {
-    told(Told::Frames(v1::DriveFrames {
+    from_server(FromServer::Frames(v1::DriveFrames {
         tick: number,
         blocks: vec![block(slots, 1, vec![number; slots.len()])],
         dropped_ticks: 4,
@@ -35,7 +35,7 @@ fn attached(ids: &[(&str, u32)]) -> v1::DriveResponse {
         session_id: id.to_owned(),
         slot,
     });
-    told(Told::Attached(v1::DriveAttached {
+    from_server(FromServer::Attached(v1::DriveAttached {
         sessions: sessions.collect(),
         problems: Vec::new(),
     }))
@@ -50,12 +50,12 @@ fn session_problem(slot: u32, id: &str, reason: &str) -> v1::SessionProblem {
 }
 
 fn closing(reason: &str) -> v1::DriveResponse {
-    told(Told::Closing(v1::DriveClosing {
+    from_server(FromServer::Closing(v1::DriveClosing {
         reason: Some(problem(reason)),
     }))
 }
 
-/// A stream with sessions a, b, ... on it, on which the server says all of `script`.
+/// A stream with sessions a, b, ..., on which the server sends all of `script`.
 async fn stream(every_tick: bool, sessions: &[&str], script: Vec<v1::DriveResponse>) -> Drive {
     let (client, pack, server) = scripted().await;
     server.lock().unwrap().stream = script;
@@ -74,7 +74,7 @@ async fn stream(every_tick: bool, sessions: &[&str], script: Vec<v1::DriveRespon
     drive
 }
 
-/// The numbers of the ticks that are given until the stream ends, and how it ends.
+/// The numbers of the ticks until the stream ends, and how it ends.
 async fn all(drive: &mut Drive) -> (Vec<u64>, Vec<DriveEvent>, Result<(), ClientError>) {
     let (mut ticks, mut events) = (Vec::new(), Vec::new());
     loop {
@@ -112,7 +112,7 @@ async fn a_late_look_gives_the_newest_and_counts_the_rest() {
     script.extend((0..5).map(|number| tick(number, &[7])));
     script.push(closing("CLIENT_DONE"));
     let mut drive = stream(false, &["a"], script).await;
-    // All of it has come meanwhile.
+    // All ticks have come meanwhile.
     tokio::time::sleep(Duration::from_millis(300)).await;
     let mut given = 0;
     let mut dropped = 0;
@@ -126,21 +126,21 @@ async fn a_late_look_gives_the_newest_and_counts_the_rest() {
         }
     }
     assert_eq!(newest, 4);
-    // Four the server said, and those that were passed over here.
+    // The server dropped four, and the client skipped the others.
     assert_eq!(dropped, 4 + 5 - given);
     assert!(given < 5, "it did catch up");
 }
 
 #[tokio::test]
 async fn sessions_come_back_when_they_leave() {
-    let not_taken = told(Told::Attached(v1::DriveAttached {
+    let not_taken = from_server(FromServer::Attached(v1::DriveAttached {
         sessions: Vec::new(),
         problems: vec![
             session_problem(0, "b", "SESSION_BUSY"),
             session_problem(0, "c", "SESSION_EXPIRED"),
         ],
     }));
-    let left = told(Told::Left(v1::DriveLeft {
+    let left = from_server(FromServer::Left(v1::DriveLeft {
         sessions: vec![session_problem(7, "a", "DETACHED")],
     }));
     let script = vec![
@@ -199,7 +199,7 @@ async fn what_happened_comes_with_the_next_look_and_what_is_held_with_the_tick()
             instance: "cup".to_owned(),
         })),
     };
-    let events = told(Told::Events(v1::DriveEvents {
+    let events = from_server(FromServer::Events(v1::DriveEvents {
         sessions: vec![v1::SessionEvents {
             slot: 3,
             session_id: "b".to_owned(),
@@ -251,7 +251,7 @@ async fn intents_go_with_the_next_look() {
         status: v1::CommandStatus::Refused.into(),
         problem: Some(problem("UNKNOWN_STYLE")),
     };
-    server.lock().unwrap().stream = vec![told(Told::Commands(v1::CommandResponse {
+    server.lock().unwrap().stream = vec![from_server(FromServer::Commands(v1::CommandResponse {
         results: vec![refused],
     }))];
     let mut drive = client.drive(DriveOptions::default()).await.unwrap();
@@ -275,7 +275,7 @@ async fn intents_go_with_the_next_look() {
     );
 }
 
-/// Where the session is after the stream broke.
+/// The position of the session after the stream broke.
 fn resumed(id: &str, frame: u64, last_sequence: u64) -> v1::ResumeSessionsResponse {
     v1::ResumeSessionsResponse {
         sessions: vec![v1::ResumedSession {
@@ -331,7 +331,7 @@ async fn a_stream_that_breaks_is_opened_again_behind_the_last_frame() {
         ),
         "{events:?}"
     );
-    // It said what it had seen, and takes the session onto the new stream.
+    // The client sent the last frame that it saw, and takes the session onto the new stream.
     let asked = server.lock().unwrap().resumes.clone();
     let [one] = asked[0].sessions.as_slice() else {
         panic!("{asked:?}")

@@ -1,4 +1,4 @@
-//! Frames of characters as they come, in buffers that are used again.
+//! Frames of characters, in buffers that are reused.
 
 use glam::{Quat, Vec3};
 use troupe_motion::GlobalRoot;
@@ -32,19 +32,19 @@ impl Contacts {
 pub struct Frame<'a> {
     /// World position of the root joint.
     pub root: Vec3,
-    /// A rotation for each joint of the pack: the first in the world, the others relative to their
-    /// parents.
+    /// A rotation for each joint of the pack: of the first in the world, of the others relative to
+    /// their parents.
     pub rotations: &'a [Quat],
-    /// What is on the ground.
+    /// Contact joints on the ground.
     pub contacts: Contacts,
-    /// World position of each joint; empty unless asked for.
+    /// World position of each joint. Empty if the options do not ask for it.
     pub positions: &'a [Vec3],
-    /// MuJoCo's `qpos`, in its own axes; empty unless frames come so ([`super::Encoding::Qpos`]).
+    /// MuJoCo's `qpos`, in its own axes. Empty in other encodings than [`super::Encoding::Qpos`].
     pub qpos: &'a [f32],
 }
 
 impl Frame<'_> {
-    /// Where the character is and faces, in the native convention: metres, heading about +Y.
+    /// Place and heading of the root in the native convention: metres, radians about +Y.
     pub fn native_root(&self, skeleton: &Skeleton, convention: Convention) -> GlobalRoot {
         let pelvis = self.rotations.first().copied().unwrap_or_default();
         GlobalRoot::of_pose(
@@ -64,7 +64,7 @@ pub struct Frames<'a> {
     rotations: &'a [Quat],
     contacts: &'a [u8],
     positions: &'a [Vec3],
-    /// Numbers of a `qpos`; 0 where there is none.
+    /// Numbers of a `qpos`; 0 without one.
     qpos_len: usize,
     qpos: &'a [f32],
     hinge_residuals: &'a [f32],
@@ -72,22 +72,22 @@ pub struct Frames<'a> {
 }
 
 impl<'a> Frames<'a> {
-    /// How many there are.
+    /// Number of frames.
     pub fn len(&self) -> usize {
         self.roots.len()
     }
 
-    /// Whether there are none.
+    /// Whether it has no frame.
     pub fn is_empty(&self) -> bool {
         self.roots.is_empty()
     }
 
-    /// Number of the first on the session's timeline, which counts 30 a second; rounded down.
+    /// Number of the first frame on the session's timeline, which has 30 a second; rounded down.
     pub fn first_frame(&self) -> u64 {
         self.first_frame
     }
 
-    /// One of them.
+    /// The frame of an index.
     pub fn get(&self, index: usize) -> Option<Frame<'a>> {
         let at = index * self.joints..(index + 1) * self.joints;
         Some(Frame {
@@ -99,24 +99,24 @@ impl<'a> Frames<'a> {
         })
     }
 
-    /// How far the hinges of a robot could not follow the motion, radians, one a frame: the largest
+    /// Distance of the motion from what a robot's hinges can do, radians, one a frame: the largest
     /// angle of any joint in the world. Empty unless frames come as `qpos`.
     pub fn hinge_residuals(&self) -> &'a [f32] {
         self.hinge_residuals
     }
 
-    /// Hinges of a robot that were asked for more than their limits, one number a frame. Empty
-    /// unless frames come as `qpos`.
+    /// Number of a robot's hinges whose limits were exceeded, one a frame. Empty unless frames come
+    /// as `qpos`.
     pub fn clamped_hinges(&self) -> &'a [u32] {
         self.clamped_hinges
     }
 
-    /// The newest.
+    /// The newest frame.
     pub fn last(&self) -> Option<Frame<'a>> {
         self.get(self.len().checked_sub(1)?)
     }
 
-    /// All, oldest first.
+    /// All frames, the oldest first.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Frame<'a>> + use<'a> {
         let frames = *self;
         let (joints, numbers) = (self.joints, self.qpos_len);
@@ -133,8 +133,8 @@ impl<'a> Frames<'a> {
     }
 }
 
-/// A block of frames, checked and decoded. What the message holds in the right form is moved out of
-/// it, not copied.
+/// A block of frames, checked and decoded. Columns of the right form are moved out of the message,
+/// not copied.
 #[derive(Debug, Default)]
 pub(crate) struct Block {
     joints: usize,
@@ -144,9 +144,9 @@ pub(crate) struct Block {
     roots: Vec<Vec3>,
     rotations: Vec<Quat>,
     contacts: Vec<u8>,
-    /// Three numbers a joint.
+    /// World positions of joints, three numbers each.
     positions: Vec<f32>,
-    /// Numbers of a `qpos`; 0 where there is none.
+    /// Numbers of a `qpos`; 0 without one.
     qpos_len: usize,
     qpos: Vec<f32>,
     hinge_residuals: Vec<f32>,
@@ -154,11 +154,11 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Reads a message in place of what was here. `convention` gives that of the character in a
-    /// slot.
+    /// Replaces the block by that of a message. `convention` gives the convention of the character
+    /// in a slot.
     ///
     /// # Errors
-    /// [`AnswerError::Length`] for the first column of the wrong length; the block is then empty.
+    /// [`AnswerError::Length`] for the first column of the wrong length. The block is then empty.
     pub(crate) fn read(
         &mut self,
         message: v1::FrameBlock,
@@ -198,7 +198,8 @@ impl Block {
         Ok(())
     }
 
-    /// Roots and rotations that the `qpos` of all frames say, in the conventions of the characters.
+    /// Computes roots and rotations from the `qpos` of all frames, in the conventions of the
+    /// characters.
     fn read_qpos(
         &mut self,
         message: &v1::FrameBlock,
@@ -226,7 +227,7 @@ impl Block {
         }
     }
 
-    /// Forgets what was read, but keeps the room.
+    /// Empties the block, but keeps its memory.
     pub(crate) fn clear(&mut self) {
         self.frame_count = 0;
         self.slots.clear();
@@ -243,7 +244,7 @@ impl Block {
         &self.slots
     }
 
-    /// The frames of the n-th character; none where there is no such.
+    /// The frames of the n-th character, if there is one.
     pub(crate) fn frames(&self, place: usize) -> Frames<'_> {
         if place >= self.slots.len() {
             return Frames {

@@ -12,7 +12,7 @@ use crate::pack::Pack;
 
 const JOINTS: usize = 3;
 
-/// Two characters in slots 4 and 1, two frames each, whose numbers follow from their places.
+/// Two characters in slots 4 and 1, two frames each, with numbers that follow from their index.
 fn parts() -> (Vec<Vec3>, Vec<Quat>) {
     let roots = (0..4)
         .map(|i| Vec3::new(i as f32, 0.9, -0.5 * i as f32))
@@ -45,7 +45,7 @@ fn message(encoding: Encoding) -> v1::FrameBlock {
     block
 }
 
-/// A skeleton of joints that hang from each other.
+/// A skeleton whose joints are a chain.
 fn chain(joints: usize) -> Skeleton {
     let joint = |nth: usize| Joint {
         name: format!("joint {nth}"),
@@ -151,7 +151,7 @@ fn qpos_is_read_as_poses_in_the_characters_convention() {
     }
     assert_eq!(block.frames(0).hinge_residuals(), [0.02]);
     assert_eq!(block.frames(1).clamped_hinges(), [0]);
-    // Frames in another form leave nothing of it.
+    // Frames in another encoding clear it.
     let mut plain = hopper().1;
     (plain.qpos, plain.hinge_residuals, plain.clamped_hinges) = Default::default();
     plain.root_positions = vec![0.0; 6];
@@ -185,7 +185,7 @@ fn a_block_is_read_over_the_last_one() {
     block.read(message(Encoding::Compact), &skeleton, native).unwrap();
     assert_eq!(block.frames(0).len(), 2);
     assert!(block.frames(0).get(0).unwrap().positions.is_empty());
-    // One that cannot be read leaves none.
+    // A block that cannot be read clears it.
     let mut broken = message(Encoding::F32);
     broken.contacts.pop();
     assert!(block.read(broken, &skeleton, native).is_err());
@@ -207,7 +207,7 @@ fn a_column_of_the_wrong_length_is_named() {
             b.packed_rotations.clear()
         }),
         ("rotations", Encoding::Compact, |b| b.rotations.push(1.0)),
-        // Floats and a robot's numbers, of a skeleton that is no robot's.
+        // Floats, and a robot's numbers for a skeleton that is no robot's.
         ("root_positions", Encoding::F32, |b| b.qpos.push(1.0)),
         ("clamped_hinges", Encoding::F32, |b| b.clamped_hinges.push(1)),
     ];
@@ -243,7 +243,7 @@ fn the_native_root_is_the_same_in_every_convention() {
 }
 
 proptest! {
-    /// Whatever a server sends is read or refused, never more.
+    /// Any bytes of a server are read or refused.
     #[test]
     fn any_lengths_are_read_or_refused(
         slots in 0usize..3,

@@ -1,4 +1,4 @@
-//! What a character should do, and which of it the server knows already.
+//! The intent of a character, and the part of it that the server knows.
 
 use glam::Vec3;
 use troupe_proto::v1;
@@ -17,11 +17,11 @@ use super::act::Act;
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Locomotion {
-    /// Where to go and how fast, in the session's units per second, over the ground. Zero: stand.
+    /// Velocity over the ground, in the session's units per second. Zero: stand.
     pub velocity: Vec3,
-    /// Where to face, radians. None: where it goes, or where it faces when it stands.
+    /// Heading to face, radians. None: along the velocity; standing keeps the heading.
     pub facing: Option<f32>,
-    /// Style to move in. None: the one that it has.
+    /// Style to move in. None: the current one.
     pub style: Option<String>,
     /// The only gait of the style to use. None: those that suit the velocity.
     pub gait: Option<String>,
@@ -31,7 +31,7 @@ pub struct Locomotion {
 }
 
 impl Locomotion {
-    /// Stand where you are.
+    /// Stand.
     pub fn stand() -> Self {
         Self::default()
     }
@@ -44,7 +44,7 @@ impl Locomotion {
         }
     }
 
-    /// Faces this way, radians, whatever the velocity.
+    /// Faces this heading, radians, at any velocity.
     #[must_use]
     pub fn facing(mut self, heading: f32) -> Self {
         self.facing = Some(heading);
@@ -85,25 +85,24 @@ impl Locomotion {
     }
 }
 
-/// What one character should do, what the server was told, and the sequence numbers of the commands
-/// between.
+/// The intent of one character, the part of it that was sent, and the sequence numbers of commands.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Intent {
     wanted: Locomotion,
-    told: Option<Locomotion>,
+    sent: Option<Locomotion>,
     sequence: u64,
-    /// Whether `wanted` was ever looked at to be changed: a session that is taken up goes on until
-    /// it is.
+    /// Whether `wanted` was ever borrowed for a change. A resumed session goes on as it was until
+    /// then.
     touched: bool,
-    /// None: whatever the server has.
+    /// None: unchanged on the server.
     priority: Option<f32>,
-    told_priority: Option<f32>,
-    /// To be told before what is wanted, in order.
+    sent_priority: Option<f32>,
+    /// Actions to send before the locomotion, in order.
     acts: Vec<v1::command::Intent>,
 }
 
 impl Intent {
-    /// Of a session that has taken commands up to this sequence number.
+    /// The intent of a session that has taken commands up to this sequence number.
     pub(crate) fn after(sequence: u64) -> Self {
         Self {
             sequence,
@@ -129,24 +128,24 @@ impl Intent {
         self.sequence
     }
 
-    /// The server has seen sequence numbers up to here, whoever gave them.
+    /// Notes that the server has seen sequence numbers up to this one, from any client.
     pub(crate) fn seen(&mut self, sequence: u64) {
         self.sequence = self.sequence.max(sequence);
     }
 
-    /// Has the character do something. Unless it goes on moving meanwhile, its locomotion counts as
-    /// told until it is looked at to be changed.
+    /// Adds an action. If the character does not move meanwhile, its locomotion counts as sent
+    /// until it is borrowed for a change.
     pub(crate) fn act(&mut self, act: &Act) {
         let before = self.changed_intent();
         self.acts.extend(before);
         self.acts.push(act.to_message());
         if !act.lets_move() {
-            self.told = None;
+            self.sent = None;
             self.touched = false;
         }
     }
 
-    /// A command that was not sent after all.
+    /// Takes back a command that was not sent.
     pub(crate) fn unsent(&mut self, command: v1::Command) {
         match command.intent {
             Some(v1::command::Intent::Locomote(_)) | None => self.doubt(),
@@ -154,7 +153,7 @@ impl Intent {
         }
     }
 
-    /// The commands that bring the server up to date. They count as told from now on.
+    /// The commands that bring the server up to date. They count as sent from now on.
     pub(crate) fn commands(&mut self, session: &str) -> Vec<v1::Command> {
         let acts = std::mem::take(&mut self.acts).into_iter();
         let mut commands: Vec<v1::Command> = acts
@@ -170,8 +169,7 @@ impl Intent {
         commands
     }
 
-    /// The command that tells what is wanted, where the server does not know it. It counts as told
-    /// from now on.
+    /// The command with all that the server does not know yet. It counts as sent from now on.
     fn changed(&mut self, session: &str) -> Option<v1::Command> {
         let (intent, priority) = (self.changed_intent(), self.changed_priority());
         if intent.is_none() && priority.is_none() {
@@ -186,29 +184,29 @@ impl Intent {
         })
     }
 
-    /// The locomotion that the server does not know yet. It counts as told from now on.
+    /// The locomotion that the server does not know yet. It counts as sent from now on.
     fn changed_intent(&mut self) -> Option<v1::command::Intent> {
-        let same = match &self.told {
-            Some(told) => {
-                let style = self.wanted.style.as_ref().or(told.style.as_ref());
-                style == told.style.as_ref()
-                    && self.wanted.velocity == told.velocity
-                    && self.wanted.facing == told.facing
-                    && self.wanted.gait == told.gait
-                    && self.wanted.height == told.height
+        let same = match &self.sent {
+            Some(sent) => {
+                let style = self.wanted.style.as_ref().or(sent.style.as_ref());
+                style == sent.style.as_ref()
+                    && self.wanted.velocity == sent.velocity
+                    && self.wanted.facing == sent.facing
+                    && self.wanted.gait == sent.gait
+                    && self.wanted.height == sent.height
             }
-            // One that nobody has commanded stands in its own style.
+            // A character without a command stands in its own style.
             None => !self.touched || (self.sequence == 0 && self.wanted == Locomotion::default()),
         };
-        (!same).then(|| self.tell())
+        (!same).then(|| self.send_wanted())
     }
 
-    /// The priority that the server does not know yet. It counts as told from now on.
+    /// The priority that the server does not know yet. It counts as sent from now on.
     fn changed_priority(&mut self) -> Option<f32> {
         let changed = self
             .priority
-            .filter(|priority| self.told_priority.map(f32::to_bits) != Some(priority.to_bits()));
-        self.told_priority = self.priority;
+            .filter(|priority| self.sent_priority.map(f32::to_bits) != Some(priority.to_bits()));
+        self.sent_priority = self.priority;
         changed
     }
 
@@ -217,34 +215,34 @@ impl Intent {
         self.sequence
     }
 
-    /// The locomotion that is wanted, which counts as told from now on.
-    fn tell(&mut self) -> v1::command::Intent {
-        let before = self.told.take().and_then(|told| told.style);
-        let mut told = self.wanted.clone();
-        told.style = told.style.or(before);
-        self.told = Some(told);
+    /// The wanted locomotion. It counts as sent from now on.
+    fn send_wanted(&mut self) -> v1::command::Intent {
+        let before = self.sent.take().and_then(|sent| sent.style);
+        let mut sent = self.wanted.clone();
+        sent.style = sent.style.or(before);
+        self.sent = Some(sent);
         v1::command::Intent::Locomote(self.wanted.to_message())
     }
 
-    /// A command with the next sequence number, to hold from `at_frame` on.
+    /// A command with the next sequence number, which counts from `at_frame` on.
     pub(crate) fn command(&mut self, session: &str, at_frame: Option<u64>) -> v1::Command {
         v1::Command {
             session_id: session.to_owned(),
-            intent: Some(self.tell()),
+            intent: Some(self.send_wanted()),
             sequence: self.next(),
             at_frame,
             priority: self.changed_priority(),
         }
     }
 
-    /// The last command may not have arrived: what is wanted is to be told again.
+    /// Marks everything as unsent, because the last command may not have arrived.
     pub(crate) fn doubt(&mut self) {
-        self.told_priority = None;
-        // A style that was told before may hold or not; it is told again where it is wanted.
-        if let Some(told) = self.told.take() {
-            self.wanted.style = self.wanted.style.take().or(told.style);
-            // Differs from everything, so that the next look finds a change.
-            self.told = Some(Locomotion {
+        self.sent_priority = None;
+        // A style that was sent before may hold or not, so it is sent again.
+        if let Some(sent) = self.sent.take() {
+            self.wanted.style = self.wanted.style.take().or(sent.style);
+            // It differs from everything, so that the next comparison finds a change.
+            self.sent = Some(Locomotion {
                 velocity: Vec3::NAN,
                 ..Locomotion::default()
             });
@@ -289,10 +287,10 @@ mod tests {
         let mut intent = Intent::default();
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
         intent.changed("a").unwrap();
-        // The same, said without the style, is no change.
+        // The same without the style is no change.
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
         assert_eq!(intent.changed("a"), None);
-        // Nor is the style said again after another command without it.
+        // Nor is the same style after another command without it.
         *intent.wanted_mut() = Locomotion::walk(Vec3::X);
         intent.changed("a").unwrap();
         *intent.wanted_mut() = Locomotion::walk(Vec3::X).style("old");
@@ -379,7 +377,7 @@ mod tests {
         intent.act(&Act::interact("chair"));
         assert_eq!(sent(&mut intent), [(1, "locomote"), (2, "interact")]);
         assert_eq!(sent(&mut intent), []);
-        // To go on as before is a command too: it breaks off.
+        // To go on as before is a command too, because it breaks the action off.
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
         assert_eq!(sent(&mut intent), [(3, "locomote")]);
         intent.act(&Act::Drop);

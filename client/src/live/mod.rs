@@ -1,4 +1,4 @@
-//! Live characters: sessions on the server that move until they are told otherwise.
+//! Live characters: sessions on the server that move until they get another command.
 //!
 //! A session's timeline counts frames at 30 Hz. There are two ways to advance it:
 //!
@@ -6,17 +6,16 @@
 //!   game's loop asks for the next frames when it wants them. The same seed, commands and steps
 //!   give the same frames.
 //! - **Server-clocked**, by [`Drive`]: a stream on which the server sends a tick of frames for many
-//!   characters at 30, 50 or 60 Hz. It never waits; a character whose plan is late slows down on
-//!   what it has, and that is counted.
+//!   characters at 30, 50 or 60 Hz. It never waits. A character whose plan is late slows down, and
+//!   the server counts that.
 //!
-//! What a character should do is a [`Locomotion`]. It is set in place, as often as the game likes;
-//! only what changed goes to the server, with sequence numbers, so that commands may be lost, late
-//! or repeated without harm.
+//! The intent of a character is a [`Locomotion`]. Set it in place as often as you like. Only
+//! changes go to the server, with sequence numbers, so that commands may be lost, late or repeated
+//! without harm.
 //!
-//! A path to follow is an [`Act`], [`LivePath`], and so is a sentence to act out, [`Performance`].
-//! In a scene ([`SessionOptions::scene`]) characters also use objects: an act is done once, and
-//! what becomes of it comes back as events. Until the character is to walk again its locomotion is
-//! left alone, for a change breaks off what it does.
+//! An [`Act`] is done once: follow a path ([`LivePath`]), act out a sentence ([`Performance`]), or
+//! use an object of a scene ([`SessionOptions::scene`]). Events report how it goes. Do not change
+//! the locomotion meanwhile, because a change breaks the act off.
 
 mod act;
 mod calls;

@@ -1,4 +1,4 @@
-//! How a session is set up, and how its frames are taken.
+//! Options of sessions and of frames.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use troupe_proto::v1;
 
 use crate::inbetween::{CONTEXT_FRAMES, Key};
 
-/// What a new character is: by default one that stands at the origin in the pack's default style,
+/// Options of a new character. By default it stands at the origin in the pack's default style, with
 /// seed 0.
 ///
 /// ```
@@ -24,20 +24,20 @@ pub struct SessionOptions {
 }
 
 impl SessionOptions {
-    /// The default.
+    /// The default options.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A name for the session, unique on the server: 1 to 64 letters, digits, `-`, `_` or `.`. The
-    /// server makes one otherwise.
+    /// Sets the id, unique on the server: 1 to 64 letters, digits, `-`, `_` or `.`. Without it the
+    /// server makes one.
     #[must_use]
     pub fn id(mut self, id: impl Into<String>) -> Self {
         self.message.id = id.into();
         self
     }
 
-    /// Style to start with.
+    /// Sets the first style.
     #[must_use]
     pub fn style(mut self, style: impl Into<String>) -> Self {
         self.message.style = style.into();
@@ -51,22 +51,22 @@ impl SessionOptions {
         self
     }
 
-    /// Axes, handedness and unit of everything that the session takes and gives.
+    /// Sets axes, handedness and unit of all input and output of the session.
     #[must_use]
     pub fn convention(mut self, convention: Convention) -> Self {
         self.convention = convention;
         self
     }
 
-    /// The scene that it lives in; none by default.
+    /// Sets the scene that it lives in. By default it lives in none.
     #[must_use]
     pub fn scene(mut self, name: impl Into<String>) -> Self {
         self.message.scene = name.into();
         self
     }
 
-    /// Where it stands at first, in its convention, and which way it faces, radians. The height is
-    /// the pack's.
+    /// Sets the place at which it stands at first, in its convention, and its heading, radians. The
+    /// height is the pack's.
     #[must_use]
     pub fn at(mut self, position: Vec3, heading: f32) -> Self {
         let Vec3 { x, y, z } = position;
@@ -75,7 +75,7 @@ impl SessionOptions {
         self
     }
 
-    /// How it stood before: four consecutive frames, oldest first, in its convention. Excludes
+    /// Sets four consecutive frames before the first, the oldest first, in its convention. Excludes
     /// [`Self::at`].
     #[must_use]
     pub fn context(mut self, frames: &[Key; CONTEXT_FRAMES]) -> Self {
@@ -83,45 +83,46 @@ impl SessionOptions {
         self
     }
 
-    /// Time without a command, step or stream after which it expires: 1 s to a day, a minute by
-    /// default.
+    /// Sets the time without a command, step or stream after which it expires: 1 s to a day, a
+    /// minute by default.
     #[must_use]
     pub fn ttl(mut self, ttl: Duration) -> Self {
         self.message.ttl_ms = Some(u32::try_from(ttl.as_millis()).unwrap_or(u32::MAX));
         self
     }
 
-    /// Frames between the cursor and the point where a new plan takes over: 2 to 12, 4 by default.
+    /// Sets the frames from the cursor to the start of a new plan: 2 to 12, 4 by default.
     #[must_use]
     pub fn look_ahead_frames(mut self, frames: u32) -> Self {
         self.message.look_ahead_frames = Some(frames);
         self
     }
 
-    /// Frames between plans, 3 to 30. The style's by default.
+    /// Sets the frames between plans, 3 to 30. Default: the style's.
     #[must_use]
     pub fn replan_interval_frames(mut self, frames: u32) -> Self {
         self.message.replan_interval_frames = Some(frames);
         self
     }
 
-    /// How closely the root follows the spring's path: 0 leaves it to the networks, 1 follows the
-    /// spring; 0 to 1.2. The style's by default.
+    /// Sets how closely the root follows the path of the spring, 0 to 1.2: 0 leaves it to the
+    /// networks, 1 follows the spring. Default: the style's.
     #[must_use]
     pub fn root_ratio(mut self, ratio: f32) -> Self {
         self.message.root_ratio = Some(ratio);
         self
     }
 
-    /// Above 0, poses are sampled with the seed, and roots by packs that can. 0 to 2.
+    /// Sets the temperature, 0 to 2. Above 0 poses are sampled with the seed, and roots by packs
+    /// that can.
     #[must_use]
     pub fn temperature(mut self, temperature: f32) -> Self {
         self.message.temperature = temperature;
         self
     }
 
-    /// How much it matters that this character is planned for often, where there are more than the
-    /// server can serve: 0 is far from the camera, 1 the hero, 0.5 the default.
+    /// Sets the priority for plans, which counts if there are more characters than the server can
+    /// serve: 0 is far from the camera, 1 the hero, 0.5 the default.
     #[must_use]
     pub fn priority(mut self, priority: f32) -> Self {
         self.message.priority = Some(priority);
@@ -139,10 +140,10 @@ impl SessionOptions {
     }
 }
 
-/// How many frames a second a session's frames are taken at. Its motion is the same at every rate.
+/// Frames a second. The motion of a session is the same at every rate.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Rate {
-    /// 30, at which the networks work.
+    /// 30, the rate of the networks.
     #[default]
     Hz30,
     /// 50, interpolated.
@@ -167,10 +168,10 @@ impl Rate {
     }
 }
 
-/// How frames come over the wire.
+/// Encoding of frames on the wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Encoding {
-    /// 32-bit floats: exactly what the server has.
+    /// 32-bit floats, as exact as in the server.
     #[default]
     F32,
     /// Under half the bytes; root to 0.1 mm and rotations to 0.01 degrees
@@ -192,12 +193,12 @@ impl Encoding {
     }
 }
 
-/// How frames are taken.
+/// Options of frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FrameOptions {
     /// Frames a second.
     pub rate: Rate,
-    /// How they come over the wire.
+    /// Encoding on the wire.
     pub encoding: Encoding,
     /// Whether world joint positions come with them.
     pub positions: bool,
@@ -250,7 +251,7 @@ mod tests {
             ),
             (Some(2000), Some(6), None)
         );
-        // Longer than can be said is not shorter.
+        // A time beyond the range of the field becomes the longest.
         let long = SessionOptions::new().ttl(Duration::from_secs(1 << 40));
         assert_eq!(long.to_message("", "").ttl_ms, Some(u32::MAX));
     }

@@ -8,16 +8,16 @@ use super::act::Act;
 /// A point of a path, in the session's convention.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PathPoint {
-    /// Where to be. Only the ground plane counts.
+    /// Place to pass. Only the ground plane counts.
     pub position: Vec3,
-    /// Where to face, radians. None: the way that the path goes.
+    /// Heading to face, radians. None: along the path.
     pub heading: Option<f32>,
-    /// When to be there, seconds from the command: increasing, and for all points or none.
+    /// Time of arrival, seconds from the command: increasing, and for all points or none.
     pub time_s: Option<f32>,
 }
 
-/// A path to follow: 2 to 1024 points. The character goes to the first from where it is, and stands
-/// at the last.
+/// A path to follow: 2 to 1024 points. The character goes to the first point, and stands at the
+/// last.
 ///
 /// ```
 /// use glam::Vec3;
@@ -29,12 +29,12 @@ pub struct PathPoint {
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LivePath {
-    /// The points.
+    /// Places in the order of the path.
     pub points: Vec<PathPoint>,
     /// Speed along the path, in the session's units per second, for points without times. None: the
     /// style's.
     pub speed: Option<f32>,
-    /// Style to move in. None: the one that it has.
+    /// Style to move in. None: the current one.
     pub style: Option<String>,
     /// Go on from the last point to the first, for ever.
     pub is_loop: bool,
@@ -58,7 +58,7 @@ impl LivePath {
         }
     }
 
-    /// Goes this fast, in the session's units per second.
+    /// Sets the speed, in the session's units per second.
     #[must_use]
     pub fn speed(self, speed: f32) -> Self {
         Self {

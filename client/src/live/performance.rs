@@ -4,8 +4,8 @@ use troupe_proto::v1;
 
 use super::act::Act;
 
-/// A sentence that a character acts out: it goes on as it does until the first frames have come,
-/// and takes up again what it did. Events say when it begins and why it ends.
+/// A sentence that a character acts out. The character goes on as before until the first frames
+/// have come, and goes on again afterwards. Events report when it begins and why it ends.
 ///
 /// ```
 /// use troupe_client::{Act, Performance};
@@ -15,18 +15,18 @@ use super::act::Act;
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Performance {
-    /// What to do: 1 to 1000 characters.
+    /// The sentence: 1 to 1000 characters.
     pub text: String,
-    /// Name of the pack that makes motion of it. None: the server's.
+    /// Name of the pack that acts it out. None: the server decides.
     pub pack: Option<String>,
-    /// How long, 0.5 to 30 s. None: as long as the model finds right.
+    /// Length, 0.5 to 30 s. None: the model decides.
     pub seconds: Option<f32>,
-    /// 0 takes the likeliest motion, more varies: 0 to 2. None: the pack's.
+    /// Temperature, 0 to 2. 0 takes the likeliest motion. None: the pack's.
     pub temperature: Option<f32>,
 }
 
 impl Performance {
-    /// Of this sentence.
+    /// A performance of this sentence.
     pub fn of(text: impl Into<String>) -> Self {
         Self {
             text: text.into(),
@@ -34,7 +34,7 @@ impl Performance {
         }
     }
 
-    /// By this pack.
+    /// Sets the pack.
     #[must_use]
     pub fn pack(self, name: impl Into<String>) -> Self {
         Self {
@@ -43,7 +43,7 @@ impl Performance {
         }
     }
 
-    /// Lasts so long, 0.5 to 30 s.
+    /// Sets the length, 0.5 to 30 s.
     #[must_use]
     pub fn seconds(self, seconds: f32) -> Self {
         Self {
@@ -52,7 +52,7 @@ impl Performance {
         }
     }
 
-    /// Varies so much, 0 to 2.
+    /// Sets the temperature, 0 to 2.
     #[must_use]
     pub fn temperature(self, temperature: f32) -> Self {
         Self {

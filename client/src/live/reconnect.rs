@@ -1,4 +1,4 @@
-//! Streams that break: opened again, with their sessions where the client saw them last.
+//! Reopens streams that broke. Their sessions go on from the last frame that the client saw.
 
 use std::time::Duration;
 
@@ -13,13 +13,13 @@ use super::Drive;
 use crate::error::ClientError;
 use crate::problem::{Problem, ProblemKind};
 
-/// Waits between tries: the first, and the longest.
+/// Pauses between tries: the first, and the longest.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(1));
 /// Sessions of one call, as many as a server takes by default.
 const CHUNK: usize = 1024;
 
-/// Whether the stream broke although neither side wanted to end it for good: a server that stops
-/// may be started again.
+/// Whether the stream broke without either side ending it for good. A server that stops may be
+/// restarted.
 pub(super) fn is_break(error: &ClientError) -> bool {
     match error {
         ClientError::StreamEnded(problem) => match &problem.kind {
@@ -40,7 +40,7 @@ fn may_pass(error: &ClientError) -> bool {
     }
 }
 
-/// The last frame that was seen of a session.
+/// The last frame of a session that the client saw.
 fn seen(id: &str, frame: u64, shown: Option<Frame<'_>>) -> v1::SessionResume {
     let pose = shown.map(|shown| match shown.qpos {
         [] => v1::Keyframe {
@@ -75,7 +75,7 @@ fn seen(id: &str, frame: u64, shown: Option<Frame<'_>>) -> v1::SessionResume {
 }
 
 impl Drive {
-    /// Opens the stream again and takes up its sessions, for at most `limit`. Events tell how each
+    /// Reopens the stream and resumes its sessions, for at most `limit`. Events report how each
     /// goes on.
     ///
     /// # Errors
@@ -87,7 +87,7 @@ impl Drive {
                 Ok(()) => return Ok(()),
                 Err(error) => error,
             };
-            // A server that drains may take the sessions up, and end the new stream at once.
+            // A server that drains may resume the sessions, and end the new stream at once.
             if !is_break(&error) || Instant::now() + pause > until {
                 return Err(error);
             }
@@ -96,7 +96,7 @@ impl Drive {
         }
     }
 
-    /// What this client saw last of each session; nothing of one that had no frames yet.
+    /// The last frame of each session that this client saw. Sessions without frames are left out.
     fn last_seen(&self) -> Vec<v1::SessionResume> {
         let unseen = |id: &String| v1::SessionResume {
             session_id: id.clone(),
@@ -167,7 +167,7 @@ impl Drive {
     }
 }
 
-/// Why a session is in somebody's hands, where it is.
+/// The problem of a session that another client advances.
 fn busy(of: &v1::SessionProblem) -> Option<Problem> {
     let problem = Problem::from(of.problem.clone()?);
     (problem.kind == ProblemKind::SessionBusy).then_some(problem)

@@ -1,4 +1,4 @@
-//! Collecting live frames into a clip.
+//! Collects live frames into a clip.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use super::options::Rate;
 use super::session::Session;
 use crate::pack::Pack;
 
-/// Frames of one character, as they come, to be written as a BVH or glb file.
+/// Live frames of one character, collected for a file such as BVH or glb.
 ///
 /// ```no_run
 /// # async fn example(mut session: troupe_client::Session) -> Result<(), Box<dyn std::error::Error>> {
@@ -49,7 +49,7 @@ impl Recording {
         }
     }
 
-    /// An empty recording of what a session gives.
+    /// An empty recording of a session's frames.
     pub fn of(session: &Session) -> Self {
         Self::new(session.pack(), session.convention(), session.frame_options().rate)
     }
@@ -57,7 +57,7 @@ impl Recording {
     /// Adds a frame. It is kept in the native convention.
     ///
     /// # Panics
-    /// Where the frame is not one of the pack's: it has another number of joints.
+    /// If the frame has another number of joints than the pack.
     pub fn push(&mut self, frame: Frame<'_>) {
         assert_eq!(
             frame.rotations.len(),
@@ -71,21 +71,20 @@ impl Recording {
             .extend(rotations.map(|&q| of.rotation_to_native(q)));
     }
 
-    /// Frames so far.
+    /// Number of frames so far.
     pub fn len(&self) -> usize {
         self.roots.len()
     }
 
-    /// Whether there are none yet.
+    /// Whether it has no frame yet.
     pub fn is_empty(&self) -> bool {
         self.roots.is_empty()
     }
 
-    /// The frames as a clip: native convention, metres, the rate that they were taken at.
+    /// The frames as a clip: native convention, metres, at their rate.
     ///
     /// # Errors
-    /// [`ClipError::Empty`] where no frame was pushed, and [`ClipError::Value`] where one was not a
-    /// pose.
+    /// [`ClipError::Empty`] without a frame, and [`ClipError::Value`] if a frame is no pose.
     pub fn into_clip(self) -> Result<Clip, ClipError> {
         Clip::new(self.skeleton, self.rate.hz() as f32, self.roots, self.rotations)
     }

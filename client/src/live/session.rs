@@ -15,7 +15,7 @@ use crate::problem::Problem;
 
 /// One live character on a server, opened by [`Client::session`].
 ///
-/// What it should do is set in place and goes to the server with the next step:
+/// Set its intent in place. The next step sends it to the server:
 ///
 /// ```no_run
 /// use glam::Vec3;
@@ -37,8 +37,8 @@ use crate::problem::Problem;
 /// # }
 /// ```
 ///
-/// A session that is dropped stays on the server until its time to live has passed, and can be
-/// taken up again with [`Client::resume_session`].
+/// A session that is dropped stays on the server until its time to live has passed.
+/// [`Client::resume_session`] resumes it.
 #[derive(Debug)]
 pub struct Session {
     client: Client,
@@ -67,27 +67,27 @@ impl Session {
         }
     }
 
-    /// Its name on the server.
+    /// Id on the server.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Its pack.
+    /// The pack that it was opened with.
     pub fn pack(&self) -> &Pack {
         &self.pack
     }
 
-    /// Axes and unit of all that it takes and gives.
+    /// Axes and unit of its input and output.
     pub fn convention(&self) -> Convention {
         self.convention
     }
 
-    /// How its frames are taken.
+    /// Rate and encoding of its frames.
     pub fn frame_options(&self) -> FrameOptions {
         self.options
     }
 
-    /// Changes how its frames are taken.
+    /// Changes rate and encoding of its frames.
     pub fn set_frame_options(&mut self, options: FrameOptions) {
         self.options = options;
     }
@@ -103,13 +103,13 @@ impl Session {
         self.walk(Vec3::ZERO)
     }
 
-    /// Faces this way, radians, whatever the velocity.
+    /// Faces this heading, radians, at any velocity.
     pub fn face(&mut self, heading: f32) -> &mut Self {
         self.intent.wanted_mut().facing = Some(heading);
         self
     }
 
-    /// Faces where it goes.
+    /// Faces along its velocity.
     pub fn face_ahead(&mut self) -> &mut Self {
         self.intent.wanted_mut().facing = None;
         self
@@ -121,50 +121,49 @@ impl Session {
         self
     }
 
-    /// Uses this gait alone, or with none those that suit the velocity.
+    /// Uses this gait alone. None: the gaits that suit the velocity.
     pub fn gait(&mut self, gait: Option<&str>) -> &mut Self {
         self.intent.wanted_mut().gait = gait.map(str::to_owned);
         self
     }
 
-    /// Holds the root joint at this height, or with none at the style's.
+    /// Holds the root joint at this height. None: the style's height.
     pub fn height(&mut self, height: Option<f32>) -> &mut Self {
         self.intent.wanted_mut().height = height;
         self
     }
 
-    /// Does something once, such as use an object of its scene. Until it is to walk again its
-    /// locomotion is left alone: a change breaks off what it does. It goes with the next step;
-    /// where that fails it may not have arrived, and is not sent again.
+    /// Does something once, such as use an object of its scene. Do not change its locomotion
+    /// meanwhile, because a change breaks the action off. It goes with the next step. If that fails
+    /// it may not have arrived, and is not sent again.
     pub fn act(&mut self, act: &Act) -> &mut Self {
         self.intent.act(act);
         self
     }
 
-    /// How much it matters that it is planned for often, where there are more characters than the
-    /// server can serve: 0 is far from the camera, 1 the hero. Changes nothing of what it does.
+    /// Sets the priority for plans, which counts if there are more characters than the server can
+    /// serve: 0 is far from the camera, 1 the hero. Its motion does not change otherwise.
     pub fn priority(&mut self, priority: f32) -> &mut Self {
         self.intent.set_priority(priority);
         self
     }
 
-    /// What it should do.
+    /// The current intent.
     pub fn intent(&self) -> &Locomotion {
         self.intent.wanted()
     }
 
-    /// Replaces all of what it should do.
+    /// Replaces the whole intent.
     pub fn set_intent(&mut self, intent: Locomotion) -> &mut Self {
         *self.intent.wanted_mut() = intent;
         self
     }
 
-    /// Advances it and returns its next frames, 1 to 120. What it should do goes with it where it
-    /// changed.
+    /// Advances it and returns its next frames, 1 to 120. A changed intent goes with the call.
     ///
     /// # Errors
-    /// See [`ClientError`]. [`ClientError::Session`] where the session is gone, in another's hands,
-    /// or refuses what it should do; in the last case it has moved on as before, and
+    /// See [`ClientError`]. [`ClientError::Session`] if the session is gone, another client
+    /// advances it, or it refuses its intent. In the last case it has moved on as before, and
     /// [`Self::frames`] has the frames.
     pub async fn step(&mut self, frames: u32) -> Result<Frames<'_>, ClientError> {
         let request = v1::StepRequest {
@@ -194,12 +193,12 @@ impl Session {
         Ok(self.frames())
     }
 
-    /// What happened to it in its scene in the last step.
+    /// Its events in its scene in the last step.
     pub fn events(&self) -> &[v1::SessionEvent] {
         &self.events.events
     }
 
-    /// What is in its hand at the last frame of the last step.
+    /// The object in its hand at the last frame of the last step.
     pub fn held(&self) -> Option<&v1::HeldObject> {
         self.held.as_ref()
     }
@@ -209,10 +208,10 @@ impl Session {
         self.block.frames(0)
     }
 
-    /// Sends what it should do now, where it changed, without a step.
+    /// Sends a changed intent now, without a step.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Session`] where the session is gone or refuses it.
+    /// See [`ClientError`]; [`ClientError::Session`] if the session is gone or refuses it.
     pub async fn send(&mut self) -> Result<(), ClientError> {
         for command in self.intent.commands(&self.id) {
             self.send_command(command).await?;
@@ -220,8 +219,8 @@ impl Session {
         Ok(())
     }
 
-    /// Sends what it should do from a frame of its timeline on, such as one that the whole scene
-    /// agreed on. The newest such command replaces one that still waits.
+    /// Sends the intent for a frame of its timeline, such as one that a whole scene agreed on. A
+    /// newer such command replaces one that still waits.
     ///
     /// # Errors
     /// As [`Self::send`].
@@ -242,7 +241,7 @@ impl Session {
         self.take_results(&answer.results)
     }
 
-    /// The first refusal is an error. A late command is none: whoever commanded since knows better.
+    /// The first refusal is an error. A late command is not, because a newer one has come.
     fn take_results(&mut self, results: &[v1::CommandResult]) -> Result<(), ClientError> {
         match refusal(results, &self.id) {
             Some(problem) => Err(ClientError::session(&self.id, problem)),
@@ -250,11 +249,11 @@ impl Session {
         }
     }
 
-    /// The session as the server has it. Commands that others gave meanwhile are taken note of, so
-    /// that this client's next one is newer.
+    /// The state of the session on the server. It also takes the sequence numbers of other clients,
+    /// so that this client's next command is newer.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Session`] where it is gone.
+    /// See [`ClientError`]; [`ClientError::Session`] if the session is gone.
     pub async fn info(&mut self) -> Result<v1::Session, ClientError> {
         let info = self.client.session_info(&self.id).await?;
         self.intent.seen(info.last_sequence);
@@ -264,7 +263,7 @@ impl Session {
     /// Up to `frames` of its buffered future (0: all), and the plan behind it. Changes nothing.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Session`] where it is gone.
+    /// See [`ClientError`]; [`ClientError::Session`] if the session is gone.
     pub async fn peek(&self, frames: u32) -> Result<v1::PeekResponse, ClientError> {
         let request = v1::PeekRequest {
             session_id: self.id.clone(),
@@ -278,7 +277,7 @@ impl Session {
     /// Closes it on the server.
     ///
     /// # Errors
-    /// See [`ClientError`]; that it is gone already is none.
+    /// See [`ClientError`]. A session that is gone already is no error.
     pub async fn close(self) -> Result<(), ClientError> {
         self.client.close_sessions([self.id]).await.map(|_| ())
     }
@@ -288,7 +287,7 @@ impl Session {
     }
 }
 
-/// Why the session's command was refused, where it was.
+/// The refusal of the session's command, if any.
 pub(crate) fn refusal(results: &[v1::CommandResult], session: &str) -> Option<Problem> {
     results
         .iter()

@@ -1,5 +1,5 @@
-//! A server that answers by script, to see what a client sends and how it takes answers that a real
-//! server seldom gives.
+//! A server that answers by a script. It records the client's messages, and sends answers that a
+//! real server seldom gives.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -17,14 +17,14 @@ use crate::pack::Pack;
 /// Joints of the pack of the tests.
 const JOINTS: usize = 2;
 
-/// What the server was asked, and how it answers.
+/// The messages of the client, and the answers of the server.
 #[derive(Debug, Default)]
 pub(crate) struct Script {
     /// Steps, in the order of their arrival.
     pub(crate) steps: Vec<v1::StepRequest>,
     /// Messages of streams.
     pub(crate) asked: Vec<v1::DriveRequest>,
-    /// Sessions that cannot be served, and the reason.
+    /// Sessions that the server cannot serve, and the reason.
     pub(crate) broken: BTreeMap<String, &'static str>,
     /// Styles that are refused.
     pub(crate) unknown_style: Option<&'static str>,
@@ -32,9 +32,9 @@ pub(crate) struct Script {
     pub(crate) unavailable: bool,
     /// Answers of the next stream; it ends after them.
     pub(crate) stream: Vec<v1::DriveResponse>,
-    /// What clients said that came back.
+    /// Last frames that returning clients sent.
     pub(crate) resumes: Vec<v1::ResumeSessionsRequest>,
-    /// What they are answered.
+    /// Answers to them.
     pub(crate) resumed: Option<v1::ResumeSessionsResponse>,
     frames: BTreeMap<String, u64>,
 }
@@ -151,7 +151,7 @@ impl Script {
     }
 }
 
-/// The sessions of a step that are to use an object: it is in their hands at once.
+/// The sessions of a step that use an object. It is in their hands at once.
 fn interactions(request: &v1::StepRequest) -> impl Iterator<Item = (u32, &v1::Interact)> {
     request.commands.iter().filter_map(|command| {
         let slot = request
@@ -216,7 +216,7 @@ impl Sessions for Scripted {
         &self,
         request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
-        // Two pages.
+        // The list has two pages.
         let first = request.into_inner().page_token.is_empty();
         let session = |id: &str, underruns| v1::Session {
             id: id.to_owned(),

@@ -17,7 +17,7 @@ use crate::{EngineError, TrialRun};
 
 /// Rows of a call: one job has more, so it goes alone. On CPUs a row costs least in the smallest
 /// call, whose numbers stay in the core's cache: 0.36 ms for one person, 0.66 ms for eight (f32, 68
-/// frames; `cargo run --release -p troupe-engine --example unimogen`).
+/// frames; `cargo run --release -p troupe-eval -- unimogen`).
 pub const CALL_ROWS: usize = 1;
 
 /// Frames of a live character's window.

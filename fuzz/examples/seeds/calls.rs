@@ -42,7 +42,7 @@ fn motion() -> Result<(), Problem> {
     )
 }
 
-/// To act words out, and to put a motion into words.
+/// The calls between words and motion, in both directions.
 fn words() -> Result<(), Problem> {
     let sampling = v1::Sampling {
         temperature: Some(0.5),
@@ -322,14 +322,14 @@ fn scenes() -> Result<(), Problem> {
     text("CreateTicket", "txt", b"")
 }
 
-/// The call over HTTP and over gRPC.
+/// Writes a seed of the call over HTTP and one over gRPC.
 fn both<T: Message + Serialize>(rpc: &str, request: &T) -> Result<(), Problem> {
     let json = serde_json::to_vec(request)?;
     text(rpc, "json", &json)?;
     grpc(rpc, &request.encode_to_vec())
 }
 
-/// The call over HTTP, with a body or the rest of a path.
+/// Writes a seed of the call over HTTP: a body, or the rest of a path.
 fn text(rpc: &str, kind: &str, bytes: &[u8]) -> Result<(), Problem> {
     let first = Call::byte(rpc, true).ok_or("no such call")?;
     Ok(write(

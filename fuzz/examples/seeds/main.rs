@@ -1,5 +1,5 @@
-//! Writes the seeds of the targets `calls`, `glb`, `npz`, `snapshot` and `websocket` anew: `cargo
-//! run -p troupe-fuzz --example seeds`. To be run where a call or what is kept has changed.
+//! Rewrites the seeds of the targets `calls`, `glb`, `npz`, `snapshot` and `websocket`: `cargo run
+//! -p troupe-fuzz --example seeds`. Run it after a change of a call or of a record in the store.
 
 mod calls;
 
@@ -19,8 +19,8 @@ use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
 use troupe_proto::v1::drive_request::Message as Ask;
 
-/// A session's record as the server writes it: format, pack, body, convention, seed, scene, time to
-/// live, priority, style, character.
+/// A session's record in the store of the server: format, pack, body, convention, seed, scene, time
+/// to live, priority, style, character.
 type Record<'a> = (
     u32,
     &'a str,
@@ -160,7 +160,7 @@ fn snapshot() -> Result<(), Problem> {
     kept("taken", true)
 }
 
-/// The records of a server, of which a session has used an object and another has walked.
+/// The records of a server. If `moves`, one session has used an object and another has walked.
 fn kept(name: &str, moves: bool) -> Result<(), Problem> {
     let folder = std::env::temp_dir().join(format!("troupe-seeds-{}-{name}", std::process::id()));
     let local = Local::start(Some(folder.clone()));

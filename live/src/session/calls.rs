@@ -3,19 +3,17 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::sync::{Semaphore, watch};
 use troupe_proto::v1;
 
 use super::cell::SessionCell;
-use super::drive::{Audience, Roster, StreamPermit};
-use super::executor::Executor;
-use super::{CommandResult, LivePacks, Registry, SessionError, StepPlan, Stepped, TimeSource};
-use super::{commands, describe, metrics, options, peek, step};
+use super::results::CommandResult;
+use super::sessions::Sessions;
+use super::{LivePacks, SessionError, StepPlan, Stepped};
+use super::{commands, describe, options, peek, step};
 use crate::wire::units;
 use crate::world::{CharacterPlace, Store};
 use troupe_base::offload::offload;
-use troupe_base::telemetry::{Gauge, RequestContext, Telemetry};
-use troupe_base::tenant::Tenant;
+use troupe_base::telemetry::RequestContext;
 use troupe_base::turns::Turns;
 use troupe_character::Path;
 use troupe_character::live::Refusal;
@@ -27,150 +25,7 @@ const MAX_CLOSED: usize = 10_000;
 /// Requests to create up to this many sessions are served on the task that received them.
 const INLINE_SESSIONS: usize = 16;
 
-/// Limits of sessions and streams.
-#[derive(Debug, Clone, Copy)]
-pub struct SessionLimits {
-    /// Most open sessions.
-    pub sessions: usize,
-    /// Most sessions of one request.
-    pub per_request: usize,
-    /// Most sessions on one stream.
-    pub per_stream: usize,
-    /// Most open streams.
-    pub streams: usize,
-    /// Time to live of sessions that do not say, milliseconds.
-    pub ttl_ms: u32,
-    /// How long a stream's reader may take nothing.
-    pub stall_timeout: Duration,
-}
-
-/// The sessions of one tenant, and how all of them run.
-#[derive(Debug)]
-pub struct Sessions {
-    registry: Arc<Registry>,
-    common: Arc<Common>,
-}
-
-/// What the sessions of all tenants share.
-#[derive(Debug)]
-struct Common {
-    limits: SessionLimits,
-    time: TimeSource,
-    streams: Gauge,
-    places: Arc<Semaphore>,
-    draining: watch::Sender<bool>,
-    executor: Executor,
-}
-
 impl Sessions {
-    /// A server's sessions: none yet, of callers without a tenant. `executor` runs their
-    /// characters.
-    pub fn new(limits: SessionLimits, time: TimeSource, executor: Executor, telemetry: &Telemetry) -> Self {
-        Self {
-            registry: Arc::new(Registry::new(limits.sessions)),
-            common: Arc::new(Common {
-                limits,
-                time,
-                streams: metrics::streams(telemetry),
-                places: Arc::new(Semaphore::new(limits.streams)),
-                draining: watch::Sender::new(false),
-                executor,
-            }),
-        }
-    }
-
-    /// Those of another tenant. Limits, threads and the end are the same.
-    pub fn of_tenant(&self, tenant: Tenant) -> Self {
-        Self {
-            registry: Arc::new(self.registry.of_tenant(tenant)),
-            common: self.common.clone(),
-        }
-    }
-
-    /// The limits.
-    pub fn limits(&self) -> &SessionLimits {
-        &self.common.limits
-    }
-
-    /// Open sessions of all tenants.
-    pub fn open(&self) -> usize {
-        self.registry.len()
-    }
-
-    /// Ends sessions of all tenants whose time is up; answers how many. To be called now and then.
-    pub fn sweep(&self) -> usize {
-        self.registry.sweep(self.common.time.now())
-    }
-
-    /// Ends all streams, and takes no new ones.
-    pub fn drain(&self) {
-        self.common.draining.send_replace(true);
-    }
-
-    /// Waits until no stream is open.
-    pub async fn streams_ended(&self) {
-        let all = self.common.limits.streams as u32;
-        // The semaphore is never closed; were it, there would be no stream either.
-        let _ = self.common.places.acquire_many(all).await;
-    }
-
-    pub(super) fn registry(&self) -> &Arc<Registry> {
-        &self.registry
-    }
-
-    pub(super) fn time(&self) -> &TimeSource {
-        &self.common.time
-    }
-
-    pub(super) fn executor(&self) -> &Executor {
-        &self.common.executor
-    }
-
-    pub(super) fn draining(&self) -> watch::Receiver<bool> {
-        self.common.draining.subscribe()
-    }
-
-    pub(super) fn roster(&self, close_at_end: bool, audience: &Arc<Audience>) -> Roster {
-        let (registry, time) = (self.registry.clone(), self.common.time.clone());
-        let limit = self.common.limits.per_stream;
-        Roster::new(registry, time, limit, close_at_end, audience)
-    }
-
-    /// Notes how many streams are open, `leaving` of which are about to go.
-    pub(super) fn streams_changed(&self, leaving: usize) {
-        let free = self.common.places.available_permits() + leaving;
-        self.common
-            .streams
-            .set(self.common.limits.streams.saturating_sub(free) as f64);
-    }
-
-    pub(super) async fn apply(&self, commands: &[v1::Command]) -> Vec<CommandResult> {
-        commands::apply(&self.registry, &self.common.time, commands).await
-    }
-
-    /// Runs a stream, or what else advances characters, on the threads for that, in the turns of
-    /// its client.
-    pub fn spawn(&self, turns: Turns, work: impl Future<Output = ()> + Send + 'static) {
-        self.common.executor.spawn(turns, work);
-    }
-
-    /// A place for a stream.
-    ///
-    /// # Errors
-    /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts
-    /// down.
-    pub fn open_stream(self: &Arc<Self>) -> Result<StreamPermit, SessionError> {
-        if *self.common.draining.borrow() {
-            return Err(SessionError::ShuttingDown);
-        }
-        match self.common.places.clone().try_acquire_owned() {
-            Ok(permit) => Ok(StreamPermit::new(permit, self.clone())),
-            Err(_) => Err(SessionError::TooManyStreams {
-                limit: self.common.limits.streams,
-            }),
-        }
-    }
-
     /// `troupe.v1.Sessions/CreateSessions`.
     ///
     /// # Errors
@@ -186,10 +41,10 @@ impl Sessions {
             &Path::root().field("sessions"),
             count,
             1,
-            self.common.limits.per_request,
+            self.limits().per_request,
         )?;
-        let usual_ttl = Duration::from_millis(self.common.limits.ttl_ms.into());
-        self.registry.room_for(count, usual_ttl, self.common.time.now())?;
+        let usual_ttl = Duration::from_millis(self.limits().ttl_ms.into());
+        self.registry().room_for(count, usual_ttl, self.time().now())?;
         let (this, packs, store) = (self.clone(), packs.clone(), store.clone());
         let work = move || this.create_now(&packs, &store, &request);
         offload(count, INLINE_SESSIONS, work).await?
@@ -209,12 +64,12 @@ impl Sessions {
                 wanted,
                 packs,
                 store,
-                &self.common.limits,
+                self.limits(),
             )?;
-            cells.push(Arc::new(SessionCell::new(parts, self.common.time.clone())));
+            cells.push(Arc::new(SessionCell::new(parts, self.time().clone())));
         }
-        let now = self.common.time.now();
-        self.registry
+        let now = self.time().now();
+        self.registry()
             .insert(&cells, now, |index| format!("sessions[{index}].id"))?;
         Ok(v1::CreateSessionsResponse {
             sessions: cells.iter().map(|cell| describe::session(cell, now)).collect(),
@@ -226,8 +81,8 @@ impl Sessions {
     /// # Errors
     /// [`SessionError`] where the session is not open.
     pub fn get(&self, id: &str) -> Result<v1::Session, SessionError> {
-        let now = self.common.time.now();
-        let cell = self.registry.get(id, now, &|| "id".to_owned())?;
+        let now = self.time().now();
+        let cell = self.registry().get(id, now, &|| "id".to_owned())?;
         Ok(describe::session(&cell, now))
     }
 
@@ -246,10 +101,10 @@ impl Sessions {
         units::count_within(&root.field("page_size"), size, 1, most)?;
         let after = (!request.page_token.is_empty()).then_some(request.page_token.as_str());
         // One more than asked for tells whether there is another page.
-        let (mut cells, total) = self.registry.page(after, size as usize + 1);
+        let (mut cells, total) = self.registry().page(after, size as usize + 1);
         let more = cells.len() > size as usize;
         cells.truncate(size as usize);
-        let now = self.common.time.now();
+        let now = self.time().now();
         let last = cells.last().filter(|_| more);
         Ok(v1::ListSessionsResponse {
             next_page_token: last.map(|cell| cell.id().to_string()).unwrap_or_default(),
@@ -268,11 +123,11 @@ impl Sessions {
     ) -> Result<v1::CloseSessionsResponse, SessionError> {
         let root = Path::root();
         units::length(&root.field("ids"), request.ids.len(), 1, MAX_CLOSED)?;
-        let now = self.common.time.now();
+        let now = self.time().now();
         let closed = request
             .ids
             .iter()
-            .filter(|id| self.registry.close(id, now))
+            .filter(|id| self.registry().close(id, now))
             .count();
         Ok(v1::CloseSessionsResponse {
             closed: closed as u32,
@@ -294,7 +149,7 @@ impl Sessions {
         units::length(&root.field("commands"), count, 1, commands::MAX_COMMANDS)?;
         let this = self.clone();
         let work = async move { this.apply(&request.commands).await };
-        Ok(self.common.executor.run(turns, work).await?)
+        Ok(self.executor().run(turns, work).await?)
     }
 
     /// Checks what a step asks for, and works out how much its answer takes.
@@ -302,9 +157,9 @@ impl Sessions {
     /// # Errors
     /// [`SessionError::Field`] for a request that makes no sense.
     pub fn plan_step(&self, request: &v1::StepRequest) -> Result<StepPlan, SessionError> {
-        let now = self.common.time.now();
-        Ok(step::check(request, &self.common.limits, |id| {
-            let cell = self.registry.get(id, now, &String::new).ok()?;
+        let now = self.time().now();
+        Ok(step::check(request, self.limits(), |id| {
+            let cell = self.registry().get(id, now, &String::new).ok()?;
             Some(cell.pack().rig().skeleton.joint_count())
         })?)
     }
@@ -323,10 +178,10 @@ impl Sessions {
         let this = self.clone();
         let work = async move {
             let commands = this.apply(&request.commands).await;
-            let stepped = step::step(&this.registry, this.time(), &request.session_ids, plan).await;
+            let stepped = step::step(this.registry(), this.time(), &request.session_ids, plan).await;
             (commands, stepped)
         };
-        let (commands, stepped) = self.common.executor.run(turns, work).await?;
+        let (commands, stepped) = self.executor().run(turns, work).await?;
         RequestContext::part("advance", arrived, Vec::new);
         if let (true, Some(problem)) = (stepped.blocks.is_empty(), stepped.problems.first()) {
             return Err(problem.error.clone());
@@ -343,9 +198,7 @@ impl Sessions {
     /// # Errors
     /// [`SessionError`] where the session is not open, or in no scene.
     pub fn standing(&self, id: &str, field: &str) -> Result<CharacterPlace, SessionError> {
-        let cell = self
-            .registry
-            .get(id, self.common.time.now(), &|| field.to_owned())?;
+        let cell = self.registry().get(id, self.time().now(), &|| field.to_owned())?;
         let live = cell.live();
         let resident = live.resident().ok_or_else(|| SessionError::Refused {
             refusal: Refusal::NoScene,
@@ -369,9 +222,9 @@ impl Sessions {
         let most = peek::MAX_PEEK_FRAMES;
         let frames = if request.frames == 0 { most } else { request.frames };
         units::count_within(&root.field("frames"), frames, 1, most)?;
-        let now = self.common.time.now();
+        let now = self.time().now();
         let field = || "session_id".to_owned();
-        let cell = self.registry.get(&request.session_id, now, &field)?;
+        let cell = self.registry().get(&request.session_id, now, &field)?;
         Ok(peek::peek(&cell, frames as usize, now))
     }
 }

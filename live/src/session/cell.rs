@@ -6,57 +6,16 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
 use troupe_motion::conventions::Convention;
-use troupe_proto::v1;
 
-use super::drive::Audience;
-use super::words::performer::Performer;
+use super::owner::{End, Owner};
+use super::stream::Audience;
+use super::wants::Wants;
+use super::words::Performer;
 use super::{EventQueue, LivePack, SessionError, TimeSource};
 use troupe_batch::{OwnerId, SubmitError};
-use troupe_character::live::{Character, PlanRequest, Stats, WordsRequest};
+use troupe_character::live::{Character, Stats};
 use troupe_character::scene::Resident;
 use troupe_character::style::Style;
-
-/// Who advances a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Owner {
-    /// Nobody at the moment.
-    Free = 0,
-    /// A step.
-    Step = 1,
-    /// A stream.
-    Drive = 2,
-}
-
-impl Owner {
-    fn of(value: u8) -> Self {
-        match value {
-            1 => Self::Step,
-            2 => Self::Drive,
-            _ => Self::Free,
-        }
-    }
-}
-
-impl From<Owner> for v1::Clock {
-    fn from(owner: Owner) -> Self {
-        match owner {
-            Owner::Free => Self::Free,
-            Owner::Step => Self::Step,
-            Owner::Drive => Self::Drive,
-        }
-    }
-}
-
-/// How a session ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum End {
-    /// A caller closed it.
-    Closed = 1,
-    /// Its time to live ran out.
-    Expired = 2,
-}
 
 /// The next session's name to the batchers.
 static NEXT_OWNER: AtomicU64 = AtomicU64::new(0);
@@ -83,22 +42,6 @@ pub struct Live {
     resident: Option<Resident>,
     /// What the metrics know of the character.
     counted: Stats,
-}
-
-/// What a character wants made.
-#[derive(Debug, Default)]
-pub struct Wants {
-    /// A plan.
-    pub plan: Option<PlanRequest>,
-    /// Words.
-    pub words: Option<WordsRequest>,
-}
-
-impl Wants {
-    /// Whether it is nothing.
-    pub fn is_empty(&self) -> bool {
-        self.plan.is_none() && self.words.is_none()
-    }
 }
 
 /// One session.

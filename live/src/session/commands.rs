@@ -9,7 +9,9 @@ use troupe_proto::v1::command::Intent as Asked;
 
 use super::cell::{Live, SessionCell};
 use super::executor::Turn;
+use super::id::MAX_ID_CHARS;
 use super::options::unknown_style;
+use super::results::CommandResult;
 use super::{Registry, SessionError, TimeSource};
 use crate::wire::{MAX_DISTANCE_M, units};
 use troupe_character::document::MAX_NAME_CHARS;
@@ -27,17 +29,6 @@ pub const MAX_COMMANDS: usize = 10_000;
 const MAX_FRAMES_AHEAD: u64 = 100_000;
 /// Largest velocity along an axis, m/s.
 const MAX_VELOCITY_MPS: f32 = 1000.0;
-
-/// Result of a command.
-#[derive(Debug)]
-pub struct CommandResult {
-    /// Its session's id, or the start of what the command gave as one.
-    pub session_id: String,
-    /// Its number.
-    pub sequence: u64,
-    /// Result of it.
-    pub outcome: Result<CommandOutcome, SessionError>,
-}
 
 /// Gives commands to their sessions and says the result of each, in order.
 pub(super) async fn apply(
@@ -67,11 +58,7 @@ fn apply_one(registry: &Registry, now: Instant, index: usize, command: &v1::Comm
 
 fn result(command: &v1::Command, outcome: Result<CommandOutcome, SessionError>) -> CommandResult {
     CommandResult {
-        session_id: command
-            .session_id
-            .chars()
-            .take(super::options::MAX_ID_CHARS)
-            .collect(),
+        session_id: command.session_id.chars().take(MAX_ID_CHARS).collect(),
         sequence: command.sequence,
         outcome,
     }

@@ -48,7 +48,7 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
         priority: live.priority,
         scene: cell.scene().map(ToString::to_string).unwrap_or_default(),
         activity: Some(events::activity(live.character.activity())),
-        held: events::held(live, 0, convention),
+        held: events::held(&live.character, 0, convention),
     }
 }
 

@@ -1,6 +1,5 @@
 //! What can be wrong with a call that is about sessions and styles.
 
-use super::options::MAX_ID_CHARS;
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::world::WorldError;
 use troupe_base::offload::WorkerStopped;
@@ -111,25 +110,4 @@ pub enum SessionError {
     /// The work of a call did not come to its end.
     #[error(transparent)]
     Stopped(#[from] WorkerStopped),
-}
-
-/// A session that a call for many could not serve.
-#[derive(Debug, Clone)]
-pub struct SessionProblem {
-    /// Its place in the request.
-    pub slot: u32,
-    /// Its id, or the start of what the request gave as one.
-    pub session_id: String,
-    /// Why.
-    pub error: SessionError,
-}
-
-impl SessionProblem {
-    pub(super) fn new(slot: usize, id: &str, error: SessionError) -> Self {
-        Self {
-            slot: slot as u32,
-            session_id: id.chars().take(MAX_ID_CHARS).collect(),
-            error,
-        }
-    }
 }

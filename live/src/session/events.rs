@@ -6,11 +6,10 @@ use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;
 
-use super::cell::Live;
 use super::metrics::SessionMetrics;
 use crate::wire::units::{position, quat};
 use troupe_character::live::{
-    Activity, CharacterEvent, EventKind, HeldObject, KeyframeError, PerformanceEnd,
+    Activity, Character, CharacterEvent, EventKind, HeldObject, KeyframeError, PerformanceEnd,
 };
 
 /// Most events of a session that wait; of more, the oldest are dropped.
@@ -64,9 +63,9 @@ impl EventQueue {
     }
 }
 
-/// What is in the hand of the character of the session in `slot`.
-pub(super) fn held(live: &Live, slot: u32, convention: Convention) -> Option<v1::HeldObject> {
-    let HeldObject { instance, transform } = live.character.held()?;
+/// What is in the hand of a character, which is that of the session in `slot`.
+pub(super) fn held(character: &Character, slot: u32, convention: Convention) -> Option<v1::HeldObject> {
+    let HeldObject { instance, transform } = character.held()?;
     Some(v1::HeldObject {
         slot,
         instance: instance.to_string(),

@@ -4,7 +4,7 @@ use std::time::Instant;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Quat, Vec3};
 
-use super::super::drive::Roster;
+use super::super::drive::roster::Roster;
 use super::super::encode::Form;
 use super::super::registry::tests::Setup;
 use super::super::{Registry, TimeSource};

@@ -9,6 +9,7 @@ use troupe_motion::{GlobalRoot, Vec3};
 use troupe_proto::v1;
 
 use super::cell::Parts;
+use super::id::{self, MAX_ID_CHARS};
 use super::{LivePacks, SessionError, SessionLimits};
 use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context, to_native, units};
 use crate::world::{Store, WorldError};
@@ -19,8 +20,6 @@ use troupe_character::style::{Style, StyleTable};
 use troupe_character::{FieldError, Path};
 use troupe_motion::model::{Capability, Rig};
 
-/// Most characters of a session's id.
-pub const MAX_ID_CHARS: usize = 64;
 /// A session's time to live, milliseconds.
 pub const TTL_RANGE_MS: RangeInclusive<u32> = 1000..=86_400_000;
 /// Frames of look-ahead, and the default.
@@ -40,7 +39,7 @@ pub(super) fn parts(
     store: &Store,
     limits: &SessionLimits,
 ) -> Result<Parts, SessionError> {
-    let id = id(&path.field("id"), &options.id)?;
+    let id = id::wanted(&path.field("id"), &options.id)?;
     let pack = packs.find(path, &options.pack, &options.body)?.clone();
     pack.loaded.require(Capability::Live, path.field("pack"))?;
     let style = style(&path.field("style"), &options.style, pack.styles())?;
@@ -126,30 +125,6 @@ fn ttl(
     let ms = options.ttl_ms.unwrap_or(limits.ttl_ms);
     let ms = units::count_within(&path.field("ttl_ms"), ms, low, high)?;
     Ok(Duration::from_millis(ms.into()))
-}
-
-/// The id that a session is to have; a new one where it is empty.
-fn id(path: &Path<'_>, wanted: &str) -> Result<Arc<str>, FieldError> {
-    if wanted.is_empty() {
-        return Ok(new_id());
-    }
-    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    match wanted.len() <= MAX_ID_CHARS && wanted.chars().all(fits) {
-        true => Ok(Arc::from(wanted)),
-        false => {
-            let start: String = wanted.chars().take(MAX_ID_CHARS).collect();
-            Err(path.error(
-                format!("is {start:?}"),
-                format!("1 to {MAX_ID_CHARS} letters, digits, '-', '_' or '.', or empty"),
-            ))
-        }
-    }
-}
-
-/// An id that nobody can guess.
-fn new_id() -> Arc<str> {
-    let number: u128 = rand::random();
-    Arc::from(format!("{:024x}", number >> 32))
 }
 
 /// The style of that name; the pack's default where it is empty.

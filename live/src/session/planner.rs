@@ -9,8 +9,9 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::LivePack;
-use super::cell::{SessionCell, Wants};
-use super::words::performer;
+use super::cell::SessionCell;
+use super::performer;
+use super::wants::{Patience, Wants};
 use troupe_base::turns::Turns;
 use troupe_batch::{Order, Served, SubmitError};
 use troupe_character::live::{
@@ -24,15 +25,6 @@ use troupe_motion::model::{Body, Motion, PathTask, Task};
 
 /// Shortest wait before a place in a full queue is asked for again.
 const MIN_RETRY: Duration = Duration::from_millis(5);
-
-/// What to do where the batcher's queue is full.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Patience {
-    /// Ask again until there is a place: the character waits for this very plan.
-    Waits,
-    /// Give up: the character asks again at its next frame, from where it then is.
-    Fails,
-}
 
 /// Has all made that a character wants. Returns at once.
 pub fn serve(cell: &Arc<SessionCell>, wants: Wants, patience: Patience) {

@@ -6,9 +6,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 use std::time::{Duration, Instant};
 
 use super::SessionError;
-use super::cell::{End, SessionCell};
+use super::cell::SessionCell;
+use super::id::MAX_ID_CHARS;
 use super::metrics::Eviction;
-use super::options::MAX_ID_CHARS;
+use super::owner::End;
 use troupe_base::tenant::Tenant;
 
 /// About the most memory that an open session takes, bytes. 38 KiB were measured for one that walks

@@ -5,7 +5,8 @@ use proptest::prelude::*;
 use troupe_motion::conventions::Convention;
 use troupe_motion::{GlobalRoot, Vec3};
 
-use super::super::cell::{Held, Owner, Parts};
+use super::super::cell::{Held, Parts};
+use super::super::owner::Owner;
 use super::super::{LivePack, TimeSource};
 use super::*;
 use crate::packs::LoadedPack;

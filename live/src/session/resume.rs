@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
-use super::cell::{Owner, SessionCell};
-use super::{SessionError, SessionProblem, Sessions, describe};
+use super::cell::SessionCell;
+use super::owner::Owner;
+use super::results::SessionProblem;
+use super::{SessionError, Sessions, describe};
 use crate::wire::{check_frame, to_native, units};
 use troupe_base::turns::Turns;
 use troupe_character::live::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};

@@ -13,11 +13,14 @@ use std::time::{Duration, Instant};
 
 use troupe_proto::v1;
 
-use super::cell::{Held, Owner};
+use super::cell::Held;
 use super::encode::{BlockWriter, Form};
 use super::executor::Turn;
-use super::planner::{self, Patience};
-use super::{CommandResult, LivePack, SessionError, SessionProblem};
+use super::owner::Owner;
+use super::planner;
+use super::results::{CommandResult, SessionProblem};
+use super::wants::Patience;
+use super::{LivePack, SessionError};
 use super::{Registry, SessionLimits, TimeSource, events};
 use crate::wire::units;
 use troupe_batch::SubmitError;
@@ -376,7 +379,9 @@ fn report(walker: &CharacterStep, stepped: &mut Stepped) {
         .events
         .extend(live.events.take(slot, cell.id(), convention));
     if cell.scene().is_some() {
-        stepped.held.extend(events::held(&live, slot, convention));
+        stepped
+            .held
+            .extend(events::held(&live.character, slot, convention));
     }
 }
 

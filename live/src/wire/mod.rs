@@ -9,10 +9,10 @@ mod hinges;
 pub mod keyframe;
 pub mod units;
 
+pub use troupe_character::limits::MAX_DISTANCE_M;
+
 pub use context::{ContextFrame, check_context, check_frame, to_native};
 
-/// Largest distance of any keyframe from the last context frame, in metres.
-pub const MAX_DISTANCE_M: f32 = 1e4;
 /// How far apart the heights that one keyframe gives may be, in metres.
 pub const HEIGHT_TOLERANCE_M: f32 = 1e-3;
 /// Largest given velocity of a keyframe, in m/s along an axis and in rad/s.

@@ -15,44 +15,44 @@ use rand_distr::{Distribution as _, Exp1};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use stages::{Stage, Stages, StagesError};
+pub use stages::{LoadStage, Stages, StagesError};
 
 /// How arrivals lie in time, at a given rate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Process {
-    /// At equal distances.
+    /// At equal intervals.
     Constant,
-    /// Independent of each other, as many users are: distances are exponential.
+    /// Independent of each other, like many users: intervals are exponential.
     Poisson,
-    /// So many at one moment, then none until the next burst; the rate is the mean.
+    /// Many at one moment, then none until the next burst. The rate is the mean.
     Bursts {
         /// Arrivals of a burst, at least 1.
         size: u32,
     },
-    /// At equal distances in time come all that have become due since the last time.
+    /// At equal intervals come all that have become due since the last time.
     Periodic {
         /// Seconds from burst to burst.
         period_s: f64,
     },
 }
 
-/// The arrivals of an open loop, in order: each is the time from the begin at which it is due.
+/// The arrivals of an open loop, in order. Each is a time from the start.
 #[derive(Debug, Clone)]
 pub struct Schedule {
     process: Process,
     stages: Stages,
     random: ChaCha8Rng,
-    /// How far the level has summed up.
+    /// Integral of the level so far.
     sum: f64,
     given: u64,
-    /// Those of a burst that are to be given still.
+    /// Arrivals of the current burst that are left.
     ready: VecDeque<Duration>,
     periods: u64,
 }
 
 impl Schedule {
-    /// The arrivals of a process along stages, which hold requests a second.
+    /// The arrivals of a process along stages, whose level is requests a second.
     pub fn new(process: Process, stages: Stages, seed: u64) -> Self {
         Self {
             process,
@@ -65,7 +65,7 @@ impl Schedule {
         }
     }
 
-    /// Only those that one of several processes sends: together they send all, each at its time.
+    /// The arrivals that one of several processes sends. Together they send all.
     pub fn share(self, nth: u32, of: u32) -> impl Iterator<Item = (u64, Duration)> + Send {
         let (nth, of) = (u64::from(nth), u64::from(of.max(1)));
         (0_u64..).zip(self).filter(move |(number, _)| number % of == nth)
@@ -75,8 +75,8 @@ impl Schedule {
         self.stages.time_of_sum(sum).map(Duration::from_secs_f64)
     }
 
-    /// All that are due at the end of a period, at once. Periods in which none is due are passed
-    /// over.
+    /// All arrivals that are due at the end of a period, at the same time. Periods without one are
+    /// skipped.
     fn period(&mut self, period_s: f64) -> Option<Duration> {
         while self.ready.is_empty() {
             self.periods += 1;

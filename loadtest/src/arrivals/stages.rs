@@ -6,26 +6,26 @@ use std::str::FromStr;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A stretch of time in which a level holds, or goes from one value to another in a straight line.
+/// A stretch of time in which a level is constant, or changes linearly.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Stage {
-    /// Level at its begin: requests a second, or clients.
+pub struct LoadStage {
+    /// Level at the start: requests a second, or clients.
     pub from: f64,
-    /// Level at its end.
+    /// Level at the end.
     pub to: f64,
-    /// How long it is, seconds.
+    /// Length, seconds.
     pub seconds: f64,
 }
 
 /// Stages one after another. After the last the level is 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
-pub struct Stages(Vec<Stage>);
+pub struct Stages(Vec<LoadStage>);
 
 /// Why stages cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StagesError {
-    /// Not of the form LEVEL:SECONDS or FROM-TO:SECONDS.
+    /// The text is not of the form LEVEL:SECONDS or FROM-TO:SECONDS.
     #[error("{0:?} is no stage; allowed: LEVEL:SECONDS or FROM-TO:SECONDS, such as 50:10 or 50-200:30")]
     Form(String),
     /// A number out of its range.
@@ -40,9 +40,9 @@ impl Stages {
     /// One level for a time.
     ///
     /// # Errors
-    /// [`StagesError`] where a number is out of its range.
+    /// [`StagesError`] if a number is out of its range.
     pub fn hold(level: f64, seconds: f64) -> Result<Self, StagesError> {
-        Self::new(vec![Stage {
+        Self::new(vec![LoadStage {
             from: level,
             to: level,
             seconds,
@@ -52,8 +52,8 @@ impl Stages {
     /// Stages one after another.
     ///
     /// # Errors
-    /// [`StagesError`] where a number is out of its range.
-    pub fn new(stages: Vec<Stage>) -> Result<Self, StagesError> {
+    /// [`StagesError`] if a number is out of its range.
+    pub fn new(stages: Vec<LoadStage>) -> Result<Self, StagesError> {
         for stage in &stages {
             let level = |level: f64| (0.0..=1e6).contains(&level);
             let seconds = stage.seconds > 0.0 && stage.seconds <= 86_400.0;
@@ -67,17 +67,17 @@ impl Stages {
         Ok(Self(stages))
     }
 
-    /// The stages.
-    pub fn iter(&self) -> impl Iterator<Item = &Stage> {
+    /// The stages in order.
+    pub fn iter(&self) -> impl Iterator<Item = &LoadStage> {
         self.0.iter()
     }
 
-    /// How many there are; never 0.
+    /// Number of stages; never 0.
     pub fn count(&self) -> usize {
         self.0.len()
     }
 
-    /// The whole time, seconds.
+    /// Sum of their lengths, seconds.
     pub fn seconds(&self) -> f64 {
         self.0.iter().map(|s| s.seconds).sum()
     }
@@ -87,7 +87,7 @@ impl Stages {
         self.0.iter().map(|s| s.from.max(s.to)).fold(0.0, f64::max)
     }
 
-    /// Level at a time, seconds from the begin.
+    /// Level at a time, seconds from the start.
     pub fn level(&self, at: f64) -> f64 {
         match self.place(at) {
             Some((index, into)) => {
@@ -98,7 +98,7 @@ impl Stages {
         }
     }
 
-    /// The stage at a time, seconds from the begin. None before the first and after the last.
+    /// The stage at a time, seconds from the start. None before the first and after the last.
     pub fn stage_at(&self, at: f64) -> Option<usize> {
         self.place(at).map(|(index, _)| index)
     }
@@ -117,7 +117,7 @@ impl Stages {
         None
     }
 
-    /// The level summed up over time until `at`, such as the requests that are due until then.
+    /// The integral of the level until `at`, such as the requests that are due until then.
     pub fn sum_until(&self, at: f64) -> f64 {
         let mut begin = 0.0;
         let mut sum = 0.0;
@@ -129,7 +129,7 @@ impl Stages {
         sum
     }
 
-    /// The time at which [`Self::sum_until`] reaches `sum`. None where it never does.
+    /// The time at which [`Self::sum_until`] reaches `sum`. None if it never does.
     pub fn time_of_sum(&self, sum: f64) -> Option<f64> {
         let mut begin = 0.0;
         let mut left = sum.max(0.0);
@@ -144,12 +144,12 @@ impl Stages {
         None
     }
 
-    /// The same with a hold of the first level in front, such as to warm up.
+    /// The same after a time at the first level, for instance to warm up.
     #[must_use]
     pub fn after_hold(mut self, seconds: f64) -> Self {
         if seconds > 0.0 {
             let level = self.0.first().map_or(0.0, |s| s.from.max(s.to.min(1.0)));
-            let hold = Stage {
+            let hold = LoadStage {
                 from: level,
                 to: level,
                 seconds,
@@ -160,9 +160,9 @@ impl Stages {
     }
 }
 
-/// How far into a stage its level has summed up to `sum`, which is below its whole: the root of a
-/// parabola, in the form that does not lose digits where the slope is small.
-fn into_stage(stage: &Stage, sum: f64) -> f64 {
+/// The time into a stage at which its integral is `sum`, which is below that of the whole stage. It
+/// is the root of a parabola, in the form that does not lose digits with a small slope.
+fn into_stage(stage: &LoadStage, sum: f64) -> f64 {
     let slope = (stage.to - stage.from) / stage.seconds;
     let root = (stage.from * stage.from + 2.0 * slope * sum).max(0.0).sqrt();
     let below = stage.from + root;
@@ -173,7 +173,7 @@ fn into_stage(stage: &Stage, sum: f64) -> f64 {
     }
 }
 
-impl fmt::Display for Stage {
+impl fmt::Display for LoadStage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.from == self.to {
             write!(f, "{}:{}", self.from, self.seconds)
@@ -204,7 +204,7 @@ impl FromStr for Stages {
                 Some((from, to)) => (number(from)?, number(to)?),
                 None => (number(level)?, number(level)?),
             };
-            Ok(Stage {
+            Ok(LoadStage {
                 from,
                 to,
                 seconds: number(seconds)?,
@@ -233,7 +233,7 @@ mod tests {
         );
         assert_eq!(stages.stage_at(25.0), Some(1));
         assert_eq!(stages.stage_at(-1.0), None);
-        for (text, told) in [
+        for (text, wanted) in [
             ("", "LEVEL:SECONDS"),
             ("50", "LEVEL:SECONDS"),
             ("x:1", "LEVEL:SECONDS"),
@@ -244,7 +244,7 @@ mod tests {
             ("1:NaN", "seconds above 0"),
         ] {
             let error = text.parse::<Stages>().unwrap_err().to_string();
-            assert!(error.contains(told), "{text}: {error}");
+            assert!(error.contains(wanted), "{text}: {error}");
         }
     }
 
@@ -254,7 +254,7 @@ mod tests {
             parts in prop::collection::vec((0.0..500.0_f64, 0.0..500.0_f64, 0.1..20.0_f64), 1..5),
             share in 0.0..1.0_f64,
         ) {
-            let stages = parts.into_iter().map(|(from, to, seconds)| Stage { from, to, seconds });
+            let stages = parts.into_iter().map(|(from, to, seconds)| LoadStage { from, to, seconds });
             let stages = Stages::new(stages.collect()).unwrap();
             let all = stages.sum_until(stages.seconds());
             let sum = all * share * 0.999;

@@ -11,7 +11,7 @@ use troupe_client::ApiKey;
 use crate::access::Access;
 use crate::arrivals::Stages;
 
-/// Put load on a Troupe server and measure how it bears it.
+/// Put load on a Troupe server, and measure how it copes.
 #[derive(Debug, Parser)]
 #[command(name = "troupe-loadtest", version, propagate_version = true, max_term_width = 110, after_long_help = AFTER)]
 pub(super) struct Arguments {
@@ -50,7 +50,7 @@ pub(super) enum Command {
     Schema,
     /// Write manual pages: troupe-loadtest.1, and one for each command.
     Man {
-        /// Folder to write them to. It is made where it is not there.
+        /// Folder to write them to. It is created if needed.
         #[arg(long, value_name = "FOLDER")]
         out: PathBuf,
     },
@@ -58,9 +58,9 @@ pub(super) enum Command {
 
 /// Make a load, once or several times.
 ///
-/// Single requests come from clients that wait for their answers (--clients, a closed loop), or
-/// when they are due whatever became of those before (--rate, an open loop). In an open loop
-/// latency counts from when a request was due.
+/// Single requests come from clients that wait for their answers (--clients, a closed loop), or at
+/// fixed times, answered or not (--rate, an open loop). In an open loop latency counts from the
+/// time at which a request was due.
 #[derive(Debug, Args)]
 pub(super) struct Run {
     #[command(flatten)]
@@ -82,10 +82,10 @@ pub(super) struct Run {
     pub(super) repeat: u32,
 }
 
-/// Look for the most that a server can do: characters without an underrun, or requests a second.
+/// Search for the most that a server can do: characters without an underrun, or requests a second.
 ///
-/// The level is doubled until it does not hold, then the distance is halved, then the result is
-/// confirmed. With --workload drive or step the level is the number of characters, which must have
+/// The search doubles the level until it does not hold, then halves the distance, then confirms the
+/// result. With --workload drive or step the level is the number of characters, which must have
 /// no underrun and miss no frame; else it is the rate of an open loop.
 #[derive(Debug, Args)]
 pub(super) struct Search {
@@ -108,14 +108,13 @@ pub(super) struct Search {
     /// Highest level to try [default: 16384 characters, 100000 requests/s].
     #[arg(long, value_name = "LEVEL")]
     pub(super) most: Option<f64>,
-    /// How near the result has to be, as a share of it.
+    /// Precision of the result, as a share of it.
     #[arg(long, default_value_t = 0.05, value_name = "SHARE")]
     pub(super) within: f64,
     /// Times that the result must hold again.
     #[arg(long, default_value_t = 2, value_name = "TIMES")]
     pub(super) confirm: u32,
-    /// Times that a level is tried until it counts as one that does not hold: machines have
-    /// hiccups.
+    /// Tries of a level until it counts as one that does not hold, because machines have hiccups.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "TIMES")]
     pub(super) tries: u32,
     #[command(flatten)]
@@ -128,7 +127,7 @@ pub(super) struct Search {
     pub(super) output: Output,
 }
 
-/// Send several times as much as a server can do, and see what becomes of it.
+/// Send several times as many requests as a server can answer, and measure how it copes.
 ///
 /// Finds the capacity, sends 90 % of it, then several times it (Poisson arrivals, an open loop),
 /// then half of it.
@@ -139,33 +138,32 @@ pub(super) struct Overload {
     /// Time before measuring begins.
     #[arg(long, default_value = "3s", value_name = "TIME")]
     pub(super) warmup: Time1,
-    /// Requests a second that the server can do. Left out: found by clients that wait for their
+    /// Requests a second that the server can answer. Default: found by clients that wait for their
     /// answers.
     #[arg(long, value_name = "RATE")]
     pub(super) capacity: Option<f64>,
     /// Clients that find the capacity.
     #[arg(long, default_value_t = 64, value_name = "CLIENTS")]
     pub(super) probe_clients: u32,
-    /// How long they take to find it.
+    /// Time to find it.
     #[arg(long, default_value = "10s", value_name = "TIME")]
     pub(super) probe: Time1,
     /// Arrivals as a multiple of the capacity.
     #[arg(long, default_value_t = 5.0, value_name = "TIMES")]
     pub(super) factor: f64,
-    /// How long at 90 % of capacity.
+    /// Time at 90 % of capacity.
     #[arg(long, default_value = "20s", value_name = "TIME")]
     pub(super) before: Time1,
-    /// How long beyond capacity.
+    /// Time beyond capacity.
     #[arg(long, default_value = "120s", value_name = "TIME")]
     pub(super) seconds: Time1,
-    /// How long afterwards.
+    /// Time afterwards.
     #[arg(long, default_value = "20s", value_name = "TIME")]
     pub(super) after: Time1,
     /// Share of capacity that arrives afterwards.
     #[arg(long, default_value_t = 0.5, value_name = "SHARE")]
     pub(super) after_share: f64,
-    /// Most requests on their way at once, of each process; what is due beyond is dropped and
-    /// counted.
+    /// Most requests in flight of each process. Further requests are dropped and counted.
     #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS")]
     pub(super) max_in_flight: u32,
     /// Live characters beside the requests, on one stream at 30 Hz.
@@ -174,10 +172,10 @@ pub(super) struct Overload {
     /// Highest p99 under overload, as a multiple of the p99 at 90 % of capacity.
     #[arg(long, value_name = "TIMES", help_heading = BOUNDS)]
     pub(super) expect_p99_ratio: Option<f64>,
-    /// Longest time until the server has recovered, seconds.
+    /// Longest time until the server recovers, seconds.
     #[arg(long, value_name = "SECONDS", help_heading = BOUNDS)]
     pub(super) expect_recovery_s: Option<f64>,
-    /// No live character beside the requests may be slowed.
+    /// No live character beside the requests may slow down.
     #[arg(long, help_heading = BOUNDS)]
     pub(super) expect_zero_underruns: bool,
     #[command(flatten)]
@@ -186,7 +184,7 @@ pub(super) struct Overload {
     pub(super) output: Output,
 }
 
-/// Put reports side by side: medians, and how many times the first one's that is.
+/// Put reports side by side: medians, and their ratios to the first report.
 #[derive(Debug, Args)]
 pub(super) struct Compare {
     /// Reports that --json wrote.
@@ -208,10 +206,10 @@ const SERVER: &str = "Server and machine";
 const LOAD: &str = "When requests are sent";
 const REQUESTS: &str = "What requests hold";
 const LIVE: &str = "Live characters";
-const BOUNDS: &str = "Bounds: exit code 5 where one is missed";
+const BOUNDS: &str = "Bounds: exit code 5 if one is missed";
 const OUTPUT: &str = "Output";
 
-/// What is asked of the server.
+/// The kind of requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum WorkloadArg {
     /// Single in-betweening requests over gRPC.
@@ -224,21 +222,21 @@ pub(super) enum WorkloadArg {
     Drive,
     /// The same on this client's clock.
     Step,
-    /// Sessions that are open and of which nothing is wanted.
+    /// Open sessions without any call.
     Idle,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct Common {
-    /// Address of the server; of --workload http the whole address of the post.
+    /// Address of the server. With --workload http the whole address of the post.
     #[arg(long, visible_alias = "url", env = "TROUPE_SERVER", default_value = "http://127.0.0.1:8080", value_name = "URL", help_heading = SERVER)]
     pub(super) server: String,
     #[command(flatten)]
     pub(super) access: AccessArgs,
-    /// What is asked of it.
+    /// Kind of requests.
     #[arg(long, value_enum, default_value_t = WorkloadArg::Inbetween, value_name = "WORKLOAD", help_heading = SERVER)]
     pub(super) workload: WorkloadArg,
-    /// gRPC connections of each process. HTTP/1.1 has one for each request on its way.
+    /// gRPC connections of each process. HTTP/1.1 has one for each request in flight.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024), value_name = "COUNT", help_heading = SERVER)]
     pub(super) connections: u32,
     /// Processes that make the load together.
@@ -247,20 +245,20 @@ pub(super) struct Common {
     /// Longest wait for one answer.
     #[arg(long, default_value = "30s", value_name = "TIME", help_heading = SERVER)]
     pub(super) timeout: Time1,
-    /// All random choices follow from it.
+    /// Seed of all random choices.
     #[arg(long, default_value_t = 0, value_name = "NUMBER", help_heading = SERVER)]
     pub(super) seed: u64,
 }
 
-/// What lets the load tester in.
+/// Key and certificates of the load tester.
 #[derive(Debug, Clone, Args)]
 pub(super) struct AccessArgs {
-    /// API key, where the server asks for one. With one of the role admin the server's metrics are
-    /// in the report.
+    /// API key, if the server asks for one. With a key of the role admin the report has the
+    /// server's metrics.
     #[arg(long, env = "TROUPE_KEY", hide_env_values = true, value_name = "KEY", help_heading = SERVER)]
     key: Option<ApiKey>,
-    /// Certificates of the authorities to trust with an https:// address (PEM file). Left out:
-    /// those of the system.
+    /// Certificates of the authorities to trust with an https:// address (PEM file). Default: those
+    /// of the system.
     #[arg(long, env = "TROUPE_CA", value_name = "FILE", help_heading = SERVER)]
     ca: Option<PathBuf>,
     /// Certificate to show to a server that asks for one (PEM file).
@@ -286,17 +284,18 @@ pub(super) struct Time {
     /// Time before measuring begins.
     #[arg(long, default_value = "3s", value_name = "TIME", help_heading = LOAD)]
     pub(super) warmup: Time1,
-    /// Time that is measured, such as 90s, 5m or a number of seconds. With stages it is theirs.
+    /// Measured time, such as 90s, 5m or a number of seconds. With stages it is the sum of their
+    /// times.
     #[arg(long, default_value = "15s", value_name = "TIME", help_heading = LOAD)]
     pub(super) duration: Time1,
 }
 
-/// How arrivals lie in time.
+/// Distribution of arrivals over time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum ArrivalsArg {
-    /// At equal distances.
+    /// At equal intervals.
     Constant,
-    /// Independent of each other, as many users are.
+    /// Independent of each other, like many users.
     #[default]
     Poisson,
     /// Many at one moment, then none; see --burst-size and --burst-period.
@@ -305,17 +304,17 @@ pub(super) enum ArrivalsArg {
 
 #[derive(Debug, Args)]
 pub(super) struct ArrivalArgs {
-    /// How the arrivals of an open loop lie in time.
+    /// Distribution of the arrivals of an open loop over time.
     #[arg(long, value_enum, default_value_t, value_name = "PROCESS", help_heading = LOAD)]
     pub(super) arrivals: ArrivalsArg,
-    /// Arrivals of a burst; bursts come as often as the rate has it.
+    /// Arrivals of a burst. The rate decides how often bursts come.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "burst_period", value_name = "COUNT", help_heading = LOAD)]
     pub(super) burst_size: Option<u32>,
-    /// Time from burst to burst; bursts are as large as the rate has it.
+    /// Time from burst to burst. The rate decides how large bursts are.
     #[arg(long, value_name = "TIME", help_heading = LOAD)]
     pub(super) burst_period: Option<Time1>,
-    /// Most requests of an open loop on their way at once, of each process; what is due beyond is
-    /// dropped and counted.
+    /// Most requests of an open loop in flight, of each process. Further requests are dropped and
+    /// counted.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS", help_heading = LOAD)]
     pub(super) max_in_flight: u32,
 }
@@ -345,14 +344,13 @@ pub(super) struct LoadArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct RequestArgs {
-    /// Requests that were made before: a folder with requests.json (see the documentation).
+    /// Prepared requests: a folder with requests.json (see the documentation).
     #[arg(long, value_name = "FOLDER", help_heading = REQUESTS)]
     pub(super) requests: Option<PathBuf>,
-    /// BVH clip whose frames are the keyframes, in centimetres. Left out: a walk that this program
-    /// brings along.
+    /// BVH clip whose frames are the keyframes, in centimetres. Default: a walk in this program.
     #[arg(long, value_name = "FILE", help_heading = REQUESTS)]
     pub(super) clip: Option<PathBuf>,
-    /// Name of the pack. Left out: the server's default pack.
+    /// Name of the pack. Default: the server's default pack.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME", help_heading = REQUESTS)]
     pub(super) pack: String,
     /// Characters of a request.
@@ -367,8 +365,8 @@ pub(super) struct RequestArgs {
     /// Different requests, sent in turn.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536), value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) variants: u32,
-    /// Decode and check one answer in this many, or one tick of live characters in this many; 0:
-    /// none. Of the others only status, frame count and timing are read.
+    /// Decode and check one in this many answers, or ticks of live characters; 0 for none. Of the
+    /// others only status, frame count and timing are read.
     #[arg(long, default_value_t = 100, value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) verify_every: u32,
     /// Further header of --workload http.
@@ -390,13 +388,13 @@ pub(super) struct LiveArgs {
     /// 32-bit floats instead of compact frames.
     #[arg(long, help_heading = LIVE)]
     pub(super) floats: bool,
-    /// Styles, each by its name. Left out: all of the pack in which a character can go.
+    /// Names of styles. Default: all styles of the pack that go anywhere.
     #[arg(long, value_delimiter = ',', value_name = "STYLES", help_heading = LIVE)]
     pub(super) styles: Vec<String>,
-    /// Mean time between two commands of a character; 0: one command at the begin.
+    /// Mean time between two commands of a character; 0 for one command at the start.
     #[arg(long, default_value = "2.5s", value_name = "TIME", help_heading = LIVE)]
     pub(super) command_every: Time0,
-    /// Frames between the cursor and the point where a new plan takes over. Left out: the server's.
+    /// Frames from the cursor to the start of a new plan. Default: the server's.
     #[arg(long, value_name = "FRAMES", help_heading = LIVE)]
     pub(super) look_ahead: Option<u32>,
     /// Give characters different priorities, spread evenly from 0 to 1.
@@ -406,7 +404,7 @@ pub(super) struct LiveArgs {
     /// them: 0 to 1. The server needs a pack of words for their skeleton.
     #[arg(long, default_value_t = 0.0, value_name = "SHARE", help_heading = LIVE)]
     pub(super) performers: f64,
-    /// Step again as soon as the frames are there, instead of with every frame's time.
+    /// Step again as soon as frames arrive, instead of at the time of each frame.
     #[arg(long, help_heading = LIVE)]
     pub(super) unpaced: bool,
 }
@@ -422,7 +420,7 @@ pub(super) struct BoundArgs {
     /// No request may fail or be dropped by this client. Refusals are allowed.
     #[arg(long, help_heading = BOUNDS)]
     pub(super) expect_zero_failures: bool,
-    /// So many right answers a second, at least.
+    /// Least right answers a second.
     #[arg(long, value_name = "RATE", help_heading = BOUNDS)]
     pub(super) expect_rate: Option<f64>,
 }
@@ -472,7 +470,7 @@ fn time(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| format!("{text:?} is no time; {ALLOWED}"))
 }
 
-/// A decimal number of seconds with its unit, which the library does not read.
+/// Reads a decimal number of seconds with its unit, which the library does not.
 fn decimal(text: &str) -> Option<Duration> {
     let seconds = text.strip_suffix('s')?.parse::<f64>().ok()?;
     Duration::try_from_secs_f64(seconds).ok()

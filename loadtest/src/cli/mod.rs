@@ -24,7 +24,7 @@ pub fn main() -> ExitCode {
     let result = match runtime {
         Ok(runtime) if is_worker => {
             let done = runtime.block_on(work()).map(|()| ExitCode::SUCCESS);
-            // A read of standard input that nobody will answer must not hold up the end.
+            // A read of standard input must not hold up the end.
             runtime.shutdown_background();
             done
         }
@@ -109,7 +109,7 @@ fn repetition(nth: u32, of: u32) -> String {
     }
 }
 
-/// A report; one without a label is called by its file.
+/// Reads a report. Without a label it gets the name of its file.
 fn labelled(path: &Path) -> Result<Report, Failure> {
     let mut report = Report::read(path)?;
     if report.label.is_empty() {
@@ -121,7 +121,7 @@ fn labelled(path: &Path) -> Result<Report, Failure> {
     Ok(report)
 }
 
-/// Writes what was asked for, and says whether all bounds were kept.
+/// Writes the report as the options say, and returns whether all bounds were kept.
 fn finish(mut report: Report, output: &Output, bounds: &Bounds) -> Result<ExitCode, Failure> {
     report.bounds.extend(bounds.check(&report.runs, &report.median));
     if let Some(path) = &output.json {
@@ -138,7 +138,7 @@ fn finish(mut report: Report, output: &Output, bounds: &Bounds) -> Result<ExitCo
     })
 }
 
-/// Writes to standard output. That nobody listens there is no error.
+/// Writes to standard output. A closed pipe is no error.
 fn say(text: &str) -> Result<ExitCode, Failure> {
     use std::io::{ErrorKind, Write as _};
     let mut out = std::io::stdout().lock();

@@ -12,11 +12,11 @@ use crate::overload::{Overload, OverloadReport};
 use crate::plan::{Live, Load, Plan, Protocol, Requests, Stepping, Workload};
 use crate::search::{Aim, Goal, SearchLimits};
 
-/// A burst where nothing else is said.
+/// Arrivals of a burst without options for bursts.
 const BURST: u32 = 16;
 
 impl Run {
-    /// The plan.
+    /// The load that the arguments describe.
     pub(super) fn plan(&self) -> Planned {
         let load = self.load.load(self.time.duration.0.as_secs_f64())?;
         let stages = match &load {
@@ -45,7 +45,7 @@ impl Run {
 }
 
 impl BoundArgs {
-    /// The bounds.
+    /// The bounds that the arguments state.
     pub(super) fn bounds(&self) -> Bounds {
         Bounds {
             p99_ms: self.expect_p99_ms,
@@ -57,7 +57,7 @@ impl BoundArgs {
 }
 
 impl SearchArgs {
-    /// The plan, what is looked for, what must be kept, and within which limits.
+    /// The load, the kind of level, the goal, and the limits of the search.
     pub(super) fn search(&self) -> Result<(Plan, Aim, Goal, SearchLimits), Failure> {
         let aim = match self.common.workload {
             WorkloadArg::Drive | WorkloadArg::Step => Aim::Characters,
@@ -102,7 +102,7 @@ impl SearchArgs {
 }
 
 impl OverloadArgs {
-    /// The plan of single requests, and how they overload the server.
+    /// The load of single requests, and the course of the overload.
     pub(super) fn overload(&self) -> Result<(Plan, Overload), Failure> {
         if !is_calls(self.common.workload) {
             return Err(Failure::Input(
@@ -146,7 +146,7 @@ impl OverloadArgs {
             found,
             kept: found <= allowed,
         };
-        // Where nothing was answered there is no ratio.
+        // Without an answer there is no ratio.
         let measured = found.before.counts.right > 0 && found.during.counts.right > 0;
         let ratio = self.expect_p99_ratio.map(|allowed| {
             let bound = at_most("expect-p99-ratio", allowed, found.p99_ratio);
@@ -155,7 +155,7 @@ impl OverloadArgs {
                 ..bound
             }
         });
-        // One that did not recover took longer than the time that was watched.
+        // A server that did not recover took longer than the test.
         let watched = self.after.0.as_secs_f64();
         let recovery = self.expect_recovery_s.map(|allowed| match found.recovery_s {
             Some(seconds) => at_most("expect-recovery-s", allowed, seconds),
@@ -196,7 +196,7 @@ impl ArrivalArgs {
 }
 
 impl LoadArgs {
-    /// Whether any of it was said.
+    /// Whether any of these options was given.
     fn is_given(&self) -> bool {
         self.clients.is_some() || self.client_stages.is_some() || self.rate.is_some() || self.stages.is_some()
     }

@@ -6,8 +6,7 @@ use super::args::{Arguments, Command};
 use crate::arrivals::Process;
 use crate::plan::{Load, Plan, Workload};
 
-/// The long help of a command, at a fixed width and without the environment of whoever runs the
-/// tests.
+/// The long help of a command at a fixed width, whatever the environment says.
 fn help(command: &[&str]) -> String {
     let mut root = Arguments::command().term_width(100);
     for name in ["run", "search", "overload"] {
@@ -117,7 +116,7 @@ fn the_kind_of_loop_follows_from_what_is_said() {
 
 #[test]
 fn what_makes_no_sense_is_told_with_what_is_allowed() {
-    for (options, told) in [
+    for (options, wanted) in [
         ("--clients 4 --rate 5", "cannot be used with"),
         ("--stages 5", "LEVEL:SECONDS"),
         ("--duration 0", "above 0"),
@@ -130,6 +129,6 @@ fn what_makes_no_sense_is_told_with_what_is_allowed() {
         ("--header nonsense", "NAME:VALUE"),
     ] {
         let error = run(options).unwrap_err();
-        assert!(error.contains(told), "{options}: {error}");
+        assert!(error.contains(wanted), "{options}: {error}");
     }
 }

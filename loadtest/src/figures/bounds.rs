@@ -1,38 +1,38 @@
-//! Bounds that a run is to keep, for scripts and CI.
+//! Bounds of a run, for scripts and CI.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::types::{Figures, Run};
 
-/// What was asked of the runs.
+/// The bounds of all runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Bounds {
-    /// 99 % of latencies are at most this, milliseconds.
+    /// Most that the p99 of latencies may be, milliseconds.
     pub p99_ms: Option<f64>,
-    /// No character has to slow down, and none misses a frame.
+    /// Whether no character may slow down or miss a frame.
     pub zero_underruns: bool,
-    /// No failures, and no client-side drops.
+    /// Whether no request may fail or be dropped by the client.
     pub zero_failures: bool,
-    /// At least so many right answers a second.
+    /// Least right answers a second.
     pub min_rate: Option<f64>,
 }
 
-/// A bound and what came of it.
+/// A bound and its result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BoundResult {
     /// The option that states it.
     pub bound: String,
-    /// What it allows.
+    /// The allowed value.
     pub allowed: f64,
-    /// What was found: of times and counts the worst repetition, of a rate the median.
+    /// The measured value: of times and counts that of the worst repetition, of a rate the median.
     pub found: f64,
     /// Whether it was kept.
     pub kept: bool,
 }
 
 impl Bounds {
-    /// Looks at all repetitions.
+    /// Checks the bounds on all repetitions.
     pub fn check(&self, runs: &[Run], median: &Figures) -> Vec<BoundResult> {
         let most = |of: fn(&Figures) -> f64| runs.iter().map(|run| of(&run.figures)).fold(0.0, f64::max);
         let at_most = |bound: &str, allowed: f64, found: f64| BoundResult {
@@ -44,7 +44,7 @@ impl Bounds {
         let mut results = Vec::new();
         if let Some(p99) = self.p99_ms {
             let mut result = at_most("expect-p99-ms", p99, most(|f| f.latency_ms.p99));
-            // Where nothing came back at all, nothing came back in time either.
+            // Without an answer none came in time either.
             result.kept &= runs.iter().all(|run| run.figures.counts.right > 0);
             results.push(result);
         }
@@ -68,8 +68,7 @@ impl Bounds {
     }
 }
 
-/// What keeps characters from moving as they should: plans that were so late that they slowed down,
-/// frames that never came.
+/// Disturbances of characters: plans so late that they slowed down, and frames that never came.
 pub fn underruns(figures: &Figures) -> f64 {
     figures.live.map_or(0.0, |live| {
         (live.plans.underruns.max(live.slowed_frames) + live.missing_frames + live.missed_ticks + live.faults)

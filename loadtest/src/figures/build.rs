@@ -1,4 +1,4 @@
-//! Makes a run's report from what was noted and scraped.
+//! Makes a run's report from its records and scrapes.
 
 use super::types::{
     ByPriority, ClientFigures, Counts, Figures, LiveFigures, Percentiles, Run, SecondRow, ServerFigures,
@@ -7,14 +7,14 @@ use super::types::{
 use crate::measure::{Harvest, LiveHarvest, Metrics, Scrape, Scrapes, Tally};
 use crate::plan::Plan;
 
-/// What a run's report is made from.
+/// The input of a run's report.
 #[derive(Debug, Clone, Default)]
 pub struct Ingredients {
-    /// What all processes noted.
+    /// The records of all processes.
     pub harvest: Harvest,
-    /// What the server's metrics said meanwhile; none of a server without.
+    /// Scrapes of the server's metrics, if it has any.
     pub scrapes: Option<Scrapes>,
-    /// The server's resident memory before anything was asked of it, bytes.
+    /// The server's resident memory before the load, bytes.
     pub rss_before_bytes: u64,
 }
 
@@ -84,7 +84,7 @@ fn throughput(plan: &Plan, harvest: &Harvest) -> Throughput {
     }
 }
 
-/// Where the mean latency went. None where the answers do not say.
+/// The mean latency by its parts. None if the answers have no times.
 fn split(harvest: &Harvest) -> Option<Split> {
     let timing = &harvest.timing;
     if timing.count == 0 {
@@ -123,7 +123,7 @@ fn server(first: &Scrape, last: &Scrape, of: &Ingredients, sessions: u64) -> Ser
         mean("troupe_plan_interval_frames", &[("priority", priority)]).map_or(0.0, |(frames, _)| frames)
     };
     let cpu_s = grown(CPU, &[]);
-    // A sample of scatter is taken of each batch and of each request: only the sum tells the time.
+    // Scatter has a sample for each batch and for each request, so only the sum gives the time.
     let busy = [
         "troupe_assemble_duration_seconds_sum",
         "troupe_inference_duration_seconds_sum",
@@ -223,8 +223,8 @@ fn series(plan: &Plan, harvest: &Harvest) -> Vec<SecondRow> {
         .collect()
 }
 
-/// Rates of the server's series are over so many seconds: it counts its processor time in whole
-/// seconds.
+/// Seconds over which rates of the server's series are averaged, because it counts processor time
+/// in whole seconds.
 const OVER_S: f64 = 5.0;
 
 fn server_series(plan: &Plan, of: &Ingredients) -> Vec<ServerRow> {
@@ -256,8 +256,8 @@ fn server_series(plan: &Plan, of: &Ingredients) -> Vec<ServerRow> {
         .collect()
 }
 
-/// Batches by their size: from the server's histogram where there is one, else from the answers,
-/// each of which counts the batch that carried it.
+/// Batches by their size: from the server's histogram, or else from the answers, each of which
+/// counts the batch that carried it.
 fn batch_sizes(harvest: &Harvest, ends: Option<(&Scrape, &Scrape)>) -> Vec<(u32, u64)> {
     if let Some((first, last)) = ends {
         let buckets = last.metrics.buckets(&first.metrics, "troupe_batch_size");

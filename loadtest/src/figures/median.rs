@@ -4,8 +4,8 @@ use serde_json::{Map, Number, Value};
 
 use super::types::Figures;
 
-/// For every figure the median over the repetitions. What only some have (such as the server's
-/// figures where a scrape failed) is the median of those.
+/// The median of every figure over the repetitions. A figure that some repetitions lack, for
+/// instance because a scrape failed, is the median of the others.
 pub fn median(runs: &[&Figures]) -> Figures {
     let values = runs.iter().filter_map(|run| serde_json::to_value(run).ok());
     serde_json::from_value(of_values(values.collect())).unwrap_or_default()
@@ -35,8 +35,8 @@ fn of_values(values: Vec<Value>) -> Value {
     }
 }
 
-/// Of counts the lower of the two in the middle, so that it stays a count; of other numbers their
-/// mean.
+/// Counts take the lower of the two values in the middle, so that the median is a count. Other
+/// numbers take their mean.
 fn of_numbers(values: &[Value]) -> Value {
     let mut counts = values.iter().filter_map(Value::as_u64).collect::<Vec<_>>();
     if counts.len() == values.len() {

@@ -1,5 +1,4 @@
-//! What a run comes to: its figures, their median over repetitions, and the bounds that they are to
-//! keep.
+//! The figures of a run, their medians over repetitions, and bounds on them.
 
 mod bounds;
 mod build;

@@ -42,7 +42,7 @@ pub(crate) fn plan() -> Plan {
     }
 }
 
-/// The metrics of a server that has run so many batches of four.
+/// The metrics of a server that has run a number of batches of four.
 fn scrape(at_s: f64, batches: u32) -> Scrape {
     let text = format!(
         "# TYPE troupe_batch_size histogram\n\
@@ -64,8 +64,7 @@ fn scrape(at_s: f64, batches: u32) -> Scrape {
     }
 }
 
-/// A run of 400 requests, each answered after `latency_ms` of which the server says where 2 ms
-/// went.
+/// A run of 400 requests, each answered after `latency_ms`. The server accounts for 2 ms of it.
 pub(crate) fn run(latency_ms: f64) -> Run {
     let plan = plan();
     let start = Instant::now();

@@ -10,17 +10,17 @@ use crate::measure::{FineBin, Latencies, Performances, PlanStats};
 /// One repetition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Run {
-    /// What it comes to.
+    /// Figures over the measured time.
     #[serde(flatten)]
     pub figures: Figures,
-    /// The server's engine, where it tells it.
+    /// The server's engine, if it reports it.
     #[serde(default)]
     pub engine: String,
     /// Refusals and failures by their codes.
     pub codes: BTreeMap<String, u64>,
     /// A message of each code.
     pub examples: BTreeMap<String, String>,
-    /// The stages of the load, where it has several.
+    /// The stages of the load, if it has several.
     pub stages: Vec<StageResult>,
     /// Second by second, warm-up included.
     pub series: Vec<SecondRow>,
@@ -30,54 +30,54 @@ pub struct Run {
     pub batch_sizes: Vec<(u32, u64)>,
     /// All latencies of the measured time.
     pub latencies: Latencies,
-    /// By tenths of a second, for what is worked out before the report is written.
+    /// Counts by tenths of a second, which other figures come from.
     #[serde(skip)]
     pub fine: Vec<FineBin>,
 }
 
-/// What a repetition comes to. Where nothing else is said, of the measured time alone.
+/// The figures of a repetition. They cover the measured time, unless they say otherwise.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
     /// The measured time, seconds.
     pub measured_s: f64,
-    /// Requests that were due in it; of live characters ticks, of a step workload steps.
+    /// Requests that were due in it: ticks of live characters, or steps of a step workload.
     pub counts: Counts,
     /// Right answers that came in it.
     pub throughput: Throughput,
     /// Latencies of right answers, milliseconds.
     pub latency_ms: Percentiles,
-    /// From when requests were due to their sending, milliseconds: the backlog at the client. Where
-    /// this is not small, the client was what was slow.
+    /// Time from when a request was due to its sending, milliseconds: the backlog at the client. If
+    /// it is not small, the client was too slow.
     pub send_lag_ms: Percentiles,
     /// Requests that were sent more than a millisecond after they were due.
     pub late_sends: u64,
-    /// Most requests on their way at once.
+    /// Most requests in flight.
     pub in_flight_max: u64,
     /// Answers that were decoded and checked whole.
     pub verified: u64,
-    /// What the load tester itself used.
+    /// Resources of the load tester.
     pub client: ClientFigures,
-    /// Where the mean latency went.
+    /// The mean latency by its parts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split_ms: Option<Split>,
-    /// What the server's metrics say.
+    /// Figures from the server's metrics.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub server: Option<ServerFigures>,
-    /// Of live characters.
+    /// Figures of live characters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live: Option<LiveFigures>,
 }
 
-/// What came of requests.
+/// Requests by their outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Counts {
     /// Right answers.
     pub right: u64,
-    /// The server said that it has no room.
+    /// Refused, because the server had no room.
     pub refused: u64,
-    /// Anything else.
+    /// Failed in another way.
     pub failed: u64,
-    /// Never sent: too many were on their way.
+    /// Never sent, because too many were in flight.
     pub dropped: u64,
 }
 
@@ -108,14 +108,14 @@ pub struct Percentiles {
     pub max: f64,
 }
 
-/// Where the mean latency of a request went, milliseconds; the parts add up to it.
+/// The mean latency of a request by its parts, milliseconds. They add up to it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Split {
     /// Waited at this client to be sent.
     pub client: f64,
     /// Network and transport: encoding and decoding at both ends included.
     pub transport: f64,
-    /// In the server, outside of all that follows: checking, preparing and finishing.
+    /// In the server, apart from the parts below: checking, preparing and finishing.
     pub server_other: f64,
     /// In the server's queue.
     pub queue: f64,
@@ -123,16 +123,16 @@ pub struct Split {
     pub assemble: f64,
     /// In the networks.
     pub inference: f64,
-    /// Making frames of the batch's tensors.
+    /// Making frames from the batch's tensors.
     pub scatter: f64,
 }
 
-/// What the load tester itself used, all of its processes together.
+/// Resources of the load tester, all of its processes together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClientFigures {
     /// Processor time, seconds.
     pub cpu_s: f64,
-    /// Of that, a second: how many processors it kept busy.
+    /// Processor time a second: the number of processors that it kept busy.
     pub cpus_busy: f64,
     /// Most memory, bytes.
     pub peak_rss_bytes: u64,
@@ -140,22 +140,22 @@ pub struct ClientFigures {
     pub processes: u32,
 }
 
-/// What the server's metrics say of the measured time.
+/// Figures from the server's metrics over the measured time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ServerFigures {
-    /// Processor time, seconds; the server counts whole ones.
+    /// Processor time, seconds. The server counts whole seconds.
     pub cpu_s: f64,
-    /// Of that, a second: how many processors it kept busy.
+    /// Processor time a second: the number of processors that it kept busy.
     pub cpus_busy: f64,
-    /// Resident memory before this load tester did anything, bytes.
+    /// Resident memory before the load, bytes.
     pub rss_before_bytes: u64,
-    /// At the end.
+    /// Resident memory at the end, bytes.
     pub rss_end_bytes: u64,
-    /// The most at a scrape.
+    /// Most resident memory at a scrape, bytes.
     pub rss_peak_bytes: u64,
-    /// Of live and idle characters: what memory has grown since before they were opened, for each.
+    /// Growth of memory for each live or idle character since before they were opened, bytes.
     pub rss_per_session_bytes: f64,
-    /// From a request's arrival to its answer, by the server's count, milliseconds.
+    /// Time from a request's arrival to its answer in the server, milliseconds.
     pub request_ms: f64,
     /// Mean wait in the queue, milliseconds.
     pub queue_ms: f64,
@@ -167,13 +167,12 @@ pub struct ServerFigures {
     pub padding: f64,
     /// Mean time of a batch in each stage, milliseconds.
     pub stage_ms: StageTimes,
-    /// Workers of the engine, each of which runs one batch at a time; 0 where the server does not
-    /// tell it.
+    /// Workers of the engine, each of which runs one batch at a time; 0 if the server does not
+    /// report it.
     pub workers: f64,
-    /// How many of them were busy in the mean: time in the networks, in tensors and out of them,
-    /// over time.
+    /// Mean number of busy workers: time in networks, of filling and of reading tensors, over time.
     pub busy_workers: f64,
-    /// Requests turned away or dropped before they ran.
+    /// Requests refused or dropped before they ran.
     pub rejections: f64,
     /// Frames generated a second, those of plans included.
     pub frames_generated_per_s: f64,
@@ -183,14 +182,14 @@ pub struct ServerFigures {
     pub underruns: f64,
     /// Plans that came late.
     pub late_plans: f64,
-    /// Highest pressure on the crowd's budget, where the server tells it.
+    /// Highest pressure on the crowd's budget, if the server reports it.
     pub pressure_max: f64,
     /// Mean frames between plans, by the priority of characters.
     #[serde(default)]
     pub plan_interval_frames: ByPriority,
 }
 
-/// A figure by the priority of characters; 0 where there are none.
+/// A figure by the priority of characters; 0 without characters of that priority.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ByPriority {
     /// Below a third.
@@ -210,20 +209,20 @@ pub struct StageTimes {
     pub root: f64,
     /// The pose module.
     pub pose: f64,
-    /// The decoder.
+    /// The decoder network.
     pub decoder: f64,
     /// Copying out of tensors.
     pub scatter: f64,
 }
 
-/// What is counted of live characters.
+/// Counts of live characters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LiveFigures {
     /// Characters.
     pub characters: u64,
     /// Streams, or groups that are stepped together.
     pub streams: u64,
-    /// Ticks later than a period; steps that took longer than one.
+    /// Ticks later than a period, or steps that took longer.
     pub late_ticks: u64,
     /// Ticks that the server did not send, or that never came.
     pub missed_ticks: u64,
@@ -235,16 +234,16 @@ pub struct LiveFigures {
     pub commands: u64,
     /// Sessions that were lost, and commands that were refused.
     pub faults: u64,
-    /// How far the time between two ticks is from a period, milliseconds.
+    /// Difference between the time from tick to tick and a period, milliseconds.
     pub jitter_ms: Percentiles,
-    /// From a command to go, given to one who stands, until a quarter of the commanded speed is
-    /// reached, milliseconds.
+    /// Time from a command to go, for a standing character, until it reaches a quarter of the
+    /// commanded speed, milliseconds.
     pub command_to_motion_ms: Percentiles,
-    /// How many times that was seen.
+    /// Number of such starts.
     pub command_to_motion_count: u64,
-    /// What the sessions did, by the server's count.
+    /// The server's counts of the sessions.
     pub plans: PlanStats,
-    /// Sentences that they acted out.
+    /// Sentences of performers.
     #[serde(default)]
     pub performances: Performances,
     /// Plans a second and character.
@@ -254,13 +253,13 @@ pub struct LiveFigures {
 /// A stage of the load.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StageResult {
-    /// The stage, as it was given.
+    /// The stage as in the options.
     pub stage: String,
-    /// How long it was, seconds.
+    /// Length, seconds.
     pub seconds: f64,
-    /// What came of the requests that were due in it.
+    /// Outcomes of the requests that were due in it.
     pub counts: Counts,
-    /// Right answers of those, a second.
+    /// Right answers to them, a second.
     pub right_per_s: f64,
     /// Their latencies, milliseconds.
     pub latency_ms: Percentiles,
@@ -269,7 +268,7 @@ pub struct StageResult {
 /// A second of the load.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SecondRow {
-    /// Seconds from the end of the warm-up to the begin of this one; below 0 while it warms up.
+    /// Start of this second, in seconds from the end of the warm-up. It is below 0 before that.
     pub t: f64,
     /// Right answers that came in it.
     pub right: u64,
@@ -285,7 +284,7 @@ pub struct SecondRow {
     pub frames: u64,
     /// Frames of characters that were slowed because a plan was late.
     pub slowed: u64,
-    /// Most requests on their way at once.
+    /// Most requests in flight.
     pub in_flight: u64,
     /// Latencies, milliseconds.
     pub p50_ms: f64,
@@ -298,11 +297,11 @@ pub struct SecondRow {
 /// The server at a scrape.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ServerRow {
-    /// Seconds from the end of the warm-up; below 0 while it warms up.
+    /// Seconds from the end of the warm-up; below 0 before that.
     pub t: f64,
     /// Resident memory, bytes.
     pub rss_bytes: u64,
-    /// Processors that it kept busy in the last 5 s; it counts its processor time in whole seconds.
+    /// Processors that it kept busy in the last 5 s. It counts processor time in whole seconds.
     pub cpus: f64,
     /// Characters that wait for a batch.
     pub pending_characters: f64,

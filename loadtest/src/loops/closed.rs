@@ -1,4 +1,4 @@
-//! The closed loop: each client waits for its answer, thinks, and asks again.
+//! The closed loop: each client waits for its answer, pauses, and sends its next request.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,25 +11,25 @@ use crate::arrivals::Stages;
 use crate::measure::{Call, Outcome, Recorder};
 use crate::plan::Share;
 
-/// How long a client that was refused, or met an error, waits at least: one that comes back at once
-/// would only keep the server busy with refusing.
+/// Least pause of a client after a refusal or an error. Without it the server would be busy with
+/// refusals.
 const BACK_OFF: Duration = Duration::from_millis(10);
-/// How often a client that is not wanted at the moment looks whether it is.
+/// Interval at which an inactive client checks whether it should be active.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// The clients of a closed loop.
 #[derive(Debug, Clone)]
 pub struct Clients {
-    /// How many there are, from the begin of the load on.
+    /// Number of clients over the time of the load.
     pub stages: Stages,
     /// Time from an answer to the next request.
     pub think: Duration,
-    /// The part of them that this process makes.
+    /// The share of this process.
     pub share: Share,
 }
 
-/// Runs the clients until the load ends, and returns when all have their last answers. Client
-/// number i sends request i first, then i + 1 and so on.
+/// Runs the clients until the load ends, and returns after their last answers. Client number i
+/// sends request i first, then i + 1 and so on.
 pub async fn closed<T: Target>(target: Arc<T>, recorder: Arc<Recorder>, clients: Clients) {
     let clients = Arc::new(clients);
     let most = clients.stages.most().ceil() as u64;

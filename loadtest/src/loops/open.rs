@@ -1,4 +1,4 @@
-//! The open loop: requests are sent when they are due, whatever became of those before.
+//! The open loop: requests are sent at fixed times, whether or not earlier ones were answered.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,10 +12,10 @@ use super::wait::{OwnThread, WaitUntil};
 use crate::failure::Failure;
 use crate::measure::{Call, Recorder};
 
-/// Sends each arrival's request when it is due, and returns when all answers are there.
+/// Sends each arrival's request at its time, and returns after all answers.
 ///
-/// Latency counts from the moment when a request was due. At most `max_in_flight` are on their way
-/// at once; what is due beyond is never sent, and recorded as dropped.
+/// Latency counts from the time at which a request was due. At most `max_in_flight` are in flight.
+/// Further requests are not sent, and recorded as dropped.
 pub async fn open<T: Target, P: WaitUntil>(
     target: Arc<T>,
     recorder: Arc<Recorder>,
@@ -48,14 +48,14 @@ pub async fn open<T: Target, P: WaitUntil>(
             drop(permit);
         });
     }
-    // All are back when all permits are. The semaphore is never closed.
+    // All answers have come once all permits are back. The semaphore is never closed.
     let _ = permits.acquire_many(max_in_flight).await;
 }
 
-/// The same, paced by a thread of its own, so that busy connections do not delay the clock.
+/// The same, with a thread for the clock, so that busy connections do not delay it.
 ///
 /// # Errors
-/// [`Failure::Other`] where the thread cannot be started or does not come back.
+/// [`Failure::Other`] if the thread cannot be started or does not come back.
 pub async fn open_on_a_thread<T: Target>(
     target: Arc<T>,
     recorder: Arc<Recorder>,
@@ -76,7 +76,7 @@ pub async fn open_on_a_thread<T: Target>(
                 runtime.clone(),
             );
             runtime.block_on(load);
-            // Whoever waited may be gone.
+            // The receiver may be gone.
             let _ = finished.send(());
         })
         .map_err(|e| Failure::Other(format!("cannot start a thread: {e}")))?;

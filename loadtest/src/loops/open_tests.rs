@@ -1,4 +1,4 @@
-//! The loops against servers that are no servers, in virtual time.
+//! The loops against simulated servers, in virtual time.
 
 use super::*;
 use crate::arrivals::{Process, Schedule};
@@ -59,7 +59,7 @@ async fn open_at_100_a_second(max_in_flight: u32) -> Harvest {
 async fn an_open_loop_charges_a_stall_to_all_that_was_due_in_it() {
     let harvest = open_at_100_a_second(1000).await;
     assert_eq!(harvest.total.right, 1000);
-    // A tenth of all requests was due in the stall; they waited from 0 to 1 s.
+    // A tenth of all requests was due in the stall. They waited for 0 to 1 s.
     let latency = &harvest.total.latency;
     assert!(latency.quantile_ms(0.89) < 5.0);
     assert!((latency.quantile_ms(0.95) - 500.0).abs() < 30.0);
@@ -81,7 +81,7 @@ async fn a_closed_loop_hides_it() {
     };
     closed(target, recorder.clone(), clients).await;
     let latency = recorder.harvest().total.latency;
-    // The same rate while nothing stalls, and one request in all that saw the stall.
+    // The rate is the same without the stall, and a single request saw it.
     assert!((880..=920).contains(&latency.count()), "{}", latency.count());
     assert!(latency.quantile_ms(0.99) < 5.0);
     assert!(latency.max_ms() > 900.0);

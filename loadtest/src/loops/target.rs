@@ -1,4 +1,4 @@
-//! What the loops ask.
+//! The target of the loops.
 
 use std::future::Future;
 
@@ -6,11 +6,11 @@ use crate::measure::Outcome;
 
 /// Something that answers single requests.
 pub trait Target: Send + Sync + 'static {
-    /// Sends one request and waits for its answer. `caller` tells callers apart that each use one
-    /// connection, `number` chooses the request.
+    /// Sends one request and waits for its answer. Each `caller` uses one connection. `number`
+    /// chooses the request.
     fn call(&self, caller: u64, number: u64) -> impl Future<Output = Outcome> + Send;
 
-    /// Answers so far that were decoded and checked whole, and right.
+    /// Right answers so far that were decoded and checked whole.
     fn verified(&self) -> u64 {
         0
     }

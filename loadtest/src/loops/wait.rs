@@ -6,11 +6,11 @@ use tokio::time::Instant;
 
 /// Waits for moments.
 pub trait WaitUntil: Send {
-    /// Returns at the moment, or at once where it has passed.
+    /// Returns at the moment, or at once if it has passed.
     fn until(&mut self, due: Instant) -> impl Future<Output = ()> + Send;
 }
 
-/// Waits by the runtime's timer, which goes by milliseconds; in tests by its virtual time.
+/// Waits by the runtime's timer, which counts milliseconds. In tests that is virtual time.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timer;
 
@@ -20,8 +20,7 @@ impl WaitUntil for Timer {
     }
 }
 
-/// Waits as precisely as the system can, within some 0.1 ms, by putting its thread to sleep: for a
-/// thread of its own only.
+/// Waits as precisely as the system can, within about 0.1 ms. It blocks its thread.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OwnThread;
 

@@ -9,7 +9,7 @@ use hdrhistogram::serialization::{Deserializer as HistogramReader, Serializer as
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Longest time that is told apart from longer ones, microseconds: an hour.
+/// Longest time in a histogram, microseconds: an hour. Longer ones count as this.
 const MOST_US: u64 = 3_600_000_000;
 
 /// Why bytes are no histogram.
@@ -17,15 +17,15 @@ const MOST_US: u64 = 3_600_000_000;
 #[error("this is no histogram: {0}")]
 pub struct LatenciesError(String);
 
-/// Times in microseconds. As JSON it is the histogram in `HdrHistogram`'s V2 format, in base64:
-/// other tools read it too, and those of several processes add up exactly. Where there are no times
-/// it is an empty text.
+/// Times in microseconds. As JSON it is the histogram in `HdrHistogram`'s V2 format, in base64,
+/// which other tools read too. Histograms of several processes add up exactly. Without times the
+/// text is empty.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Latencies {
-    /// Decimal digits that are told apart.
+    /// Significant decimal digits.
     digits: u8,
-    /// None until there is a time: many of the seconds of a load have none, and need no memory.
+    /// None until the first time, because many seconds of a load have none and need no memory.
     histogram: Option<Histogram<u64>>,
 }
 
@@ -38,13 +38,13 @@ impl JsonSchema for Latencies {
         schemars::json_schema!({
             "type": "string",
             "contentEncoding": "base64",
-            "description": "A histogram of microseconds in HdrHistogram's V2 format; empty where there are none"
+            "description": "A histogram of microseconds in HdrHistogram's V2 format; empty without times"
         })
     }
 }
 
 impl PartialEq for Latencies {
-    /// Whether both hold the same times, whatever room they have for others.
+    /// Whether both hold the same times. Their capacity may differ.
     fn eq(&self, other: &Self) -> bool {
         self.recorded().eq(other.recorded())
     }
@@ -62,7 +62,7 @@ impl std::fmt::Debug for Latencies {
 }
 
 impl Default for Latencies {
-    /// Off by at most 0.1 %.
+    /// Times with an error of at most 0.1 %.
     fn default() -> Self {
         Self {
             digits: 3,
@@ -72,7 +72,7 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Off by at most 1 %, and an eighth of the memory: for one of many, such as a second's.
+    /// Times with an error of at most 1 % in an eighth of the memory, for one of many histograms.
     pub fn coarse() -> Self {
         Self {
             digits: 2,
@@ -80,8 +80,7 @@ impl Latencies {
         }
     }
 
-    /// The histogram, made where there is none. One to five digits are accepted, so there is always
-    /// one.
+    /// The histogram, created if needed. One to five digits are accepted, so that cannot fail.
     fn made(&mut self) -> Option<&mut Histogram<u64>> {
         if self.histogram.is_none() {
             self.histogram = Histogram::new(self.digits).ok();
@@ -89,7 +88,7 @@ impl Latencies {
         self.histogram.as_mut()
     }
 
-    /// All times, each with how many there are.
+    /// All times with their counts.
     fn recorded(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         let all = self.histogram.iter().flat_map(|h| h.iter_recorded());
         all.map(|of| (of.value_iterated_to(), of.count_at_value()))
@@ -107,23 +106,23 @@ impl Latencies {
     /// Adds all of another.
     pub fn add(&mut self, other: &Self) {
         if let (Some(other), Some(histogram)) = (&other.histogram, self.made()) {
-            // It resizes itself where it must.
+            // It resizes itself if needed.
             let _ = histogram.add(other);
         }
     }
 
-    /// How many there are.
+    /// Number of times.
     pub fn count(&self) -> u64 {
         self.histogram.as_ref().map_or(0, Histogram::len)
     }
 
-    /// The time that a share of them does not exceed, milliseconds; 0 where there are none.
+    /// The time that a share of them does not exceed, milliseconds; 0 without times.
     pub fn quantile_ms(&self, quantile: f64) -> f64 {
         let histogram = self.histogram.as_ref();
         histogram.map_or(0.0, |h| h.value_at_quantile(quantile) as f64 / 1e3)
     }
 
-    /// Their mean, milliseconds; 0 where there are none.
+    /// Their mean, milliseconds; 0 without times.
     pub fn mean_ms(&self) -> f64 {
         self.histogram.as_ref().map_or(0.0, |h| h.mean() / 1e3)
     }

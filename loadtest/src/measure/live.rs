@@ -1,4 +1,4 @@
-//! What is measured of live characters beside their ticks.
+//! Figures of live characters beside their ticks.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use troupe_proto::v1::session_event::Kind;
 
 use super::latencies::Latencies;
 
-/// What sessions have done, summed up; or the difference of two such sums.
+/// Counts of sessions, summed, or the difference of two such sums.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlanStats {
     /// Plans for new commands.
@@ -16,7 +16,7 @@ pub struct PlanStats {
     pub for_low_buffer: u64,
     /// Plans after the interval.
     pub for_interval: u64,
-    /// Plans that came after the frame where they were to take over.
+    /// Plans that came after the frame at which they should have taken over.
     pub late: u64,
     /// Plans that failed.
     pub failed: u64,
@@ -25,7 +25,7 @@ pub struct PlanStats {
 }
 
 impl PlanStats {
-    /// Adds what one session has done.
+    /// Adds the counts of one session.
     pub fn add(&mut self, of: &v1::SessionStats) {
         self.for_command += of.plans_for_command;
         self.for_low_buffer += of.plans_for_low_buffer;
@@ -35,7 +35,7 @@ impl PlanStats {
         self.underruns += of.underruns;
     }
 
-    /// What was done since.
+    /// The difference to earlier counts.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         Self {
@@ -66,13 +66,13 @@ impl PlanStats {
 /// Sentences that characters acted out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Performances {
-    /// Those that began.
+    /// Sentences that began.
     pub started: u64,
-    /// Those that went through to their ends.
+    /// Sentences that went through to their end.
     pub done: u64,
-    /// Those whose frames did not come in time.
+    /// Sentences whose frames did not come in time.
     pub late: u64,
-    /// Those that failed.
+    /// Sentences that failed.
     pub failed: u64,
 }
 
@@ -118,14 +118,14 @@ pub struct LiveHarvest {
     pub commands: u64,
     /// Sessions that left, or commands that were refused.
     pub faults: u64,
-    /// How far the time between two ticks is from a period.
+    /// Difference between the time from tick to tick and a period.
     pub jitter: Latencies,
-    /// From a command to go, given to one who stands, until a quarter of the commanded speed is
-    /// reached.
+    /// Time from a command to go, for a standing character, until it reaches a quarter of the
+    /// commanded speed.
     pub command_to_motion: Latencies,
-    /// What the sessions did meanwhile, by the server's count.
+    /// The server's counts of the sessions meanwhile.
     pub plans: PlanStats,
-    /// Sentences that they acted out.
+    /// Sentences of performers.
     #[serde(default)]
     pub performances: Performances,
 }

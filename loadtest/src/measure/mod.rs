@@ -1,5 +1,5 @@
-//! What is measured: answers and their latencies, the server's own figures, and what this process
-//! uses itself.
+//! Measurements: answers and their latencies, the server's own figures, and the resources of this
+//! process.
 
 mod latencies;
 mod live;

@@ -1,4 +1,4 @@
-//! What this process uses itself, so that a reader sees when the client is what is slow.
+//! Resources of this process. They show whether the client was too slow.
 
 use std::time::Duration;
 
@@ -6,21 +6,21 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System};
 
-/// What the load tester used, all of its processes together.
+/// Resources of the load tester, all of its processes together.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct OwnUse {
     /// Processor time over the measured time, seconds.
     pub cpu_s: f64,
     /// Processes.
     pub processes: u32,
-    /// Looks, about one a second.
+    /// Readings, about one a second.
     pub looks: Vec<OwnLook>,
 }
 
-/// What the load tester has used by a moment.
+/// A reading of the load tester's resources.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OwnLook {
-    /// Seconds from the begin of the load.
+    /// Seconds from the start of the load.
     pub at_s: f64,
     /// Processor time so far, seconds.
     pub cpu_s: f64,
@@ -29,7 +29,7 @@ pub struct OwnLook {
 }
 
 impl OwnUse {
-    /// Adds a look.
+    /// Adds a reading.
     pub fn note(&mut self, at_s: f64, cpu_s: f64, rss_bytes: u64) {
         self.looks.push(OwnLook {
             at_s,
@@ -38,18 +38,18 @@ impl OwnUse {
         });
     }
 
-    /// Most memory at a look, bytes.
+    /// Most memory of a reading, bytes.
     pub fn peak_rss_bytes(&self) -> u64 {
         self.looks.iter().map(|l| l.rss_bytes).max().unwrap_or(0)
     }
 
-    /// The last look at or before a moment, or a little after it: looks and scrapes are due at the
-    /// same moments.
+    /// The last reading before a moment, or a little after it, because readings and scrapes are due
+    /// at the same moments.
     pub fn look_at(&self, at_s: f64) -> Option<&OwnLook> {
         self.looks.iter().rev().find(|look| look.at_s <= at_s + 0.05)
     }
 
-    /// Adds what another process used. All look at the same moments.
+    /// Adds the resources of another process. All processes read at the same moments.
     pub fn merge(&mut self, other: &Self) {
         self.cpu_s += other.cpu_s;
         self.processes += other.processes;
@@ -64,7 +64,7 @@ impl OwnUse {
     }
 }
 
-/// Looks at what this process uses.
+/// Reads the resources of this process.
 #[derive(Debug)]
 pub struct ProcessWatch {
     system: System,
@@ -81,7 +81,7 @@ impl Default for ProcessWatch {
 }
 
 impl ProcessWatch {
-    /// Processor time so far, and resident memory in bytes; 0 where the system does not say.
+    /// Processor time so far, and resident memory in bytes; 0 if the system does not know them.
     pub fn look(&mut self) -> (Duration, u64) {
         let Some(pid) = self.pid else {
             return (Duration::ZERO, 0);

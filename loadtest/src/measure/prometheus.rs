@@ -7,14 +7,14 @@ use prometheus_parse::{Sample, Value};
 pub struct Metrics(Vec<Sample>);
 
 impl Metrics {
-    /// Reads a scrape. Lines that are no samples are passed over, as scrapers do.
+    /// Reads a scrape. Lines that are no samples are skipped, as by scrapers.
     pub fn parse(text: &str) -> Self {
         let lines = text.lines().map(|line| Ok(line.to_owned()));
         Self(prometheus_parse::Scrape::parse(lines).map_or_else(|_| Vec::new(), |scrape| scrape.samples))
     }
 
-    /// The value of a counter or gauge, or of a histogram's `_sum` or `_count`, summed up over all
-    /// its labels that have these values. None where there is none.
+    /// The value of a counter or gauge, or of a histogram's `_sum` or `_count`, summed over all
+    /// series with these labels. None without a series.
     pub fn sum(&self, name: &str, labels: &[(&str, &str)]) -> Option<f64> {
         let fits = |sample: &&Sample| {
             sample.metric == name
@@ -33,29 +33,29 @@ impl Metrics {
         values.fold(None, |sum, value| Some(sum.unwrap_or(0.0) + value))
     }
 
-    /// A label's value at the first sample of a metric. None where there is none.
+    /// A label's value at the first sample of a metric, if it has any.
     pub fn label(&self, name: &str, label: &str) -> Option<&str> {
         let sample = self.0.iter().find(|sample| sample.metric == name)?;
         sample.labels.get(label)
     }
 
-    /// How much a counter has grown since another scrape. None where there is none; from 0 where it
-    /// began meanwhile.
+    /// Growth of a counter since another scrape, or from 0 if it began meanwhile. None without the
+    /// counter.
     pub fn grown(&self, before: &Self, name: &str, labels: &[(&str, &str)]) -> Option<f64> {
         let now = self.sum(name, labels)?;
         Some((now - before.sum(name, labels).unwrap_or(0.0)).max(0.0))
     }
 
-    /// The mean of what a histogram has taken since another scrape, and how many that is. None
-    /// where it took nothing.
+    /// Mean and number of the values that a histogram took since another scrape. None without a
+    /// value.
     pub fn mean(&self, before: &Self, name: &str, labels: &[(&str, &str)]) -> Option<(f64, f64)> {
         let count = self.grown(before, &format!("{name}_count"), labels)?;
         let sum = self.grown(before, &format!("{name}_sum"), labels)?;
         (count > 0.0).then_some((sum / count, count))
     }
 
-    /// How many values a histogram has taken since another scrape, in each of its buckets: their
-    /// upper bounds and counts, not summed up. Histograms that differ in their labels are added.
+    /// Values that a histogram took since another scrape, by bucket: upper bounds and counts, not
+    /// cumulative. Histograms that differ in their labels are added.
     pub fn buckets(&self, before: &Self, name: &str) -> Vec<(f64, f64)> {
         let (now, before) = (self.cumulative(name), before.cumulative(name));
         let mut below = 0.0;

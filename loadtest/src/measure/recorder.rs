@@ -1,4 +1,4 @@
-//! Takes note of every answer while the load goes on.
+//! Records every answer during the load.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -10,24 +10,24 @@ use super::live::LiveHarvest;
 use super::tally::{Call, FineBin, Harvest, Outcome, Second, Tally};
 use crate::arrivals::Stages;
 
-/// Longest lag between the moment when a request was due and its sending that is not called late.
+/// Most delay of a request's sending that does not count as late.
 const ON_TIME: Duration = Duration::from_millis(1);
-/// Codes that are told apart; what comes beyond is one.
+/// Most distinct codes. Further codes are counted together.
 const CODES: usize = 32;
 
-/// The times of a load: when it begins, and what of it is measured.
+/// The times of a load: its start, and its measured part.
 #[derive(Debug, Clone)]
 pub struct Clock {
     start: Instant,
     warmup: Duration,
     measured: Duration,
-    /// Stages of the measured time, where it has several.
+    /// Stages of the measured time, if it has several.
     stages: Option<Stages>,
     fine: bool,
 }
 
 impl Clock {
-    /// A load that begins at `start`, of which what follows the warm-up is measured.
+    /// A load that begins at `start`. The part after the warm-up is measured.
     pub fn new(start: Instant, warmup: Duration, measured: Duration) -> Self {
         Self {
             start,
@@ -38,41 +38,41 @@ impl Clock {
         }
     }
 
-    /// The same with stages from the end of the warm-up on, each of which is counted by itself too.
+    /// The same with stages after the warm-up, which are also counted separately.
     #[must_use]
     pub fn stages(mut self, stages: &Stages) -> Self {
         self.stages = (stages.count() > 1).then(|| stages.clone());
         self
     }
 
-    /// The same, with latencies kept by tenths of a second too.
+    /// The same with latencies by tenths of a second.
     #[must_use]
     pub fn fine(mut self, fine: bool) -> Self {
         self.fine = fine;
         self
     }
 
-    /// When the load begins.
+    /// Start of the load.
     pub fn start(&self) -> Instant {
         self.start
     }
 
-    /// When measuring begins.
+    /// Start of the measured time.
     pub fn measured_from(&self) -> Instant {
         self.start + self.warmup
     }
 
-    /// When the load ends.
+    /// End of the load.
     pub fn end(&self) -> Instant {
         self.start + self.warmup + self.measured
     }
 
-    /// How long the measured time is.
+    /// Length of the measured time.
     pub fn measured(&self) -> Duration {
         self.measured
     }
 
-    /// The warm-up.
+    /// Length of the warm-up.
     pub fn warmup(&self) -> Duration {
         self.warmup
     }
@@ -82,7 +82,7 @@ impl Clock {
         at >= self.measured_from() && at < self.end()
     }
 
-    /// Whole seconds from the begin to a moment.
+    /// Whole seconds from the start to a moment.
     fn second(&self, at: Instant) -> usize {
         let seconds = at.saturating_duration_since(self.start).as_secs();
         usize::try_from(seconds).unwrap_or(usize::MAX)
@@ -94,31 +94,30 @@ impl Clock {
     }
 }
 
-/// How it goes, for a look now and then.
+/// Progress of the load.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pulse {
     /// Right answers or ticks of the last whole second.
     pub right: u64,
-    /// Refusals of it.
+    /// Refusals of that second.
     pub refused: u64,
-    /// Failures of it.
+    /// Failures of that second.
     pub failed: u64,
-    /// Client-side drops of it.
+    /// Client-side drops of that second.
     pub dropped: u64,
-    /// Frames of it.
+    /// Frames of that second.
     pub frames: u64,
-    /// Frames of characters that were slowed in it.
+    /// Frames of characters that slowed down in that second.
     pub underruns: u64,
-    /// Half of its latencies are below, milliseconds.
+    /// Median of its latencies, milliseconds.
     pub p50_ms: f64,
-    /// 99 % of them are below, milliseconds.
+    /// 99th percentile of its latencies, milliseconds.
     pub p99_ms: f64,
-    /// Requests on their way now.
+    /// Requests in flight now.
     pub in_flight: u64,
 }
 
-/// Takes note of every answer. Shared by all that make load in a process; a note takes well under a
-/// microsecond.
+/// Records every answer. All tasks of a process share it. A record takes well under a microsecond.
 #[derive(Debug)]
 pub struct Recorder {
     clock: Clock,
@@ -131,8 +130,7 @@ struct State {
     in_flight: u64,
 }
 
-/// Latest second that gets a place of its own after the load's end, so that an answer that comes
-/// absurdly late does not take memory.
+/// Seconds after the load's end that are still counted separately. Later answers take no memory.
 const SECONDS_AFTER: usize = 120;
 
 impl State {
@@ -146,8 +144,8 @@ impl State {
         &mut seconds[index]
     }
 
-    /// Notes the outcome of a request by the tenth of a second in which it was due: its latency, or
-    /// none where it was not answered right.
+    /// Records the outcome of a request by the tenth of a second in which it was due: its latency,
+    /// or None without a right answer.
     fn fine(&mut self, clock: &Clock, due: Instant, latency: Option<Duration>) {
         if !clock.fine || due >= clock.end() {
             return;
@@ -192,7 +190,7 @@ impl State {
 }
 
 impl Recorder {
-    /// For a load with these times.
+    /// A recorder for a load with these times.
     pub fn new(clock: Clock) -> Self {
         Self {
             clock,
@@ -206,11 +204,11 @@ impl Recorder {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        // Counters are never left half changed in a way that matters more than losing all of them.
+        // A half-changed counter matters less than losing all of them.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A request is about to be sent.
+    /// Records that a request is about to be sent.
     pub fn sent(&self, at: Instant) {
         let mut state = self.state();
         state.in_flight += 1;
@@ -219,14 +217,14 @@ impl Recorder {
         second.in_flight = second.in_flight.max(now);
     }
 
-    /// Its answer came.
+    /// Records an answer.
     pub fn done(&self, call: &Call) {
         let mut state = self.state();
         state.in_flight = state.in_flight.saturating_sub(1);
         self.note(&mut state, call);
     }
 
-    /// Something that was not sent came: a tick of a stream.
+    /// Records a message without a request, such as a tick of a stream.
     pub fn came(&self, call: &Call, slowed: u64) {
         let mut state = self.state();
         self.note(&mut state, call);
@@ -268,7 +266,7 @@ impl Recorder {
         }
     }
 
-    /// A request was due but not sent, because too many were on their way.
+    /// Records a request that was not sent, because too many were in flight.
     pub fn dropped(&self, due: Instant) {
         let mut state = self.state();
         state.second(&self.clock, due).dropped += 1;
@@ -281,24 +279,24 @@ impl Recorder {
         }
     }
 
-    /// So many answers were decoded and checked whole.
+    /// Adds to the answers that were decoded and checked whole.
     pub fn verified(&self, answers: u64) {
         self.state().harvest.verified += answers;
     }
 
-    /// Something is wrong that belongs to no request, such as a session that was lost.
+    /// Records a fault without a request, such as a lost session.
     pub fn fault(&self, code: &str, message: &str) {
         let mut state = self.state();
         state.code(code, message);
         state.harvest.total.failed += 1;
     }
 
-    /// Changes what is counted of live characters.
+    /// Changes the counts of live characters.
     pub fn live(&self, change: impl FnOnce(&mut LiveHarvest)) {
         change(self.state().harvest.live.get_or_insert_default());
     }
 
-    /// How it goes at a moment: the second before it, and what is on its way.
+    /// Progress at a moment: the second before it, and requests in flight.
     pub fn pulse(&self, at: Instant) -> Pulse {
         let state = self.state();
         let before = self.clock.second(at).checked_sub(1);
@@ -323,7 +321,7 @@ impl Recorder {
         )
     }
 
-    /// All that was noted so far.
+    /// All records so far.
     pub fn harvest(&self) -> Harvest {
         self.state().harvest.clone()
     }

@@ -39,11 +39,11 @@ fn the_warm_up_is_left_out_and_stages_are_told_apart() {
         recorder.done(&right(start, due, done));
     }
     let harvest = recorder.harvest();
-    // By when they were due.
+    // By the times at which they were due.
     assert_eq!(harvest.total.right, 3);
     assert_eq!(harvest.total.latency.max_ms().round(), 300.0);
     assert_eq!(harvest.stages.iter().map(|s| s.right).collect::<Vec<_>>(), [1, 2]);
-    // By when they came.
+    // By the times at which they came.
     assert_eq!((harvest.done.requests, harvest.done.frames), (3, 3 * 128));
     assert_eq!(
         harvest.seconds.iter().map(|s| s.right).collect::<Vec<_>>(),

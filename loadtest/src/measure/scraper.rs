@@ -31,9 +31,9 @@ pub struct Scraper {
 /// The metrics at a moment.
 #[derive(Debug, Clone)]
 pub struct Scrape {
-    /// Seconds from the begin of the load.
+    /// Seconds from the start of the load.
     pub at_s: f64,
-    /// What they were.
+    /// The values of `/metrics` at that time.
     pub metrics: Metrics,
 }
 
@@ -42,14 +42,14 @@ pub struct Scrape {
 pub struct Scrapes {
     /// In order of time.
     pub all: Vec<Scrape>,
-    /// Place of the one where measuring began.
+    /// Index of the scrape at the start of the measured time.
     pub first: usize,
-    /// Place of the one where it ended.
+    /// Index of the scrape at its end.
     pub last: usize,
 }
 
 impl Scrapes {
-    /// The scrapes at both ends of the measured time, where they are two.
+    /// The scrapes at both ends of the measured time, if both succeeded.
     pub fn ends(&self) -> Option<(&Scrape, &Scrape)> {
         let (first, last) = (self.all.get(self.first)?, self.all.get(self.last)?);
         (first.at_s < last.at_s).then_some((first, last))
@@ -57,8 +57,8 @@ impl Scrapes {
 }
 
 impl Scraper {
-    /// Scrapes a server such as `http://127.0.0.1:8080`, at `/metrics`. None where it has no
-    /// metrics, or none for this key.
+    /// Scrapes `/metrics` of a server such as `http://127.0.0.1:8080`. None if it has no metrics,
+    /// or none for this key.
     pub async fn find(server: &str, access: &Access) -> Option<Self> {
         let uri: http::Uri = format!("{}/metrics", server.trim_end_matches('/')).parse().ok()?;
         let scraper = Self {
@@ -70,7 +70,7 @@ impl Scraper {
         metrics.sum("process_resident_memory_bytes", &[]).map(|_| scraper)
     }
 
-    /// The metrics now. None where the server does not give them in time.
+    /// The metrics now. None if the server does not give them in time.
     pub async fn scrape(&self) -> Option<Metrics> {
         let get = async {
             let mut request = Request::get(self.uri.clone()).body(Empty::new()).ok()?;
@@ -93,8 +93,7 @@ impl Scraper {
         tokio::time::timeout(TIMEOUT, get).await.ok().flatten()
     }
 
-    /// Scrapes once a second from the begin of a load to its end, so that a scrape falls on both
-    /// ends of the measured time.
+    /// Scrapes once a second during a load. Scrapes fall on both ends of the measured time.
     pub async fn follow(self, clock: Clock) -> Scrapes {
         let mut scrapes = Scrapes::default();
         for due in sampling_times(&clock) {
@@ -114,8 +113,8 @@ impl Scraper {
     }
 }
 
-/// When to look at server and client: the ends of the measured time, and whole seconds away from
-/// its begin.
+/// Moments of scrapes and readings: both ends of the measured time, and whole seconds from its
+/// start.
 pub fn sampling_times(clock: &Clock) -> Vec<Instant> {
     const SECOND: Duration = Duration::from_secs(1);
     let middle = clock.measured_from();

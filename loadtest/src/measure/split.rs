@@ -1,4 +1,4 @@
-//! Where the server's time went, as its answers say.
+//! The server's time of a request by its parts, as in its answers.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use troupe_proto::v1;
 
 use super::latencies::Latencies;
 
-/// Where the server's time for one request went, microseconds.
+/// The server's time of one request by its parts, microseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ServerTiming {
     /// In the queue.
@@ -16,7 +16,7 @@ pub struct ServerTiming {
     pub assemble_us: u64,
     /// In the networks.
     pub inference_us: u64,
-    /// Making frames of tensors.
+    /// Making frames from tensors.
     pub scatter_us: u64,
     /// From the request's arrival to the answer ready for encoding.
     pub total_us: u64,
@@ -48,7 +48,7 @@ pub struct TimingSums {
     pub assemble_us: u64,
     /// In the networks.
     pub inference_us: u64,
-    /// Making frames of tensors.
+    /// Making frames from tensors.
     pub scatter_us: u64,
     /// In the server.
     pub total_us: u64,

@@ -1,4 +1,4 @@
-//! Answers, counted.
+//! Counts of answers.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,14 +12,14 @@ use super::live::LiveHarvest;
 use super::process::OwnUse;
 use super::split::{ServerTiming, TimingSums};
 
-/// What came of a request.
+/// Outcome of a request.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
     /// A right answer.
     Right(Answer),
-    /// The server said that it has no room: `RESOURCE_EXHAUSTED`, 429, 503.
+    /// The server had no room: `RESOURCE_EXHAUSTED`, 429, 503.
     Refused(Cow<'static, str>),
-    /// Anything else: an error of the server or of the way to it, or an answer that is not right.
+    /// An error of the server or the connection, or a wrong answer.
     Failed {
         /// A word for it, such as `INTERNAL` or `WRONG_FRAMES`.
         code: Cow<'static, str>,
@@ -28,7 +28,7 @@ pub enum Outcome {
     },
 }
 
-/// What a right answer holds.
+/// A right answer.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Answer {
     /// Characters in it.
@@ -37,20 +37,20 @@ pub struct Answer {
     pub frames: u64,
     /// Bytes of its body.
     pub bytes: u64,
-    /// Where the server's time went, where it says so.
+    /// The server's time by its parts, if the answer has it.
     pub timing: Option<ServerTiming>,
 }
 
-/// A request from the moment it was due to its answer.
+/// A request, from the time at which it was due to its answer.
 #[derive(Debug, Clone)]
 pub struct Call {
-    /// When it was to be sent.
+    /// The time at which it was due.
     pub due: Instant,
-    /// When it was sent.
+    /// The time of its sending.
     pub sent: Instant,
-    /// When its answer was there.
+    /// The time of its answer.
     pub done: Instant,
-    /// What came of it.
+    /// Outcome of the request.
     pub outcome: Outcome,
 }
 
@@ -63,13 +63,13 @@ pub struct Tally {
     pub refused: u64,
     /// Failures.
     pub failed: u64,
-    /// Never sent, because too many were on their way: client-side drops.
+    /// Client-side drops: never sent, because too many were in flight.
     pub dropped: u64,
     /// Latencies of the right answers.
     pub latency: Latencies,
 }
 
-/// What was answered in one second, by the moment of the answer.
+/// Answers of one second, by the time of the answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Second {
     /// Right answers, or ticks.
@@ -84,15 +84,15 @@ pub struct Second {
     pub characters: u64,
     /// Frames in right answers.
     pub frames: u64,
-    /// Characters of ticks that had to slow down because a plan was late.
+    /// Characters in ticks that slowed down because a plan was late.
     pub underruns: u64,
-    /// Most requests on their way at once.
+    /// Most requests in flight.
     pub in_flight: u64,
-    /// Latencies of the right answers, off by at most 1 %.
+    /// Latencies of right answers, with an error of at most 1 %.
     pub latency: Latencies,
 }
 
-/// What came of requests that were due in a tenth of a second.
+/// Outcomes of requests that were due in a tenth of a second.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FineBin {
     /// Latencies of right answers, microseconds.
@@ -102,7 +102,7 @@ pub struct FineBin {
 }
 
 impl FineBin {
-    /// The time that a share of the answers does not exceed, milliseconds; 0 where there are none.
+    /// The time that a share of the answers does not exceed, milliseconds; 0 without an answer.
     pub fn quantile_ms(&self, quantile: f64) -> f64 {
         let mut sorted = self.latencies_us.clone();
         sorted.sort_unstable();
@@ -118,7 +118,7 @@ impl FineBin {
     }
 }
 
-/// Of the right answers that came within the measured time.
+/// Sums over the right answers that came within the measured time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Done {
     /// Answers, or ticks.
@@ -131,7 +131,7 @@ pub struct Done {
     pub bytes: u64,
 }
 
-/// All that a run of one process brings; those of several processes merge into one.
+/// All counts of a run in one process. Those of several processes are merged.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Harvest {
     /// Requests that were due within the measured time.
@@ -140,27 +140,27 @@ pub struct Harvest {
     pub stages: Vec<Tally>,
     /// Right answers that came within the measured time.
     pub done: Done,
-    /// Each second from the begin of the load, warm-up included.
+    /// Each second from the start of the load, warm-up included.
     pub seconds: Vec<Second>,
-    /// By tenths of a second from the begin of the load, where the plan wants it.
+    /// Outcomes by tenths of a second from the start of the load, if the plan asks for them.
     pub fine: Vec<FineBin>,
     /// Refusals and failures by their codes.
     pub codes: BTreeMap<String, u64>,
     /// A message of each code.
     pub examples: BTreeMap<String, String>,
-    /// From the moment when a request was due to its sending: the backlog at this client.
+    /// Times from when a request was due to its sending: the backlog at this client.
     pub send_lag: Latencies,
     /// Requests that were sent more than a millisecond after they were due.
     pub late_sends: u64,
-    /// From sending to the answer, of right answers, in sum.
+    /// Sum of the times from sending to the answer, of right answers.
     pub on_the_way_us: u64,
-    /// Where the server's time went.
+    /// The server's time by its parts.
     pub timing: TimingSums,
     /// Answers that were decoded and checked whole.
     pub verified: u64,
-    /// Live characters, where there were any.
+    /// Counts of live characters, if the load has any.
     pub live: Option<LiveHarvest>,
-    /// What the client itself used.
+    /// Resources of the client.
     pub own: OwnUse,
 }
 
@@ -181,7 +181,7 @@ impl Default for Second {
 }
 
 impl Tally {
-    /// Counts what came of a request.
+    /// Counts the outcome of a request.
     pub fn note(&mut self, call: &Call) {
         match &call.outcome {
             Outcome::Right(_) => {
@@ -208,7 +208,7 @@ impl Tally {
 }
 
 impl Second {
-    /// Counts what came of a request.
+    /// Counts the outcome of a request.
     pub fn note(&mut self, call: &Call) {
         match &call.outcome {
             Outcome::Right(answer) => {
@@ -237,7 +237,7 @@ impl Second {
 }
 
 impl Harvest {
-    /// Adds what another process brought from the same load.
+    /// Adds the counts of another process of the same load.
     pub fn merge(&mut self, other: &Self) {
         self.total.merge(&other.total);
         if self.stages.len() < other.stages.len() {

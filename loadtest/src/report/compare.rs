@@ -1,14 +1,14 @@
-//! Reports side by side: what each has, and how many times the first one's that is.
+//! Reports side by side: figures of each, and their ratios to the first report.
 
 use comfy_table::{CellAlignment, Table, presets};
 
 use super::Report;
 use crate::figures::Figures;
 
-/// A figure to compare, where a run has it.
+/// A figure to compare, if a run has it.
 type Figure = (&'static str, fn(&Figures) -> Option<f64>);
 
-/// What is compared. Of latencies, processors and memory less is better; of throughput more.
+/// The figures to compare. Less is better of latencies, processors and memory, more of throughput.
 const FIGURES: [Figure; 18] = [
     ("requests/s", |f| Some(f.throughput.requests_per_s)),
     ("characters/s", |f| Some(f.throughput.characters_per_s)),
@@ -34,8 +34,8 @@ const FIGURES: [Figure; 18] = [
     ("client processors", |f| Some(f.client.cpus_busy)),
 ];
 
-/// A table of medians, each with its ratio to the first report's, and the span of the repetitions
-/// where there are several.
+/// A table of medians, each with its ratio to the first report's and the span of several
+/// repetitions.
 pub fn compare(reports: &[Report]) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);

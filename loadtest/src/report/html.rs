@@ -1,4 +1,4 @@
-//! The report as one page that needs nothing else: plots are inside, and so is the style.
+//! The report as one self-contained page, with plots and style inside.
 
 use std::path::Path;
 
@@ -10,14 +10,14 @@ use super::table::{self, Row};
 use crate::failure::Failure;
 use crate::figures::{Run, Split};
 
-/// A plot and what it shows.
+/// A plot and its caption.
 struct Plot {
     title: &'static str,
     svg: String,
 }
 
 /// A part of the mean latency.
-struct Part {
+struct LatencyPart {
     name: &'static str,
     ms: String,
     percent: String,
@@ -32,14 +32,14 @@ struct Page<'a> {
     plan: String,
     rows: Vec<Row>,
     extra: Option<String>,
-    parts: Vec<Part>,
+    parts: Vec<LatencyPart>,
     plots: Vec<Plot>,
 }
 
-/// The page.
+/// The whole report as HTML.
 ///
 /// # Errors
-/// [`Failure::Other`] where a plot cannot be drawn.
+/// [`Failure::Other`] if a plot cannot be drawn.
 pub fn page(report: &Report) -> Result<String, Failure> {
     let plan = serde_json::to_string_pretty(&report.plan).map_err(|e| Failure::Other(e.to_string()))?;
     let plots = plots(&report.runs).map_err(|e| Failure::Other(e.to_string()))?;
@@ -68,7 +68,7 @@ pub fn write(report: &Report, path: &Path) -> Result<(), Failure> {
     std::fs::write(path, page(report)?).map_err(|e| Failure::output(path, e))
 }
 
-/// Plots of all repetitions where they are comparable, of the last one over time.
+/// Plots: of all repetitions if they are comparable, and of the last one over time.
 fn plots(runs: &[Run]) -> Result<Vec<Plot>, PlotError> {
     let Some(last) = runs.last() else {
         return Ok(Vec::new());
@@ -106,7 +106,7 @@ fn plots(runs: &[Run]) -> Result<Vec<Plot>, PlotError> {
     Ok(plots)
 }
 
-fn parts(split: &Split) -> Vec<Part> {
+fn parts(split: &Split) -> Vec<LatencyPart> {
     let parts = [
         ("waiting at the client", split.client, "#718096"),
         ("network and transport", split.transport, "#a0aec0"),
@@ -117,7 +117,7 @@ fn parts(split: &Split) -> Vec<Part> {
         ("scatter", split.scatter, "#2f855a"),
     ];
     let all = parts.iter().map(|p| p.1).sum::<f64>().max(1e-9);
-    let part = |(name, ms, colour): (&'static str, f64, &'static str)| Part {
+    let part = |(name, ms, colour): (&'static str, f64, &'static str)| LatencyPart {
         name,
         ms: format!("{ms:.2}"),
         percent: format!("{:.2}", ms / all * 100.0),

@@ -1,7 +1,7 @@
-//! What a load test found: JSON with a version, a table, a page with plots, and comparisons.
+//! The report of a load test: versioned JSON, a table, a page with plots, and comparisons.
 //!
-//! The JSON form of [`Report`] is a contract: within [`VERSION`] fields may be added, never renamed
-//! or given another meaning. `troupe-loadtest schema` prints its JSON Schema.
+//! The JSON form of [`Report`] is a contract: within a [`VERSION`] fields may be added, but never
+//! renamed or changed in meaning. `troupe-loadtest schema` prints its JSON Schema.
 
 pub mod compare;
 pub mod html;
@@ -22,31 +22,31 @@ use crate::search::SearchReport;
 /// Version of the report's form.
 pub const VERSION: u32 = 1;
 
-/// A load test and what it found.
+/// A load test and its results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
     /// Version of this form.
     pub version: u32,
-    /// A name for it, such as of what was changed; shown in comparisons.
+    /// Label for comparisons, such as the change that is tested.
     pub label: String,
     /// Version of the load tester.
     pub tool: String,
-    /// When it began, by the clock of the machine that made the load, RFC 3339.
+    /// Start of the test, by the clock of the machine that made the load, RFC 3339.
     pub began: String,
     /// The machine that made the load.
     pub machine: Machine,
-    /// What was done. Of a search and of an overload: their plan for a single run.
+    /// The plan. Of a search or an overload: the plan of a single run.
     pub plan: Plan,
-    /// From when to when a latency counts.
+    /// Start and end of a latency.
     pub latency_of: LatencyOf,
     /// Each repetition.
     pub runs: Vec<Run>,
-    /// For every figure the median over the repetitions.
+    /// The median of every figure over the repetitions.
     pub median: Figures,
-    /// Of a search: its steps and what it found.
+    /// Steps and result of a search.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchReport>,
-    /// Of an overload: how the server did.
+    /// Figures of an overload.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overload: Option<OverloadReport>,
     /// Stated bounds, and whether they were kept.
@@ -54,12 +54,12 @@ pub struct Report {
     pub bounds: Vec<BoundResult>,
 }
 
-/// A machine.
+/// The machine that made a load.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Machine {
     /// Processors that this process may use.
     pub cpus: u32,
-    /// The processor's name, where the system says it.
+    /// Name of the processor, if the system knows it.
     pub cpu: String,
     /// The operating system.
     pub os: String,
@@ -88,7 +88,7 @@ impl Report {
     /// Reads a report.
     ///
     /// # Errors
-    /// [`Failure::Input`] where the file is no report of a version that this program reads.
+    /// [`Failure::Input`] if the file is no report of a version that this program reads.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         #[derive(Deserialize)]
         struct Head {
@@ -110,7 +110,7 @@ impl Report {
     /// Writes the report as JSON.
     ///
     /// # Errors
-    /// [`Failure::Other`] where the file cannot be written.
+    /// [`Failure::Other`] if the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(self).map_err(|e| Failure::output(path, e))?;
         std::fs::write(path, text + "\n").map_err(|e| Failure::output(path, e))
@@ -118,7 +118,7 @@ impl Report {
 }
 
 impl Machine {
-    /// The one that this process runs on.
+    /// The machine of this process.
     pub fn this() -> Self {
         let system = sysinfo::System::new_with_specifics(
             sysinfo::RefreshKind::nothing().with_cpu(sysinfo::CpuRefreshKind::nothing()),

@@ -1,4 +1,4 @@
-//! Plots of a report as SVG, to be put into its page.
+//! Plots of a report, as SVG for its page.
 
 use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
@@ -26,7 +26,7 @@ fn fault(error: impl std::fmt::Display) -> PlotError {
 /// A line of a plot: its name, colour and points.
 type Line = (&'static str, RGBColor, Vec<(f64, f64)>);
 
-/// How the axes of a plot look.
+/// The axes of a plot.
 struct Axes<'a> {
     x: &'a str,
     y: &'a str,
@@ -36,7 +36,7 @@ struct Axes<'a> {
 }
 
 fn plain(value: &f64) -> String {
-    // Steps of a tenth are not what they seem in binary.
+    // Steps of a tenth are not exact in binary.
     let rounded = (value * 1e4).round() / 1e4;
     format!("{}", if rounded == 0.0 { 0.0 } else { rounded })
 }
@@ -74,7 +74,7 @@ fn lines(axes: &Axes<'_>, lines: &[Line]) -> Result<String, PlotError> {
     let low = points().map(|p| p.0).fold(f64::INFINITY, f64::min);
     let high = points().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
     let (low, high) = if low < high { (low, high) } else { (0.0, 1.0) };
-    // With room for the names of several lines.
+    // Leaves room for the names of several lines.
     let room = if lines.len() > 1 { 1.4 } else { 1.08 };
     let top = points().map(|p| p.1).fold(0.0, f64::max) * room;
     let top = if top > 0.0 { top } else { 1.0 };
@@ -121,11 +121,11 @@ fn as_percent(nines: &f64) -> String {
     format!("{percent:.digits$} %")
 }
 
-/// Latency by percentile, over an axis that is wide where the slow ones are.
+/// Latency by percentile. The axis is stretched towards the slow ones.
 pub(super) fn percentiles(runs: &[Run]) -> Result<String, PlotError> {
     let colours = [BLUE, AMBER, GREEN, RED, GREY];
     let of_run = |(nth, run): (usize, &Run)| -> Line {
-        // Beyond one of all there is nothing to tell.
+        // The curve ends at the slowest answer.
         let most = (run.latencies.count().max(2) as f64).log10();
         let points = run.latencies.curve_ms().into_iter();
         let points = points.map(|(quantile, ms)| (nines(quantile).min(most), ms));
@@ -137,10 +137,10 @@ pub(super) fn percentiles(runs: &[Run]) -> Result<String, PlotError> {
         x: "percentile",
         y: "ms",
         x_label: &as_percent,
-        // One for each nine.
+        // A label for each nine.
         x_labels: (most.max(10) as f64).log10().floor() as usize + 1,
     };
-    // One colour a repetition; names would say no more than their number.
+    // Each repetition has a colour. Their names would be only numbers.
     let mut picture = String::new();
     if let [one] = all.as_slice() {
         picture += &lines(&axes, std::slice::from_ref(one))?;
@@ -217,7 +217,7 @@ pub(super) fn memory(rows: &[ServerRow]) -> Result<String, PlotError> {
 
 /// Processors of server and client.
 pub(super) fn cpus(rows: &[ServerRow]) -> Result<String, PlotError> {
-    // The first has nothing before it to count from.
+    // The first reading has none before it.
     over_time(
         rows.get(1..).unwrap_or_default(),
         "processors busy",

@@ -13,9 +13,9 @@ use crate::search::{Aim, SearchReport};
 /// A row of figures: a name and its cells; without cells the name of a group.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
-    /// What it tells of.
+    /// Name of the figure.
     pub name: String,
-    /// A value for each repetition where there are several, then the median.
+    /// A value for each of several repetitions, then the median.
     pub cells: Vec<String>,
 }
 
@@ -80,7 +80,7 @@ fn aligned(mut table: Table) -> String {
     lines.collect()
 }
 
-/// What looks at a figure, as it is shown.
+/// Reads a figure as it is shown.
 type Shown = Box<dyn Fn(&Figures) -> String>;
 
 /// All rows, each with a value for every repetition and the median.
@@ -173,7 +173,7 @@ fn percentiles(
 }
 
 fn split(rows: &mut Vec<(String, Option<Shown>)>) {
-    group(rows, "where the mean latency went, ms");
+    group(rows, "parts of the mean latency, ms");
     let of = |f: &Figures| f.split_ms.unwrap_or_default();
     row(rows, "waiting at the client", move |f| ms(of(f).client));
     row(rows, "network and transport", move |f| ms(of(f).transport));
@@ -299,7 +299,7 @@ fn stages(stages: &[StageResult]) -> String {
     aligned(table)
 }
 
-/// What a search or an overload found, in words.
+/// The result of a search or an overload, in words.
 pub fn extra(report: &Report) -> Option<String> {
     let search = report.search.as_ref().map(search);
     let overload = report.overload.as_ref().map(overload);
@@ -385,7 +385,7 @@ fn overload(of: &OverloadReport) -> String {
     text
 }
 
-/// What a reader should know before trusting the figures.
+/// Warnings about the figures.
 fn notes(report: &Report) -> Vec<String> {
     let mut notes = Vec::new();
     let of = &report.median;
@@ -409,7 +409,7 @@ fn notes(report: &Report) -> Vec<String> {
     notes
 }
 
-/// A number a second: digits where they tell something.
+/// A number a second, with the digits that matter.
 fn rate(value: f64) -> String {
     if value < 100.0 {
         format!("{value:.2}")

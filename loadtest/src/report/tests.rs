@@ -84,7 +84,7 @@ fn the_page_needs_nothing_else() {
         let found = page
             .match_indices(outside)
             .map(|(at, _)| &page[at..(at + 60).min(page.len())])
-            // Names of XML spaces and the address of the server that was measured are not fetched.
+            // XML namespaces and the address of the measured server are not fetched.
             .filter(|text| !text.contains("www.w3.org") && !text.contains("127.0.0.1:8080"))
             .collect::<Vec<_>>();
         assert!(found.is_empty(), "{outside}: {found:?}");

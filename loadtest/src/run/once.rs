@@ -1,4 +1,4 @@
-//! Carries a plan out once: gets ready, begins, watches, gathers.
+//! Carries a plan out once: prepares, starts, watches, gathers.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::workloads::prepare;
 /// Carries a plan out once.
 ///
 /// # Errors
-/// See [`Failure`]. What goes wrong with single requests is in the report and no failure.
+/// See [`Failure`]. Failed requests are in the report, and no failure.
 pub async fn once(plan: &Plan, progress: &Progress) -> Result<Run, Failure> {
     let scraper = match plan.metrics_address() {
         Some(address) => Scraper::find(address, &plan.access).await,

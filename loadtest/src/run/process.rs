@@ -1,4 +1,4 @@
-//! What a process that makes load does beside it: its clock, and what it uses itself.
+//! The clock of a process that makes load, and readings of its resources.
 
 use std::time::Duration;
 
@@ -9,10 +9,10 @@ use crate::failure::Failure;
 use crate::measure::{Clock, Harvest, OwnUse, ProcessWatch, Recorder, sampling_times};
 use crate::plan::Plan;
 
-/// From when all is ready to the begin of the load, so that no process begins late.
+/// Time from ready to the start of the load, so that no process starts late.
 pub(super) const HEAD_START: Duration = Duration::from_millis(200);
 
-/// The times of a plan's load that begins at a moment.
+/// The times of a plan's load that starts at a moment.
 pub(super) fn clock(plan: &Plan, start: Instant) -> Clock {
     let clock = Clock::new(start, plan.warmup(), plan.measured()).fine(plan.fine);
     match plan.stages() {
@@ -21,7 +21,7 @@ pub(super) fn clock(plan: &Plan, start: Instant) -> Clock {
     }
 }
 
-/// All that was noted, with what this process used.
+/// All records, with the resources of this process.
 pub(super) async fn finish(recorder: &Recorder, own: JoinHandle<OwnUse>) -> Result<Harvest, Failure> {
     let own = own
         .await
@@ -32,7 +32,7 @@ pub(super) async fn finish(recorder: &Recorder, own: JoinHandle<OwnUse>) -> Resu
     })
 }
 
-/// What this process uses while the load goes on, looked at whenever the server is.
+/// Readings of this process during the load, at the moments of the scrapes.
 pub(super) async fn own_use(clock: Clock) -> OwnUse {
     let mut watch = ProcessWatch::default();
     let mut used = OwnUse {

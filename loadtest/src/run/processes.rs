@@ -1,8 +1,8 @@
-//! Several processes that make one load: this program starts itself as workers and speaks with them
-//! by lines of JSON over their standard input and output.
+//! Several processes that make one load. This program starts itself as workers, and exchanges lines
+//! of JSON with them over their standard input and output.
 //!
-//! Each worker makes the same arrivals from the same seed and sends those of its own number, so the
-//! load is the same with any number of processes; histograms are added, not averaged.
+//! Each worker makes the same arrivals from the same seed, and sends those of its own number. So
+//! the load is the same with any number of processes. Histograms are added, not averaged.
 
 use std::process::Stdio;
 use std::sync::Arc;
@@ -25,36 +25,36 @@ use crate::workloads::prepare;
 /// The argument that makes this program a worker.
 pub const WORKER: &str = "worker";
 
-/// What a worker is told.
+/// An order to a worker.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Order {
-    /// Get ready.
+    /// Prepare.
     Prepare {
         plan: Box<Plan>,
-        /// The plan's, which it does not carry along itself.
+        /// Key and certificates, which the plan's JSON leaves out.
         access: Access,
         share: Share,
     },
-    /// Begin at a moment, microseconds since 1970.
+    /// Start at a moment, microseconds since 1970.
     Begin { at_us: u64 },
 }
 
-/// What a worker tells.
+/// A message of a worker.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Word {
-    /// All is ready.
+    /// It is ready.
     Ready,
-    /// How it goes in a second.
+    /// Progress in a second.
     Pulse { second: u64, pulse: Pulse },
-    /// It is over.
+    /// The load is over.
     Harvest(Box<Harvest>),
-    /// It cannot be done.
+    /// The load failed.
     Failed { kind: Kind, message: String },
 }
 
-/// Which kind of [`Failure`] it is.
+/// Kind of a [`Failure`].
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Kind {
@@ -69,7 +69,7 @@ pub struct Workers(Vec<Worker>);
 
 #[derive(Debug)]
 struct Worker {
-    /// Killed where this is dropped before it has ended.
+    /// Killed if this is dropped before it has ended.
     child: Child,
     orders: ChildStdin,
     words: Lines<BufReader<ChildStdout>>,
@@ -122,12 +122,12 @@ impl Worker {
         }
     }
 
-    /// Follows it to its end.
+    /// Reads its messages to the end.
     async fn follow(mut self, pulses: mpsc::Sender<(u64, Pulse)>) -> Result<Harvest, Failure> {
         loop {
             match self.hear().await? {
                 Word::Pulse { second, pulse } => {
-                    // One that cannot be shown is only missing on the screen.
+                    // A second that cannot be shown is only missing on the screen.
                     let _ = pulses.try_send((second, pulse));
                 }
                 Word::Harvest(harvest) => {
@@ -145,7 +145,7 @@ impl Workers {
     /// Starts workers and waits until all are ready.
     ///
     /// # Errors
-    /// See [`Failure`]; the first worker's that cannot get ready.
+    /// See [`Failure`]: that of the first worker that cannot prepare.
     pub async fn spawn(plan: &Plan) -> Result<Self, Failure> {
         let mut workers = Vec::new();
         for nth in 0..plan.processes {
@@ -171,7 +171,7 @@ impl Workers {
         Ok(Self(workers))
     }
 
-    /// Has them make the load, and adds up what they bring.
+    /// Has them make the load, and adds up their records.
     ///
     /// # Errors
     /// See [`Failure`].
@@ -201,7 +201,7 @@ impl Workers {
     }
 }
 
-/// Shows each second once all workers have told of it.
+/// Shows each second once all workers have sent it.
 async fn show(plan: &Plan, count: usize, mut seconds: mpsc::Receiver<(u64, Pulse)>, progress: &Progress) {
     let mut now = (0, 0, Pulse::default());
     while let Some((second, pulse)) = seconds.recv().await {
@@ -216,7 +216,7 @@ async fn show(plan: &Plan, count: usize, mut seconds: mpsc::Receiver<(u64, Pulse
     }
 }
 
-/// Counts are added; of latencies the worse one is shown.
+/// Adds counts, and takes the worse latency.
 fn sum(one: Pulse, two: Pulse) -> Pulse {
     Pulse {
         right: one.right + two.right,
@@ -231,11 +231,10 @@ fn sum(one: Pulse, two: Pulse) -> Pulse {
     }
 }
 
-/// What a worker process does: listens to its orders, makes its share of the load, tells what it
-/// found.
+/// Runs a worker process: reads its orders, makes its share of the load, and sends its records.
 ///
 /// # Errors
-/// [`Failure`] where the process that started it cannot be spoken with; all else it is told.
+/// [`Failure`] if the connection to its parent process breaks. All other failures go to the parent.
 pub async fn work() -> Result<(), Failure> {
     let mut orders = BufReader::new(tokio::io::stdin()).lines();
     let mut out = tokio::io::stdout();
@@ -288,9 +287,9 @@ async fn labour(
                 let pulse = recorder.pulse(Instant::now());
                 say(out, &Word::Pulse { second, pulse }).await?;
             }
-            // There are no more orders: whoever gives them is gone, and so is the need for a load.
+            // There are no more orders, because the parent is gone. So the load is not needed.
             order = hear(orders) => return Err(match order {
-                Ok(order) => broken(format_args!("it was told {order:?} in the middle of a load")),
+                Ok(order) => broken(format_args!("the order {order:?} came in the middle of a load")),
                 Err(gone) => gone,
             }),
         }
@@ -300,7 +299,7 @@ async fn labour(
 
 async fn hear(orders: &mut Lines<BufReader<tokio::io::Stdin>>) -> Result<Order, Failure> {
     let line = orders.next_line().await.map_err(broken)?;
-    let line = line.ok_or_else(|| broken("nobody gives orders"))?;
+    let line = line.ok_or_else(|| broken("no order came"))?;
     serde_json::from_str(&line).map_err(broken)
 }
 

@@ -1,5 +1,4 @@
-//! Live progress on standard error: a bar on a terminal, a line a second elsewhere, nothing where
-//! nobody wants it.
+//! Live progress on standard error: a bar on a terminal, a line a second elsewhere, or nothing.
 
 use std::io::IsTerminal as _;
 use std::sync::Arc;
@@ -12,7 +11,7 @@ use tokio::time::{Instant, sleep_until};
 use crate::measure::{Pulse, Recorder};
 use crate::plan::{Plan, Workload};
 
-/// Shows how a load goes.
+/// Shows the progress of a load.
 #[derive(Debug, Clone)]
 pub struct Progress {
     kind: Kind,
@@ -27,7 +26,7 @@ enum Kind {
 }
 
 impl Progress {
-    /// Nothing is shown.
+    /// Shows nothing.
     pub fn quiet() -> Self {
         Self {
             kind: Kind::Quiet,
@@ -35,7 +34,7 @@ impl Progress {
         }
     }
 
-    /// A bar where standard error is a terminal, lines elsewhere.
+    /// A bar if standard error is a terminal, else lines.
     pub fn new(quiet: bool) -> Self {
         if quiet {
             return Self::quiet();
@@ -56,7 +55,7 @@ impl Progress {
         }
     }
 
-    /// The same, with words in front that say which of several loads this is.
+    /// The same with a prefix that names one of several loads.
     #[must_use]
     pub fn named(&self, what: impl Into<String>) -> Self {
         Self {
@@ -65,7 +64,7 @@ impl Progress {
         }
     }
 
-    /// Says something beside the load.
+    /// Prints a note beside the progress.
     pub fn note(&self, text: impl AsRef<str>) {
         match &self.kind {
             Kind::Quiet => {}
@@ -74,7 +73,7 @@ impl Progress {
         }
     }
 
-    /// Looks at a recorder every second until it is aborted.
+    /// Reads a recorder every second until it is aborted.
     pub fn follow(&self, plan: &Plan, recorder: Arc<Recorder>) -> JoinHandle<()> {
         let (progress, plan) = (self.clone(), plan.clone());
         tokio::spawn(async move {
@@ -86,7 +85,7 @@ impl Progress {
         })
     }
 
-    /// How it goes after so many seconds.
+    /// Shows the progress after a number of seconds.
     pub fn show(&self, plan: &Plan, second: u64, pulse: &Pulse) {
         let text = words(plan, second, pulse);
         match &self.kind {
@@ -97,7 +96,7 @@ impl Progress {
             }
             Kind::Bar(bar) => {
                 if bar.is_finished() {
-                    // The next of several loads.
+                    // The next of several loads has begun.
                     bar.reset();
                 }
                 bar.set_length((plan.warmup_s + plan.measured_s).ceil() as u64);
@@ -108,7 +107,7 @@ impl Progress {
         }
     }
 
-    /// The load is over.
+    /// Ends the progress.
     pub fn done(&self) {
         if let Kind::Bar(bar) = &self.kind {
             bar.finish_and_clear();
@@ -116,7 +115,7 @@ impl Progress {
     }
 }
 
-/// A second in words.
+/// A second as text.
 fn words(plan: &Plan, second: u64, of: &Pulse) -> String {
     let what = match plan.workload {
         Workload::Calls { .. } => "answers",

@@ -1,11 +1,11 @@
-//! What a search looks for, and what each step has to keep.
+//! The level that a search raises, and the bounds of each step.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::figures::{Figures, underruns};
 
-/// What is looked for.
+/// The level that a search raises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Aim {
@@ -15,19 +15,19 @@ pub enum Aim {
     Rate,
 }
 
-/// What a level has to keep.
+/// Bounds of a level.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Goal {
-    /// 99 % of latencies are at most this, milliseconds.
+    /// Most that the p99 of latencies may be, milliseconds.
     pub p99_ms: f64,
-    /// Plans a second and character, at least; 0: any.
+    /// Least plans a second and character; 0 for any number.
     pub min_plans_per_s: f64,
-    /// Share of what was due that is answered right, at least.
+    /// Least share of due requests that are answered right.
     pub right_share: f64,
 }
 
 impl Goal {
-    /// Why a run does not keep the goal; empty where it does.
+    /// Reasons why a run misses the goal. Empty if it meets it.
     pub fn misses(&self, figures: &Figures) -> Vec<String> {
         let mut why = Vec::new();
         let p99 = figures.latency_ms.p99;
@@ -83,8 +83,8 @@ mod tests {
             ..LiveFigures::default()
         });
         let why = goal.misses(&figures).join("; ");
-        for told in ["12.0 ms", "1000 of 1020", "2 underruns", "0.40 plans"] {
-            assert!(why.contains(told), "{why}");
+        for wanted in ["12.0 ms", "1000 of 1020", "2 underruns", "0.40 plans"] {
+            assert!(why.contains(wanted), "{why}");
         }
         assert!(
             !goal.misses(&Figures::default()).is_empty(),

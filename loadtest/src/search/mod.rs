@@ -1,5 +1,5 @@
-//! Looks for the most that a server can do within a bound: most characters without an underrun, or
-//! the highest rate.
+//! Searches for the most that a server can do within bounds: characters without an underrun, or the
+//! highest rate.
 
 mod goal;
 mod probe;

@@ -32,8 +32,7 @@ fn at_level(plan: &Plan, level: f64) -> Result<Plan, Failure> {
     Ok(plan)
 }
 
-/// Searches, and gives the search with the runs of the level that it found, the confirming ones
-/// included.
+/// Searches. Gives the search, and all runs of the level that it found.
 ///
 /// # Errors
 /// See [`Failure`].

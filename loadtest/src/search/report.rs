@@ -1,22 +1,22 @@
-//! What a search found.
+//! The report of a search.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::goal::{Aim, Goal};
 
-/// A search and what it found.
+/// A search and its result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SearchReport {
-    /// What was looked for.
+    /// The level that was raised.
     pub aim: Aim,
-    /// What each step had to keep.
+    /// Bounds of each step.
     pub goal: Goal,
     /// Each step, in order.
     pub steps: Vec<SearchStep>,
-    /// The most that kept the goal every time. None: not even the least did.
+    /// The highest level that met the goal every time. None: not even the lowest did.
     pub found: Option<f64>,
-    /// The search ended at its upper limit and did not find what the server cannot do.
+    /// Whether the search ended at its upper limit, so that the server may do more.
     pub at_limit: bool,
 }
 
@@ -25,13 +25,13 @@ pub struct SearchReport {
 pub struct SearchStep {
     /// Characters, or requests a second.
     pub level: f64,
-    /// Whether it kept the goal.
+    /// Whether it met the goal.
     pub kept: bool,
-    /// Why not, where it did not.
+    /// Why it missed the goal.
     pub why: Vec<String>,
-    /// It was there to confirm what had been found.
+    /// Whether it confirmed a result.
     pub confirms: bool,
-    /// 99 % of latencies were below, milliseconds.
+    /// 99th percentile of latencies, milliseconds.
     pub p99_ms: f64,
     /// Characters slowed and frames missed.
     pub underruns: f64,

@@ -1,6 +1,6 @@
-//! The search as a pure state machine: it says what to try next and is told how that went.
+//! The search as a pure state machine: it names the next level, and takes the result.
 
-/// Where a search begins and ends.
+/// Limits of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchLimits {
     /// First level to try, above 0.
@@ -9,48 +9,48 @@ pub struct SearchLimits {
     pub least: f64,
     /// No level above this is tried.
     pub most: f64,
-    /// The search is done when the level that holds and the one that does not are so near, as a
-    /// share of the former.
+    /// The search ends once the highest level that holds and the lowest that does not are this
+    /// near, as a share of the former.
     pub within: f64,
     /// Levels are whole multiples of this.
     pub step: f64,
     /// Times that the result must hold again.
     pub confirmations: u32,
-    /// Times that a level is tried, at least 1, until it counts as one that does not hold: machines
-    /// have hiccups. What is to be confirmed has one try only.
+    /// Tries of a level, at least 1, until it counts as one that does not hold, because machines
+    /// have hiccups. A confirmation has one try.
     pub tries: u32,
 }
 
-/// What to do next.
+/// The next step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Next {
     /// Try this level.
     Try {
-        /// The level.
+        /// Level to try.
         level: f64,
-        /// It held before and is tried again.
+        /// Whether it held before and is being confirmed.
         confirms: bool,
     },
-    /// Nothing: this is the highest level that held each time. None where none did.
+    /// The end, with the highest level that held each time. None if no level did.
     Done(Option<f64>),
 }
 
-/// Doubles until a level does not hold, halves the distance until it is small, and then confirms.
-/// What does not hold when it is confirmed counts as one that does not.
+/// Doubles until a level does not hold, halves the distance until it is small, and then confirms. A
+/// level that fails its confirmation counts as one that does not hold.
 #[derive(Debug, Clone)]
 pub struct Search {
     limits: SearchLimits,
-    /// Highest level that held, and how many times it has.
+    /// Highest level that held, and the number of times.
     holds: Option<(f64, u32)>,
-    /// Lowest level that did not.
+    /// Lowest level that did not hold.
     fails: Option<f64>,
-    /// How many times the level that is tried now has failed.
+    /// Failed tries of the current level.
     misses: u32,
     next: Next,
 }
 
 impl Search {
-    /// Begins with the first level.
+    /// A search that begins with the first level.
     pub fn new(limits: SearchLimits) -> Self {
         let level = round(&limits, limits.first);
         Self {
@@ -65,12 +65,12 @@ impl Search {
         }
     }
 
-    /// What to do next.
+    /// The next step.
     pub fn next(&self) -> Next {
         self.next
     }
 
-    /// How the level that was to be tried went.
+    /// Takes the result of the current level.
     pub fn tell(&mut self, held: bool) {
         let Next::Try { level, confirms } = self.next else {
             return;
@@ -89,7 +89,7 @@ impl Search {
             (true, false) => self.holds = Some((level, 1)),
             (false, _) => {
                 self.fails = Some(self.fails.map_or(level, |fails| fails.min(level)));
-                // What held before is below, but how far is not known any more.
+                // The true level is lower, but how far is unknown.
                 self.holds = self.holds.filter(|_| !confirms);
             }
         }
@@ -111,7 +111,7 @@ impl Search {
                 if fails <= round(limits, limits.least) {
                     return Next::Done(None);
                 }
-                // After a confirmation that failed only a little lower, else far.
+                // After a failed confirmation it goes down a little, else far.
                 let lower = if self.fails_near() {
                     fails * (1.0 - limits.within.clamp(0.01, 0.5))
                 } else {
@@ -135,7 +135,8 @@ impl Search {
         }
     }
 
-    /// Whether a level near the lowest that did not hold has held before: it failed to confirm.
+    /// Whether a level near the lowest that did not hold has held before, so that its confirmation
+    /// failed.
     fn fails_near(&self) -> bool {
         matches!(self.next, Next::Try { confirms: true, .. })
     }
@@ -164,8 +165,7 @@ mod tests {
         }
     }
 
-    /// Searches a server that holds what `holds` says, and gives the levels that were tried and the
-    /// result.
+    /// Searches a simulated server, and gives the levels that were tried and the result.
     fn run(limits: SearchLimits, mut holds: impl FnMut(f64) -> bool) -> (Vec<f64>, Option<f64>) {
         let mut search = Search::new(limits);
         let mut tried = Vec::new();
@@ -213,13 +213,13 @@ mod tests {
         let (tried, found) = run(limits, |level| level <= 430.0 && !std::mem::take(&mut first));
         assert_eq!(tried[..3], [50.0, 50.0, 100.0]);
         assert!((400.0..=430.0).contains(&found.unwrap()));
-        // What never holds is tried twice each time.
+        // A level that never holds is tried twice each time.
         assert_eq!(tried.iter().filter(|&&level| level == 800.0).count(), 2);
     }
 
     #[test]
     fn what_does_not_hold_again_is_given_up() {
-        // 400 holds the first two times only.
+        // 400 holds only the first two times.
         let mut times = 0;
         let (tried, found) = run(limits(), |level| {
             times += u32::from((395.0..=430.0).contains(&level));

@@ -8,7 +8,7 @@ use troupe_proto::v1;
 
 use crate::measure::{Answer, Outcome};
 
-/// An answer of which only lengths and times are read; the frames are passed over.
+/// An answer of which only lengths and times are read. Frames are skipped.
 #[derive(Clone, PartialEq, prost::Message, Deserialize)]
 #[serde(default)]
 struct Lean {
@@ -32,11 +32,11 @@ struct LeanFrames {
     frame_count: u32,
 }
 
-/// What an answer must hold.
+/// The required contents of an answer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Expected {
     pub(super) characters: u32,
-    /// Of all characters together. None where the model chooses.
+    /// Frames of all characters together. None if the model chooses.
     pub(super) frames: Option<u64>,
 }
 
@@ -47,7 +47,7 @@ pub(super) enum Form {
     Json,
 }
 
-/// Reads an answer as far as every answer is read.
+/// Reads the parts of an answer that always count.
 pub(super) fn read(body: Bytes, form: Form, expected: Expected) -> Outcome {
     let bytes = body.len() as u64;
     let lean = match form {
@@ -89,15 +89,15 @@ pub(super) fn wrong(code: &'static str, message: String) -> Outcome {
     }
 }
 
-/// How far a frame of the answer may be from the keyframe that it is to meet, metres.
+/// Most distance of a frame from its keyframe, metres.
 const KEYFRAME_TOLERANCE_M: f32 = 2e-3;
-/// How far a rotation may be from unit length.
+/// Most difference of a rotation's length from 1.
 const LENGTH_TOLERANCE: f32 = 1e-3;
 
-/// Reads an answer whole and checks it against its request.
+/// Reads a whole answer, and checks it against its request.
 ///
 /// # Errors
-/// A sentence that says what is wrong with it.
+/// A sentence about the first mistake.
 pub(super) fn check(body: &Bytes, form: Form, request: &v1::InBetweenRequest) -> Result<(), String> {
     let answer = match form {
         Form::Protobuf => v1::InBetweenResponse::decode(body.clone()).map_err(|e| e.to_string())?,
@@ -249,13 +249,13 @@ mod tests {
             (|f| f.root_positions[4] = f32::INFINITY, "finite"),
             (|f| f.rotations.truncate(8), "8 numbers instead of 12"),
         ];
-        for (break_it, told) in broken {
+        for (break_it, wanted) in broken {
             let mut answer = response();
             break_it(answer.characters[0].frames.as_mut().unwrap());
             // JSON has no infinity.
             let (body, form) = &bodies(&answer)[0];
             let error = check(body, *form, &request()).unwrap_err();
-            assert!(error.contains(told), "{error}");
+            assert!(error.contains(wanted), "{error}");
         }
         for (body, form) in bodies(&response()) {
             assert_eq!(check(&body, form, &request()), Ok(()));

@@ -1,5 +1,5 @@
-//! A gRPC codec that sends and takes messages as the bytes they are: a load tester on the machine
-//! of the server it measures should not spend that machine's time on encoding.
+//! A gRPC codec for messages as plain bytes. A load tester on the machine of its server should not
+//! spend processor time on encoding.
 
 use bytes::{Buf as _, BufMut as _, Bytes};
 use tonic::Status;

@@ -5,14 +5,13 @@ use troupe_client::{ConnectOptions, KeyedChannel, channel};
 use crate::failure::Failure;
 use crate::plan::Plan;
 
-/// Largest answer that is taken, bytes.
+/// Largest answer that is accepted, bytes.
 pub(super) const MOST_ANSWER_BYTES: usize = 256 << 20;
-/// HTTP/2 windows: large enough that no answer waits for leave to be sent.
+/// HTTP/2 windows, large enough that no answer waits for window updates.
 const STREAM_WINDOW_BYTES: u32 = 4 << 20;
 const CONNECTION_WINDOW_BYTES: u32 = 64 << 20;
 
-/// As many connections as the plan has. Requests time out by themselves, within the limit that
-/// connections have.
+/// Opens the connections of a plan. Requests have their own time limit, within that of connections.
 pub(super) async fn channels(plan: &Plan) -> Result<Vec<KeyedChannel>, Failure> {
     let options = ConnectOptions {
         request_timeout: plan.timeout() * 2,

@@ -12,7 +12,7 @@ use tonic::Streaming;
 use troupe_client::KeyedChannel;
 use troupe_proto::v1;
 use v1::drive_request::Message as Ask;
-use v1::drive_response::Message as Told;
+use v1::drive_response::Message as FromServer;
 use v1::sessions_client::SessionsClient;
 
 use super::connect::MOST_ANSWER_BYTES;
@@ -23,9 +23,9 @@ use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
 use crate::plan::{Live, Plan, Share};
 
-/// Messages to the server that may wait; while there is no room for more, nobody decides anything.
+/// Messages to the server that may wait. Without room for another, characters make no decisions.
 const QUEUE: usize = 16;
-/// How long a stream may take to end once the load has.
+/// Longest time for a stream to end after the load.
 const GOODBYE: Duration = Duration::from_secs(5);
 
 /// A share of the characters, ready to be attached to streams.
@@ -68,9 +68,9 @@ struct Stream {
     joints: usize,
     verify_every: u64,
     walkers: Vec<Walker>,
-    /// Places of the walkers by the stream's slots.
+    /// Index of the walker in each slot of the stream.
     slots: HashMap<u32, usize>,
-    /// When the tick of number 0 was due, as the earliest of all that came tells.
+    /// The time at which tick 0 was due, by the earliest of all ticks.
     first_due: Option<Instant>,
     last: Option<(u64, Instant)>,
 }
@@ -119,15 +119,15 @@ impl Stream {
         while let Ok(message) = tokio::time::timeout_at(end, answers.message()).await {
             let now = Instant::now();
             match message?.and_then(|m| m.message) {
-                Some(Told::Frames(frames)) => {
+                Some(FromServer::Frames(frames)) => {
                     self.tick(frames, now);
                     self.command(&asks, now);
                 }
-                Some(Told::Attached(attached)) => self.attached(attached),
-                Some(Told::Left(left)) => self.faults("SESSION_LEFT", left.sessions),
-                Some(Told::Commands(commands)) => self.refused(commands),
-                Some(Told::Events(told)) => self.happened(&told, now),
-                Some(Told::Closing(closing)) => {
+                Some(FromServer::Attached(attached)) => self.attached(attached),
+                Some(FromServer::Left(left)) => self.faults("SESSION_LEFT", left.sessions),
+                Some(FromServer::Commands(commands)) => self.refused(commands),
+                Some(FromServer::Events(events)) => self.happened(&events, now),
+                Some(FromServer::Closing(closing)) => {
                     let why = closing.reason.unwrap_or_default();
                     return Err(tonic::Status::aborted(why.message));
                 }
@@ -148,12 +148,12 @@ impl Stream {
         self.faults("NOT_ATTACHED", attached.problems);
     }
 
-    /// Counts what became of sentences.
-    fn happened(&self, told: &v1::DriveEvents, now: Instant) {
+    /// Counts the events of sentences.
+    fn happened(&self, events: &v1::DriveEvents, now: Instant) {
         if !self.recorder.clock().is_measured(now) {
             return;
         }
-        let kinds = told
+        let kinds = events
             .sessions
             .iter()
             .flat_map(|of| &of.events)
@@ -231,7 +231,7 @@ impl Stream {
         });
     }
 
-    /// Reads the places of all characters of a tick: how many there are, and the bytes of their
+    /// Reads the places of all characters of a tick. Gives their number, and the bytes of their
     /// frames.
     fn read(
         &mut self,
@@ -262,7 +262,7 @@ impl Stream {
         Ok((here, bytes))
     }
 
-    /// Sends what characters have decided since the last tick.
+    /// Sends the decisions of characters since the last tick.
     fn command(&mut self, asks: &mpsc::Sender<v1::DriveRequest>, now: Instant) {
         // Without room they decide at a later tick.
         let Ok(room) = asks.try_reserve() else { return };
@@ -287,9 +287,9 @@ fn request(message: Ask) -> v1::DriveRequest {
     }
 }
 
-/// Waits until the server has let go of the stream's sessions.
+/// Waits until the server has released the stream's sessions.
 async fn goodbye(mut answers: Streaming<v1::DriveResponse>) {
     let rest = async { while let Ok(Some(_)) = answers.message().await {} };
-    // One that does not end is cut.
+    // A stream that does not end is cut.
     let _ = tokio::time::timeout(GOODBYE, rest).await;
 }

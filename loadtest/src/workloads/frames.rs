@@ -5,10 +5,10 @@ use glam::Vec3;
 use troupe_motion::codec;
 use troupe_proto::v1;
 
-/// How far a rotation may be from unit length.
+/// Most difference of a rotation's length from 1.
 const LENGTH_TOLERANCE: f32 = 1e-3;
 
-/// Why a block is not what the protocol says.
+/// Why a block breaks the protocol.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum BlockError {
     #[error("{column} has {got} entries instead of {wanted}")]
@@ -23,7 +23,7 @@ pub(super) enum BlockError {
     Root,
 }
 
-/// A block of frames whose columns have the lengths that they should.
+/// A block of frames with columns of the right lengths.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block<'a> {
     message: &'a v1::FrameBlock,
@@ -31,7 +31,7 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// Looks at the lengths of all columns.
+    /// Checks the lengths of all columns.
     pub(super) fn read(message: &'a v1::FrameBlock, joints: usize) -> Result<Self, BlockError> {
         let frames = message.frame_count as usize;
         let rows = message.slots.len() * frames;
@@ -63,8 +63,8 @@ impl<'a> Block<'a> {
         (floats * 4 + of.packed_roots.len() + of.packed_rotations.len() + of.contacts.len()) as u64
     }
 
-    /// Where the root of each character is in its last frame, metres (sessions of a load test use
-    /// the native convention).
+    /// Root of each character in its last frame, metres. Sessions of a load test use the native
+    /// convention.
     pub(super) fn places(&self) -> impl Iterator<Item = (u32, Vec3)> + '_ {
         let last = self.frames.saturating_sub(1);
         let slots = self.message.slots.iter().enumerate();
@@ -83,7 +83,7 @@ impl<'a> Block<'a> {
         floats.get(row).map_or(Vec3::ZERO, |&v| Vec3::from_array(v))
     }
 
-    /// Decodes everything and looks whether it can be.
+    /// Decodes and checks everything.
     pub(super) fn check(&self) -> Result<(), BlockError> {
         let unit = |length: f32| (length - 1.0).abs() < LENGTH_TOLERANCE;
         let mut rotations = Vec::new();

@@ -18,7 +18,7 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// Opens the share's characters, and parts them into its share of the load's streams.
+    /// Opens the share's characters, and splits them over its share of the load's streams.
     pub(super) async fn open(plan: &Plan, live: &Live, share: Share) -> Result<Self, Failure> {
         let channels = channels(plan).await?;
         let (opened, pack, walkers) = open_walkers(plan, live, share).await?;
@@ -38,7 +38,7 @@ impl Groups {
         })
     }
 
-    /// Tells the recorder how many they are.
+    /// Sets the number of characters in the recorder.
     pub(super) fn count(&self, recorder: &Recorder) {
         let (characters, groups) = (self.opened.count() as u64, self.groups.len() as u64);
         recorder.live(|live| {

@@ -16,7 +16,7 @@ use crate::loops::Target;
 use crate::measure::Outcome;
 use crate::plan::Plan;
 
-/// The procedure.
+/// Path of the gRPC procedure.
 const IN_BETWEEN: PathAndQuery = PathAndQuery::from_static("/troupe.v1.Motion/InBetween");
 
 /// Requests over a few connections.
@@ -75,7 +75,7 @@ impl Target for Grpc {
     }
 }
 
-/// What a status says about a request.
+/// The outcome for a status.
 pub(super) fn from_status(status: &Status) -> Outcome {
     let name = name(status.code());
     if status.code() == Code::ResourceExhausted {

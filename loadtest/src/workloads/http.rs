@@ -23,14 +23,13 @@ use crate::plan::Plan;
 /// Longest wait for a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Posts over as many HTTP/1.1 connections as requests are on their way at once; each is kept open
-/// for the next.
+/// Posts over HTTP/1.1, with a connection for each request in flight. Connections are reused.
 #[derive(Debug)]
 pub struct Http {
     client: Client<HttpsConnector<HttpConnector>, Full<Bytes>>,
     uri: Uri,
     headers: HeaderMap,
-    /// None: the body is bytes of which only the length is looked at.
+    /// None: only the length of the body is read.
     form: Option<Form>,
     set: RequestSet,
     timeout: Duration,
@@ -42,7 +41,7 @@ impl Http {
         let address = format!("{}/v1/inbetween", plan.server.trim_end_matches('/'));
         let mut headers = HeaderMap::new();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
-        // Only here: the workload of plain posts may ask servers that the key is not for.
+        // Only here, because plain posts may go to servers that the key is not for.
         if let Some(bearer) = plan.access.bearer()? {
             headers.insert(header::AUTHORIZATION, bearer);
         }
@@ -97,7 +96,7 @@ impl Http {
         })
     }
 
-    /// Looks whether anybody listens at the address, so that a wrong one is told at once.
+    /// Checks that a server listens at the address, so that a wrong address fails at once.
     pub(super) async fn knock(&self) -> Result<(), Failure> {
         let host = self.uri.host().unwrap_or_default();
         let usual = if self.uri.scheme_str() == Some("https") {
@@ -107,13 +106,13 @@ impl Http {
         };
         let port = self.uri.port_u16().unwrap_or(usual);
         let knock = TcpStream::connect((host.trim_matches(['[', ']']), port));
-        let told = match tokio::time::timeout(CONNECT_TIMEOUT, knock).await {
+        let why = match tokio::time::timeout(CONNECT_TIMEOUT, knock).await {
             Ok(Ok(_)) => return Ok(()),
             Ok(Err(why)) => why.to_string(),
             Err(_) => format!("no connection within {CONNECT_TIMEOUT:?}"),
         };
         Err(Failure::Unreachable(format!(
-            "no server answers at {}: {told}",
+            "no server answers at {}: {why}",
             self.uri
         )))
     }
@@ -165,7 +164,7 @@ impl Http {
     }
 }
 
-/// An answer of which nothing but its length is known.
+/// An answer with a known length only.
 fn plain(body: &Bytes, item: &Item) -> Outcome {
     let bytes = body.len() as u64;
     if let Some(wanted) = item.answer_bytes.filter(|&wanted| wanted != bytes) {

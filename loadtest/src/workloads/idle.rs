@@ -1,4 +1,4 @@
-//! Sessions that are open and of which nothing is wanted: what they cost the server in memory.
+//! Open sessions without any call. They show the memory of a session on the server.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What is asked of a server: single requests over gRPC, JSON or plain HTTP, and live characters.
+//! Kinds of load: single requests over gRPC, JSON or plain HTTP, and live characters.
 
 mod answer;
 mod codec;
@@ -39,7 +39,7 @@ pub enum Prepared {
     Idle(idle::Idle),
 }
 
-/// Gets a process' share of a workload ready.
+/// Prepares a process' share of a workload.
 ///
 /// # Errors
 /// See [`Failure`].
@@ -68,11 +68,10 @@ pub async fn prepare(plan: &Plan, share: Share) -> Result<Prepared, Failure> {
 }
 
 impl Prepared {
-    /// Makes the load, by the recorder's clock, and returns when all answers are there.
+    /// Makes the load by the recorder's clock, and returns after all answers.
     ///
     /// # Errors
-    /// See [`Failure`]; what goes wrong with single requests and sessions is recorded and no
-    /// failure.
+    /// See [`Failure`]. Failed requests and sessions are recorded, and no failure.
     pub async fn carry_out(self, plan: &Plan, share: Share, recorder: &Arc<Recorder>) -> Result<(), Failure> {
         match self {
             Self::Grpc(target) => calls(plan, share, target, recorder).await,
@@ -116,7 +115,7 @@ async fn calls<T: Target>(
     Ok(())
 }
 
-/// The stages with the warm-up in front.
+/// The stages after the warm-up.
 fn warmed(stages: &Stages, plan: &Plan) -> Stages {
     stages.clone().after_hold(plan.warmup_s)
 }

@@ -17,19 +17,19 @@ use crate::plan::{Plan, Protocol, Requests};
 
 /// A walk on the default pack's skeleton.
 const WALK: &[u8] = include_bytes!("../../../examples/walk.bvh");
-/// Version of `requests.json` that is read.
+/// The supported version of `requests.json`.
 const FOLDER_VERSION: u32 = 1;
 
 /// One request, ready to be sent.
 #[derive(Debug, Clone)]
 pub struct Item {
-    /// Its body.
+    /// Bytes to send.
     pub body: Bytes,
     /// Characters in it.
     pub characters: u32,
-    /// Frames that a right answer holds, of all characters together. None where the model chooses.
+    /// Frames that a right answer holds, of all characters together. None if the model chooses.
     pub frames: Option<u64>,
-    /// Length of a right answer, where it is known.
+    /// Length of a right answer, if it is known.
     pub answer_bytes: Option<u64>,
     /// The request itself, to check answers against.
     pub request: Option<v1::InBetweenRequest>,
@@ -53,7 +53,7 @@ pub struct RequestSet {
 }
 
 impl RequestSet {
-    /// A set; None where it is empty.
+    /// A set of requests. None without a request.
     pub fn new(items: Vec<Item>, verify_every: u32) -> Option<Self> {
         (!items.is_empty()).then(|| Self {
             items,
@@ -66,7 +66,7 @@ impl RequestSet {
         &self.items[(number % self.items.len() as u64) as usize]
     }
 
-    /// Whether the answer of this number is one to check whole.
+    /// Whether to check the whole answer of this number.
     pub(super) fn is_sample(&self, number: u64) -> bool {
         self.verify_every > 0 && number.is_multiple_of(self.verify_every)
     }
@@ -75,7 +75,7 @@ impl RequestSet {
         self.verified.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Answers that were checked whole and right.
+    /// Right answers that were checked whole.
     pub(super) fn verified(&self) -> u64 {
         self.verified.load(Ordering::Relaxed)
     }
@@ -104,7 +104,7 @@ pub(super) async fn load(plan: &Plan, protocol: &Protocol, of: &Requests) -> Res
         .ok_or_else(|| Failure::Input("there are no requests to send".to_owned()))
 }
 
-/// A request in the form in which it is sent.
+/// A request in the form of its protocol.
 fn encoded(request: v1::InBetweenRequest, protocol: &Protocol) -> Result<Item, Failure> {
     let body = match protocol {
         Protocol::Json => serde_json::to_vec(&request)
@@ -138,7 +138,7 @@ fn read_clip(path: Option<&Path>, pack: &Pack) -> Result<Clip, Failure> {
         None => WALK.to_vec(),
     };
     let file = bvh::parse_bytes(&bytes).map_err(|e| fault(e.to_string()))?;
-    // In centimetres, as most BVH files are; its bones may be others than the pack's.
+    // It is in centimetres, like most BVH files. Its bones may differ from the pack's.
     let options = BvhOptions {
         max_offset_error_m: f32::INFINITY,
         ..BvhOptions::default()
@@ -175,8 +175,8 @@ fn made(clip: &Clip, pack: &Pack, of: &Requests, seed: u64) -> Result<Vec<v1::In
         )));
     }
     let character = |number: u64| {
-        // A stride that meets every start before it meets one again, as 7 has no factor in common
-        // with most numbers.
+        // The stride of 7 visits every start before it repeats one, because 7 shares no factor with
+        // most numbers.
         let start = (number.wrapping_mul(7) % starts) as usize;
         let gap = InBetween::from_clip(clip, start + context - 1, start + length - 1)?
             .id(number.to_string())
@@ -215,7 +215,7 @@ struct FolderItem {
     answer_bytes: Option<u64>,
 }
 
-/// Reads requests that were made before.
+/// Reads prepared requests.
 fn from_folder(folder: &Path, protocol: &Protocol) -> Result<Vec<Item>, Failure> {
     let path = folder.join("requests.json");
     let text = std::fs::read_to_string(&path).map_err(|e| Failure::file(&path, e))?;

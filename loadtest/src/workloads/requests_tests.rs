@@ -44,7 +44,7 @@ fn a_folder_gives_the_same_problem_in_every_form() {
 
 #[test]
 fn what_is_wrong_with_a_folder_is_told() {
-    for (list, told) in [
+    for (list, wanted) in [
         ("{", "EOF"),
         (r#"{"version": 2, "requests": []}"#, "version is 2; allowed: 1"),
         (
@@ -61,7 +61,7 @@ fn what_is_wrong_with_a_folder_is_told() {
         let error = from_folder(folder.path(), &Protocol::Grpc)
             .unwrap_err()
             .to_string();
-        assert!(error.contains(told), "{list}: {error}");
+        assert!(error.contains(wanted), "{list}: {error}");
     }
 }
 

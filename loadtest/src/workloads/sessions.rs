@@ -12,9 +12,9 @@ use crate::failure::Failure;
 use crate::measure::{Clock, PlanStats, Recorder};
 use crate::plan::{Live, Plan, Share};
 
-/// How long a session outlives a load tester that went away.
+/// Time that a session outlives a load tester that went away.
 const TTL_MARGIN: Duration = Duration::from_secs(60);
-/// Longest time to live that a server gives.
+/// Longest time to live on a server.
 const MOST_TTL: Duration = Duration::from_secs(86_400);
 
 /// Open sessions, for counting and closing.
@@ -33,18 +33,18 @@ pub(super) async fn client(plan: &Plan) -> Result<Client, Failure> {
     Ok(Client::connect_with(&plan.server, options).await?)
 }
 
-/// Time to live of a session that has to outlast a load in which nothing is wanted of it.
+/// Time to live of a session that must outlast a load without a call.
 fn ttl(plan: &Plan) -> Duration {
     (plan.warmup() + plan.measured() + TTL_MARGIN).min(MOST_TTL)
 }
 
-/// The priority of character number `nth`: evenly spread, whatever the number of characters (the
-/// multiples of the golden ratio, without their whole part).
+/// The priority of character number `nth`. Priorities are spread evenly over any number of
+/// characters, as the fractions of multiples of the golden ratio.
 fn priority(nth: u32) -> f32 {
     (f64::from(nth) * 0.618_033_988_749_895).fract() as f32
 }
 
-/// Opens a share of a plan's characters, each at a place of its own, and gives each a walker.
+/// Opens a share of a plan's characters, each at its own place, with a walker each.
 pub(super) async fn open_walkers(
     plan: &Plan,
     live: &Live,
@@ -84,7 +84,7 @@ pub(super) async fn open_walkers(
     Ok((Opened::new(client, &sessions), pack, walkers))
 }
 
-/// Opens sessions that stand where they are.
+/// Opens sessions that stand.
 pub(super) async fn open_idle(plan: &Plan, pack: &str, count: u32) -> Result<Opened, Failure> {
     let client = client(plan).await?;
     let pack = client.pack(pack).await?;
@@ -101,18 +101,18 @@ impl Opened {
         }
     }
 
-    /// How many were opened.
+    /// Number of sessions that were opened.
     pub(super) fn count(&self) -> usize {
         self.ids.len()
     }
 
-    /// Those that are open still, as they stand.
+    /// The states of the sessions that are still open.
     async fn now(&self) -> Result<impl Iterator<Item = v1::Session>, Failure> {
         let open = self.client.list_sessions().await?;
         Ok(open.into_iter().filter(|s| self.ids.contains(&s.id)))
     }
 
-    /// Watches the sessions while `tasks` make the load, and closes them when it is over.
+    /// Watches the sessions while `tasks` make the load, and closes them afterwards.
     pub(super) async fn see_through(
         self,
         mut tasks: JoinSet<()>,
@@ -126,7 +126,7 @@ impl Opened {
         closed
     }
 
-    /// Looks at both ends of the measured time what the sessions have done, and gives the
+    /// Reads the counts of the sessions at both ends of the measured time, and gives the
     /// difference.
     async fn follow(&self, clock: &Clock) -> Result<PlanStats, Failure> {
         tokio::time::sleep_until(clock.measured_from()).await;
@@ -144,7 +144,7 @@ impl Opened {
         Ok(sum)
     }
 
-    /// Sees that all are open still; those that are not are faults.
+    /// Records a fault for each session that is not open any more.
     pub(super) async fn check(&self, recorder: &Recorder) -> Result<(), Failure> {
         let open = self.now().await?.count();
         let lost = self.ids.len().saturating_sub(open) as u64;
@@ -155,7 +155,7 @@ impl Opened {
         Ok(())
     }
 
-    /// Closes them.
+    /// Closes all sessions.
     pub(super) async fn close(self) -> Result<(), Failure> {
         self.client.close_sessions(self.ids).await?;
         Ok(())

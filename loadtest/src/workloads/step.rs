@@ -74,7 +74,7 @@ struct Group {
     rate_hz: u32,
     compact: bool,
     period: Duration,
-    /// Where in a period its steps are due, so that groups are not in step with each other.
+    /// Phase of its steps within a period. It keeps groups out of step with each other.
     phase: Duration,
     paced: bool,
     timeout: Duration,

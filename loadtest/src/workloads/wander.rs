@@ -1,4 +1,4 @@
-//! Characters that wander about, all of whose choices follow from a seed.
+//! Characters that wander about. All their choices follow from a seed.
 
 use std::time::Duration;
 
@@ -17,17 +17,17 @@ use crate::plan::Live;
 const SQUARE_M: f32 = 30.0;
 /// Share of commands to stand.
 const STANDS: f64 = 0.15;
-/// Share of commands to look elsewhere than where it goes.
+/// Share of commands to face aside of the way.
 const LOOKS_ASIDE: f64 = 0.1;
-/// Slower than this one stands, m/s: the hips sway a little even then.
+/// Speed below which a character counts as standing, m/s, because hips sway a little even then.
 const STANDS_BELOW_MPS: f32 = 0.15;
-/// Share of the commanded speed at which a character is seen to move.
+/// Share of the commanded speed from which on a character counts as moving.
 const MOVES_FROM: f32 = 0.25;
-/// Mean time between two sentences of one who performs, seconds.
+/// Mean time between two sentences of a performer, seconds.
 const SENTENCE_EVERY_S: f64 = 6.0;
 /// Length of a performance, seconds.
 const SENTENCE_S: f32 = 3.0;
-/// What is acted out.
+/// Sentences to act out.
 const SENTENCES: [&str; 4] = [
     "a person waves with the right hand",
     "a person walks in a circle",
@@ -37,7 +37,7 @@ const SENTENCES: [&str; 4] = [
 /// Share of a new frame in the smoothed speed.
 const SMOOTHING: f32 = 0.5;
 
-/// The styles of a pack in which characters can go, or those that were named.
+/// The styles of a pack that go anywhere, or the named ones.
 pub(super) async fn styles(client: &Client, pack: &Pack, wanted: &[String]) -> Result<Vec<Style>, Failure> {
     let all = client.styles(pack).await?.styles;
     if let Some(unknown) = wanted.iter().find(|name| !all.iter().any(|s| s.name == **name)) {
@@ -56,16 +56,16 @@ pub(super) async fn styles(client: &Client, pack: &Pack, wanted: &[String]) -> R
     Ok(chosen)
 }
 
-/// Whether number `nth` of a crowd is one of those that perform; they are spread evenly.
+/// Whether number `nth` of a crowd performs. Performers are spread evenly.
 fn is_performer(nth: u32, share: f64) -> bool {
     let before = |count: u32| (f64::from(count) * share).floor();
     before(nth + 1) > before(nth)
 }
 
-/// A character and what it wants.
+/// A character and its intent.
 #[derive(Debug)]
 pub(super) struct Walker {
-    /// Its session.
+    /// Id of its session.
     pub(super) id: String,
     random: ChaCha8Rng,
     style: String,
@@ -74,22 +74,22 @@ pub(super) struct Walker {
     heading: f32,
     velocity: Vec3,
     every_s: f64,
-    /// It acts out sentences, once it walks.
+    /// Whether it acts out sentences, once it walks.
     performs: bool,
     decides_at: Option<Duration>,
     sequence: u64,
     setting_off: Option<SettingOff>,
 }
 
-/// One who stood and was told to go.
+/// A standing character that was commanded to go.
 #[derive(Debug)]
 struct SettingOff {
-    told: Instant,
+    commanded: Instant,
     velocity: Vec3,
 }
 
 impl Walker {
-    /// Number `nth` of a crowd.
+    /// Character number `nth` of a crowd.
     pub(super) fn new(seed: u64, nth: u32, styles: &[Style], live: &Live) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(u64::from(nth));
@@ -97,7 +97,7 @@ impl Walker {
         let mut coordinate = || (random.random::<f32>() - 0.5) * SQUARE_M;
         let place = Vec3::new(coordinate(), 0.0, coordinate());
         let every_s = live.command_every_s;
-        // The first commands are spread, so that not all plan at once for ever.
+        // The first commands are spread, else all characters would plan at the same time for ever.
         let first = random.random_range(0.0..if every_s > 0.0 { every_s } else { 1.0 });
         Self {
             id: String::new(),
@@ -115,7 +115,7 @@ impl Walker {
         }
     }
 
-    /// How its session is opened.
+    /// Options of its session.
     pub(super) fn options(&self, seed: u64) -> SessionOptions {
         SessionOptions::new()
             .seed(seed)
@@ -123,8 +123,7 @@ impl Walker {
             .at(self.place, self.heading)
     }
 
-    /// What it wants next, where it has made up its mind since: `at` is the time since the load
-    /// began.
+    /// Its next decision, if one is due. `at` is the time since the start of the load.
     pub(super) fn decide(&mut self, at: Duration, now: Instant) -> Option<v1::Command> {
         if at < self.decides_at? {
             return None;
@@ -141,7 +140,7 @@ impl Walker {
         let intent = self.intent();
         let standing = self.velocity.length() < STANDS_BELOW_MPS;
         self.setting_off = (standing && intent.velocity != Vec3::ZERO).then_some(SettingOff {
-            told: now,
+            commanded: now,
             velocity: intent.velocity,
         });
         self.sequence += 1;
@@ -153,14 +152,14 @@ impl Walker {
         })
     }
 
-    /// A time of that mean, seconds.
+    /// A random time with this mean, seconds.
     fn wait(&mut self, mean_s: f64) -> Duration {
         Duration::from_secs_f64(mean_s * self.random.random_range(0.5..1.5))
     }
 
     /// Acts out a sentence.
     fn perform(&mut self, at: Duration) -> v1::Command {
-        // Not before the last is over.
+        // It waits until the last one is over.
         let rest = SENTENCE_EVERY_S - f64::from(SENTENCE_S);
         self.decides_at = Some(at + Duration::from_secs_f32(SENTENCE_S) + self.wait(rest));
         self.setting_off = None;
@@ -175,12 +174,12 @@ impl Walker {
         }
     }
 
-    /// Mostly to go somewhere, sometimes to stand or to look elsewhere than where it goes.
+    /// Decides: mostly to go somewhere, sometimes to stand or to face aside of the way.
     fn intent(&mut self) -> Locomotion {
         if self.every_s > 0.0 && self.random.random_bool(STANDS) {
             return Locomotion::stand();
         }
-        // Back towards the middle where the edge is near.
+        // Beyond the edge it turns back towards the middle.
         self.heading = if self.place.length() > SQUARE_M / 2.0 {
             (-self.place.x).atan2(-self.place.z)
         } else {
@@ -194,8 +193,8 @@ impl Walker {
         Locomotion::walk(way)
     }
 
-    /// It is here now, `seconds` after the frame before. Gives the time from the command to go
-    /// until it is seen to go, once.
+    /// Takes its place, `seconds` after the frame before. Returns, once, the time from the command
+    /// to go until it moves.
     pub(super) fn seen(&mut self, place: Vec3, seconds: f32, now: Instant) -> Option<Duration> {
         let step = (place - self.place) / seconds;
         self.place = place;
@@ -204,9 +203,9 @@ impl Walker {
         if self.velocity.dot(off.velocity) < MOVES_FROM * off.velocity.length_squared() {
             return None;
         }
-        let told = off.told;
+        let commanded = off.commanded;
         self.setting_off = None;
-        Some(now.saturating_duration_since(told))
+        Some(now.saturating_duration_since(commanded))
     }
 }
 
@@ -275,9 +274,9 @@ mod tests {
     #[test]
     fn the_time_from_command_to_motion_is_told_once() {
         let mut walker = walker(1, 0);
-        let told = Instant::now();
+        let commanded = Instant::now();
         walker.setting_off = Some(SettingOff {
-            told,
+            commanded,
             velocity: Vec3::Z,
         });
         let mut place = walker.place;
@@ -285,7 +284,7 @@ mod tests {
         for tick in 1..40_u32 {
             // It starts after ten frames.
             place.z += if tick > 10 { 1.0 / 30.0 } else { 0.0 };
-            let now = told + Duration::from_secs(1) * tick / 30;
+            let now = commanded + Duration::from_secs(1) * tick / 30;
             seen.extend(
                 walker
                     .seen(place, 1.0 / 30.0, now)

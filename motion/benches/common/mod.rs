@@ -1,4 +1,4 @@
-//! What the benches work on: the example walk on the default pack's skeleton.
+//! Input of the benches: the example walk on the default pack's skeleton.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use troupe_motion::{Clip, Quat, Skeleton, Vec3};
 
 /// Frames of the longest segment.
 const FRAMES: usize = 64;
-/// Frames over which a pin fades, as the server has it.
+/// Frames over which a pin fades, as on the server.
 const REACH: usize = 8;
 
 #[derive(Deserialize)]
@@ -25,7 +25,7 @@ struct Manifest {
     skeleton: Skeleton,
 }
 
-/// One segment, and room for every result.
+/// One segment, with memory for every result.
 pub struct Segment {
     pub clip: Clip,
     pub six_d: Vec<[f32; 6]>,
@@ -68,7 +68,7 @@ impl Segment {
         }
     }
 
-    /// Every rotation and root into the compact form.
+    /// Encodes every rotation and root into the compact form.
     pub fn encode(&mut self) -> usize {
         self.bytes.clear();
         write_rotations(&self.clip.rotations, &mut self.bytes);
@@ -76,7 +76,7 @@ impl Segment {
         self.bytes.len()
     }
 
-    /// Every rotation and root out of the compact form.
+    /// Decodes every rotation and root from the compact form.
     pub fn decode(&mut self) -> usize {
         self.rotations.clear();
         self.roots.clear();
@@ -95,7 +95,7 @@ impl Segment {
         self.positions[0]
     }
 
-    /// Parent-relative rotations from world 6D ones, as the decoder gives them, for every frame.
+    /// Parent-relative rotations of every frame from 6D world rotations, which the decoder gives.
     pub fn parent_relative(&mut self) -> Quat {
         let joints = self.clip.skeleton.joint_count();
         for (frame, six_d) in self.six_d.chunks_exact(joints).enumerate() {
@@ -115,7 +115,7 @@ impl Segment {
         self.features[0]
     }
 
-    /// Between every frame and the next: what a stream at 60 Hz does.
+    /// Interpolates between all consecutive frames, like a stream at 60 Hz.
     pub fn interpolate(&mut self) -> Vec3 {
         let mut last = Vec3::ZERO;
         for frame in 1..self.clip.frames() {
@@ -129,7 +129,7 @@ impl Segment {
         last
     }
 
-    /// Context and target poses pinned.
+    /// Pins context and target poses.
     pub fn pin(&mut self) -> Quat {
         let joints = self.clip.skeleton.joint_count();
         self.rotations.copy_from_slice(&self.clip.rotations);

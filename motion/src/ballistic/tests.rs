@@ -57,7 +57,7 @@ fn a_throw_lands_where_the_ground_is() {
 }
 
 #[test]
-fn a_throw_without_ground_or_sense_does_not_land() {
+fn a_throw_without_ground_or_with_invalid_values_does_not_land() {
     let throw = |x, y| Throw {
         position: Vec3::new(x, 1.0, 0.0),
         velocity: Vec3::new(0.0, y, 0.0),
@@ -87,17 +87,17 @@ fn falls_of_all_heights() {
     for height in [0.0, 0.05, 0.3, 0.6, 1.0, 2.0, 3.0, 6.0] {
         for speed in [0.0, 1.2, 3.5] {
             let fall = fall(height, Vec3::new(0.0, 0.0, speed), 30.0);
-            let (motion, told) = (&fall.motion, format!("{height} m at {speed} m/s"));
+            let (motion, what) = (&fall.motion, format!("{height} m at {speed} m/s"));
             let count = motion.frames();
-            assert!(count > 20 && motion.rotations.len() == count * JOINTS, "{told}");
+            assert!(count > 20 && motion.rotations.len() == count * JOINTS, "{what}");
             assert_eq!(motion.contacts.len(), count);
             // Exactly standing at the end, over its feet.
             let end = *motion.roots.last().unwrap();
-            assert!((end.y - STAND_M).abs() < 1e-6 && end.x == 0.0, "{told}: {end}");
-            assert!(same(&motion.rotations[(count - 1) * JOINTS..], &pose), "{told}");
+            assert!((end.y - STAND_M).abs() < 1e-6 && end.x == 0.0, "{what}: {end}");
+            assert!(same(&motion.rotations[(count - 1) * JOINTS..], &pose), "{what}");
             assert!(
                 motion.short_m < 1e-3,
-                "{told}: legs reach, but for {} m",
+                "{what}: legs are {} m too short",
                 motion.short_m
             );
             assert!(stretch(&skeleton, &motion.rotations) < 1e-5);
@@ -106,23 +106,23 @@ fn falls_of_all_heights() {
                 let still = track[fall.touch_down..]
                     .windows(2)
                     .all(|w| w[0].distance(w[1]) < 1e-4);
-                assert!(still, "{told}: feet stand from touch-down on");
+                assert!(still, "{what}: feet stand from touch-down on");
                 let clearance = if joint % 4 == 3 { 0.1174 } else { 0.0425 };
                 let lowest = track.iter().map(|p| p.y).fold(f32::INFINITY, f32::min);
-                assert!(lowest > clearance - 0.01, "{told}: joint {joint} at {lowest}");
+                assert!(lowest > clearance - 0.01, "{what}: joint {joint} at {lowest}");
             }
             for frame in 0..count {
                 assert_eq!(
                     motion.contacts[frame] == 0b1111,
                     frame >= fall.touch_down,
-                    "{told}"
+                    "{what}"
                 );
             }
             let lowest = STAND_M - motion.roots[fall.lowest].y;
-            assert!(lowest <= fall.depth_m + 1e-4 && fall.depth_m <= 0.37, "{told}");
+            assert!(lowest <= fall.depth_m + 1e-4 && fall.depth_m <= 0.37, "{what}");
             assert!(
                 lowest > 0.7 * fall.depth_m,
-                "{told}: {lowest} of {}",
+                "{what}: {lowest} of {}",
                 fall.depth_m
             );
             depths.push(fall.depth_m);
@@ -132,7 +132,7 @@ fn falls_of_all_heights() {
 }
 
 #[test]
-fn the_air_is_as_gravity_has_it() {
+fn flight_follows_gravity() {
     let fall = fall(2.0, Vec3::new(0.3, 1.0, 1.2), 30.0);
     let throw = Throw {
         position: Vec3::Y * (STAND_M + 2.0),
@@ -142,8 +142,8 @@ fn the_air_is_as_gravity_has_it() {
         let at = throw.at((frame + 1) as f32 / 30.0);
         assert!(fall.motion.roots[frame].distance(at) < 1e-5, "frame {frame}");
     }
-    // The root never jumps: it is braked by no more than the depth asks for, and over the ground in
-    // a tenth of a second.
+    // The root makes no jump: it is braked no harder than the depth requires, and over the ground
+    // in a tenth of a second.
     let roots = [&[throw.position], &fall.motion.roots[..]].concat();
     let most = fall.impact_mps.powi(2) / (2.0 * (fall.depth_m - 0.04)) + 40.0;
     for w in roots.windows(3) {
@@ -190,8 +190,8 @@ fn joints_go_on_as_they_moved() {
     let skeleton = person();
     let (roots, rotations, _) = walk(60);
     let stand = standing();
-    // Of all joints about the root, how much more the fall's first frames are accelerated than the
-    // walk, m/s², at worst.
+    // Largest extra acceleration of a joint about the root in the fall's first frames over the
+    // walk, m/s².
     let roughest = |start: usize, goes_on: usize| {
         let from = Posed {
             root: roots[start] + Vec3::Y * 2.0,
@@ -361,7 +361,7 @@ fn odd_input_makes_no_frames() {
         ..from
     };
     assert_eq!(fall_motion(&skeleton, &legs, lost, &good), Fall::default());
-    // Below the ground, without legs: odd, but a motion that stands at its end.
+    // Below the ground, without legs: odd, but a motion that ends standing.
     let below = Posed {
         root: Vec3::Y * -3.0,
         rotations: &pose,
@@ -390,7 +390,7 @@ proptest! {
         let energy = |p: Vec3, v: Vec3| 0.5 * v.length_squared() + GRAVITY_MPS2 * p.y;
         let (start, end) = (energy(position, velocity), energy(throw.at(s), throw.velocity_at(s)));
         prop_assert!((start - end).abs() < 1e-3 * (1.0 + velocity.length_squared() + 900.0));
-        // And the velocity is how the place changes.
+        // The velocity is the change of the place.
         let moved = (throw.at(s + 1e-2) - throw.at(s - 1e-2)) / 2e-2;
         prop_assert!(moved.distance(throw.velocity_at(s)) < 2e-2);
     }
@@ -418,7 +418,7 @@ proptest! {
             [&[from.root], &fall.motion.roots[..]].concat(),
             [&pose[..], &fall.motion.rotations[..]].concat(),
         );
-        // No joint is faster than the root's fall by more than limbs can be.
+        // No joint exceeds the root's fall by more than limbs can.
         let most = (fall.impact_mps + velocity.length() + 8.0) / fps;
         prop_assert!(fastest(&skeleton, &roots, &rotations) < most);
         prop_assert!(rotations.chunks_exact(JOINTS).collect::<Vec<_>>().windows(2)

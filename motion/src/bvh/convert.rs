@@ -1,4 +1,4 @@
-//! Between BVH files and clips.
+//! Converts between BVH files and clips.
 
 use std::sync::Arc;
 
@@ -10,26 +10,27 @@ use crate::clip::Clip;
 use crate::convert::{self, ConvertError, Rules, Source, Transform};
 use crate::skeleton::Skeleton;
 
-/// How a BVH file becomes a clip.
+/// Options for turning a BVH file into a clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BvhOptions {
-    /// Metres in a unit of the file; 0.01 (centimetres) by default.
+    /// Metres a unit of the file; 0.01 (centimetres) by default.
     pub scale_to_metres: f32,
-    /// Fold a placing root into its child (default): a ROOT whose only child has all three position
-    /// channels is left out and its transform applied to that child in the world, where the ROOT
-    /// never moves or the child moves in it. Bandai-Namco's `joint_Root` is one: static in most
-    /// clips, it carries the way of the character in a few. Only for [`BvhFile::to_clip`];
-    /// [`BvhFile::to_clip_on`] folds whatever stands above the skeleton's root.
+    /// Whether to fold a placing root into its child (the default). A ROOT whose only child has all
+    /// three position channels is removed, and its transform applied to that child in the world, if
+    /// the ROOT never moves or the child moves in it. Bandai-Namco's `joint_Root` is such a root:
+    /// it is static in most clips, and carries the travel of the character in a few. Only for
+    /// [`BvhFile::to_clip`]; [`BvhFile::to_clip_on`] always folds what is above the skeleton's
+    /// root.
     pub fold_root: bool,
-    /// The character's left in the pelvis' frame. `None`: from the root's children, where two have
-    /// names that differ in left and right only (the hips); +X where there are none. Only for
+    /// The character's left in the pelvis' frame of reference. `None`: from two children of the
+    /// root whose names differ only in left and right (the hips), otherwise +X. Only for
     /// [`BvhFile::to_clip`].
     pub left_axis: Option<Vec3>,
     /// How far the place of a joint in its parent may vary over the clip ([`BvhFile::to_clip`]),
     /// metres; 0.001 by default.
     pub max_offset_variation_m: f32,
     /// How far the place of a joint in its parent may be from the skeleton's offset
-    /// ([`BvhFile::to_clip_on`]), metres; 0.02 by default. A larger one plays the rotations on
+    /// ([`BvhFile::to_clip_on`]), metres; 0.02 by default. A larger value plays the rotations on
     /// bones of other lengths.
     pub max_offset_error_m: f32,
 }
@@ -46,10 +47,10 @@ impl Default for BvhOptions {
     }
 }
 
-/// How a clip becomes a BVH file.
+/// Options for writing a clip as BVH.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BvhWriteOptions {
-    /// Units of the file in a metre; 100 (centimetres) by default.
+    /// Units of the file a metre; 100 (centimetres) by default.
     pub units_per_metre: f32,
     /// Order of the rotation channels; Z X Y by default.
     pub order: EulerOrder,
@@ -77,34 +78,34 @@ impl From<&BvhOptions> for Rules {
 }
 
 impl BvhFile {
-    /// A clip with a skeleton of its own, made from the file's joints in their order.
+    /// A clip with its own skeleton, made from the file's joints in their order.
     ///
     /// Offsets are the mean places of the joints in their parents: the OFFSETs, or what position
     /// channels replace them with. The skeleton has ground height 0 and no contact joints.
     ///
     /// # Errors
-    /// [`ConvertError`]; for example a joint below the root that moves in its parent.
+    /// [`ConvertError`], for example for a joint below the root that moves in its parent.
     pub fn to_clip(&self, options: &BvhOptions) -> Result<Clip, ConvertError> {
         convert::to_clip(self, &options.into())
     }
 
-    /// A clip on a given skeleton; joints go by name. Joints of the file that the skeleton lacks
-    /// are folded into their descendants' world transforms, so world rotations stay. The clip keeps
+    /// A clip on a given skeleton; joints are matched by name. Joints of the file that the skeleton
+    /// lacks are folded into their descendants, which keep their world rotations. The clip keeps
     /// the file's rate.
     ///
     /// # Errors
-    /// [`ConvertError::MissingJoints`] with the names; [`ConvertError::OffsetMismatch`] where the
+    /// [`ConvertError::MissingJoints`] with the names; [`ConvertError::OffsetMismatch`] if the
     /// bones differ by more than [`BvhOptions::max_offset_error_m`].
     pub fn to_clip_on(&self, skeleton: &Arc<Skeleton>, options: &BvhOptions) -> Result<Clip, ConvertError> {
         convert::to_clip_on(self, skeleton, &options.into())
     }
 
-    /// Writes a clip as BVH: six channels at the root, three rotations at every other joint, joints
-    /// in the clip's order.
+    /// Turns a clip into a BVH file: six channels at the root, three rotations at every other
+    /// joint, joints in the clip's order.
     ///
     /// # Errors
-    /// [`BvhBuildError`] where a name does not fit the format or the scale makes numbers that are
-    /// not finite.
+    /// [`BvhBuildError`] if a name does not fit the format, or the scale makes numbers that are not
+    /// finite.
     pub fn from_clip(clip: &Clip, options: &BvhWriteOptions) -> Result<Self, BvhBuildError> {
         let units = f64::from(options.units_per_metre);
         let axes = options.order.axes();

@@ -1,4 +1,4 @@
-//! Euler angles in any order of axes, in double precision and safe at gimbal lock.
+//! Euler angles in any order of axes, in double precision and exact at gimbal lock.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -30,13 +30,13 @@ impl EulerOrder {
 
     /// Angles (radians, in this order) whose product is `q`.
     ///
-    /// The product equals `q` for every rotation. At gimbal lock the first angle is arbitrary, so
-    /// the others are taken from what is left after it is undone: they stay exact.
+    /// The product equals `q` for every rotation. At gimbal lock the first angle is arbitrary. The
+    /// others come from what is left after it is undone, so they stay exact.
     pub(super) fn angles(self, q: DQuat) -> [f64; 3] {
         let m = DMat3::from_quat(q.normalize());
         let [i, j, k] = self.axes();
         let at = |m: &DMat3, row: usize, col: usize| m.col(col)[row];
-        // +1 where the axes are an even permutation of X Y Z.
+        // +1 if the axes are an even permutation of X Y Z.
         let sign = if (i + 1) % 3 == j { 1.0 } else { -1.0 };
         let first = (-sign * at(&m, j, k)).atan2(at(&m, k, k));
         let rest = DMat3::from_quat(axis_rotation(i, -first)) * m;
@@ -91,7 +91,7 @@ mod tests {
         #[test]
         fn product_of_the_angles_is_the_rotation(
             a in -PI..PI, c in -PI..PI,
-            // Anything from far away to exactly at the lock, on both sides of it.
+            // From far away to exactly at the lock, on both sides.
             near in prop_oneof![Just(0.0), -1e-3..1e-3f64, -1e-7..1e-7f64, -1e-12..1e-12f64, -3.0..3.0f64],
             up in any::<bool>(),
         ) {
@@ -99,8 +99,7 @@ mod tests {
                 let middle = (if up { FRAC_PI_2 } else { -FRAC_PI_2 }) + near;
                 let q = product(order, [a, middle, c]);
                 prop_assert!(same(product(order, order.angles(q)), q, 1e-9), "{:?}", order);
-                // What a clip holds is rounded to single precision; the angles must be as good for
-                // it.
+                // A clip stores single precision; the angles must work for that too.
                 let rounded = q.as_quat().as_dquat().normalize();
                 prop_assert!(same(product(order, order.angles(rounded)), rounded, 1e-9), "{:?}", order);
             }

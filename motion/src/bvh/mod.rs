@@ -1,14 +1,14 @@
-//! BVH: reading, writing, and conversion from and to [`Clip`](crate::Clip).
+//! BVH: reads and writes files, and converts from and to [`Clip`](crate::Clip).
 //!
-//! Any hierarchy (several roots too), any order and subset of channels, End Sites, any whitespace
-//! and line ends, exponents, keywords in any case. One row of numbers a frame. Position channels
-//! **replace** the axis of the OFFSET that they name. Rotation channels apply in the order in which
-//! they stand: `Z X Y` is the matrix product `Rz·Rx·Ry`.
+//! Supported: any hierarchy (several roots too), any order and subset of channels, End Sites, any
+//! whitespace and line ends, exponents, keywords in any case, one row of numbers a frame. A
+//! position channel **replaces** the axis of the OFFSET that it names. Rotation channels apply in
+//! the order of the file: `Z X Y` is the matrix product `Rz·Rx·Ry`.
 //!
-//! The reader is made for hostile input: it does not recurse, allocates by the text it has seen and
-//! never by a count that the text declares, and stops at the limits below. The conversion to a clip
-//! has limits of its own ([`ConvertError::TooLong`]), since a joint without channels takes no text
-//! in a frame but a rotation in a clip's.
+//! The reader is made for hostile input. It does not recurse. It allocates by the text that it has
+//! seen, never by a count that the text declares. It stops at the limits below. The conversion to a
+//! clip has its own limits ([`ConvertError::TooLong`]): a joint without channels takes no text in a
+//! frame, but a rotation in a clip's.
 
 mod convert;
 mod euler;
@@ -55,7 +55,7 @@ impl Channel {
         Self::Zrotation,
     ];
 
-    /// The format's name for it.
+    /// The channel's name in the format.
     pub fn name(self) -> &'static str {
         [
             "Xposition",
@@ -72,7 +72,7 @@ impl Channel {
         self as usize % 3
     }
 
-    /// Whether it turns rather than moves.
+    /// Whether it rotates, and does not move.
     pub fn is_rotation(self) -> bool {
         self as usize >= 3
     }
@@ -81,11 +81,11 @@ impl Channel {
 /// A joint of a BVH hierarchy, in the file's units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BvhJoint {
-    /// Not empty, without `{` and line ends, without space at its ends.
+    /// Not empty, without `{` and line ends, and without space at its ends.
     pub name: String,
     /// Index of the parent, smaller than the joint's own; `None` for a ROOT.
     pub parent: Option<usize>,
-    /// OFFSET.
+    /// OFFSET, in the file's units.
     pub offset: DVec3,
     /// Each channel at most once.
     pub channels: Vec<Channel>,
@@ -93,7 +93,8 @@ pub struct BvhJoint {
     pub end_sites: Vec<DVec3>,
 }
 
-/// A BVH file: hierarchy and motion, in the file's own units and degrees. All numbers are finite.
+/// A BVH file: hierarchy and motion, in the file's own units and in degrees. All numbers are
+/// finite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BvhFile {
     joints: Vec<BvhJoint>,
@@ -106,7 +107,7 @@ pub struct BvhFile {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BvhBuildError {
-    /// No joints or more than [`MAX_JOINTS`].
+    /// No joints, or more than [`MAX_JOINTS`].
     #[error("{0} joints: from 1 to {MAX_JOINTS} are supported")]
     JointCount(usize),
     /// A name that the format cannot hold.
@@ -115,10 +116,10 @@ pub enum BvhBuildError {
     /// A joint whose parent does not come before it.
     #[error("joint {0:?}: its parent does not come before it")]
     Parent(String),
-    /// Nesting beyond [`MAX_DEPTH`].
+    /// Joints nested deeper than [`MAX_DEPTH`].
     #[error("joint {0:?} is nested more than {MAX_DEPTH} deep")]
     Depth(String),
-    /// A channel given twice.
+    /// A joint has a channel twice.
     #[error("joint {0:?} has a channel twice")]
     Channels(String),
     /// No channels at all.
@@ -133,7 +134,7 @@ pub enum BvhBuildError {
     /// Values that do not make whole frames, or more than [`MAX_FRAMES`].
     #[error("{values} values do not make 0 to {MAX_FRAMES} frames of {channels} channels")]
     Values {
-        /// Values given.
+        /// Number of values.
         values: usize,
         /// Channels a frame.
         channels: usize,
@@ -141,11 +142,11 @@ pub enum BvhBuildError {
 }
 
 impl BvhFile {
-    /// Checks and builds a file from its parts. `values` holds frames of all joints' channels,
-    /// joints in order.
+    /// Checks the parts of a file and builds it. `values` has the channels of all joints, in the
+    /// joints' order, frame by frame.
     ///
     /// # Errors
-    /// [`BvhBuildError`] where the parts do not fit each other or the format.
+    /// [`BvhBuildError`] if the parts do not fit each other or the format.
     pub fn new(joints: Vec<BvhJoint>, frame_time_s: f64, values: Vec<f64>) -> Result<Self, BvhBuildError> {
         if joints.is_empty() || joints.len() > MAX_JOINTS {
             return Err(BvhBuildError::JointCount(joints.len()));
@@ -201,8 +202,7 @@ impl BvhFile {
         })
     }
 
-    /// The joints; parents before children. Files that were read have them in the order of the
-    /// text.
+    /// The joints, parents before children. A file that was read keeps the order of its text.
     pub fn joints(&self) -> &[BvhJoint] {
         &self.joints
     }

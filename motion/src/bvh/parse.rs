@@ -6,58 +6,58 @@ use super::{
     BvhFile, BvhJoint, Channel, MAX_DEPTH, MAX_FRAMES, MAX_JOINTS, MAX_NAME_BYTES, name_is_writable,
 };
 
-/// What is wrong with a BVH text, and where.
+/// An error in a BVH text, with its line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("line {line}: {kind}")]
 pub struct BvhError {
     /// Line, counted from 1.
     pub line: usize,
-    /// What is wrong.
+    /// The error in that line.
     pub kind: BvhErrorKind,
 }
 
-/// What is wrong with a BVH text.
+/// Errors of a BVH text.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BvhErrorKind {
     /// Bytes that are not UTF-8.
     #[error("the text is not UTF-8")]
     NotUtf8,
-    /// Something else stands where `expected` should.
+    /// Something else stands where `expected` should stand.
     #[error("expected {expected}, found {found:?}")]
     Expected {
         /// What should stand there.
         expected: &'static str,
-        /// What does, cut to a few characters; empty at the end of the text.
+        /// What stands there, cut to a few characters; empty at the end of the text.
         found: String,
     },
     /// The text ends too early.
     #[error("the text ends where {0} should stand")]
     UnexpectedEnd(&'static str),
-    /// A joint name that is empty or longer than [`MAX_NAME_BYTES`].
+    /// A joint name that is empty, or longer than [`MAX_NAME_BYTES`].
     #[error("a joint name must have 1 to {MAX_NAME_BYTES} bytes")]
     Name,
-    /// OFFSET, or CHANNELS, twice or too late in one joint.
+    /// OFFSET or CHANNELS stands twice in a joint, or after its children.
     #[error("{0} may stand once in a joint, before its children")]
     Repeated(&'static str),
-    /// A joint or End Site without OFFSET.
+    /// A joint or End Site has no OFFSET.
     #[error("{0:?} has no OFFSET")]
     NoOffset(String),
-    /// A number of channels beyond 0 to 6.
+    /// The number of channels is not 0 to 6.
     #[error("the number of channels must be 0 to 6, not {0:?}")]
     ChannelCount(String),
-    /// A channel twice in one joint.
+    /// A joint has a channel twice.
     #[error("channel {0} stands twice in one joint")]
     DuplicateChannel(&'static str),
-    /// A file without channels cannot have motion.
+    /// No joint has channels, so there can be no motion.
     #[error("no joint has channels")]
     NoChannels,
-    /// More than a limit allows.
+    /// Something exceeds a limit.
     #[error("more than {limit} {what}")]
     TooMany {
         /// What there is too much of.
         what: &'static str,
-        /// How much is allowed.
+        /// The most that is allowed.
         limit: usize,
     },
     /// NaN, infinity, or a number too large for double precision.
@@ -66,30 +66,30 @@ pub enum BvhErrorKind {
     /// A frame time that is not positive.
     #[error("the frame time must be positive, not {0}")]
     FrameTime(f64),
-    /// A row with too few or too many numbers.
+    /// A row has too few or too many numbers.
     #[error("frame {frame} has {found} values for {expected} channels")]
     RowLength {
-        /// The frame, counted from 0.
+        /// Index of the frame, from 0.
         frame: usize,
-        /// Numbers in the row; counting stops one past `expected`.
+        /// Numbers in the row; counting stops at one more than `expected`.
         found: usize,
         /// Channels of the hierarchy.
         expected: usize,
     },
-    /// More or fewer rows than declared.
+    /// There are more or fewer rows than declared.
     #[error("{declared} frames are declared, but there {found}")]
     FrameCount {
         /// The number after `Frames:`.
         declared: usize,
-        /// What there is.
+        /// The rows that there are.
         found: FoundFrames,
     },
 }
 
-/// How many rows there were, against the declared number.
+/// Number of rows, compared with the declared number.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FoundFrames {
-    /// Fewer: this many.
+    /// Fewer rows: this many.
     #[error("are {0}")]
     Only(usize),
     /// At least one more.
@@ -100,7 +100,7 @@ pub enum FoundFrames {
 /// Reads a BVH text.
 ///
 /// # Errors
-/// [`BvhError`] with the line. Never panics, whatever the text.
+/// [`BvhError`] with the line. No text makes it panic.
 pub fn parse(text: &str) -> Result<BvhFile, BvhError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut reader = Reader {
@@ -132,7 +132,7 @@ pub fn parse_bytes(bytes: &[u8]) -> Result<BvhFile, BvhError> {
     }
 }
 
-/// What has been seen of a joint whose `}` has not come yet.
+/// A joint whose `}` has not been read yet.
 struct Open {
     joint: usize,
     offset: bool,
@@ -165,7 +165,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The next word, `{`, `}` or `:`; empty at the end.
+    /// The next word, `{`, `}` or `:`; empty at the end of the text.
     fn token(&mut self) -> &'a str {
         self.skip_space();
         let rest = &self.text[self.pos..];
@@ -326,13 +326,13 @@ impl<'a> Reader<'a> {
         Ok(channels)
     }
 
-    /// What follows `End`: `Site`, perhaps a name, and a block with one OFFSET.
+    /// What follows `End`: `Site`, an optional name, and a block with one OFFSET.
     fn end_site(&mut self) -> Result<DVec3, BvhError> {
         self.expect("Site")?;
         while self.text[self.pos..].starts_with([' ', '\t']) {
             self.pos += 1;
         }
-        // Some writers name the site.
+        // Some writers give the site a name.
         let rest = &self.text[self.pos..];
         self.pos += rest.find(['\n', '\r', '{']).unwrap_or(rest.len());
         self.expect("{")?;
@@ -381,14 +381,14 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The rows of numbers, from behind the frame time to the end of the text.
+    /// The rows of numbers, from after the frame time to the end of the text.
     fn rows(&mut self, declared: usize, channels: usize) -> Result<Vec<f64>, BvhError> {
         let rest = &self.text[self.pos..];
-        // Every value takes at least two bytes of text, so the text bounds the room.
+        // Every value takes at least two bytes of text, so the text limits the memory.
         let mut values = Vec::with_capacity(declared.saturating_mul(channels).min(rest.len() / 2 + 1));
         let mut frames = 0;
         for (nth, line) in rest.split('\n').enumerate() {
-            // The first piece is what is left of the frame time's own line.
+            // The first piece is the rest of the frame time's line.
             if nth > 0 {
                 self.line += 1;
             }

@@ -9,8 +9,8 @@ use super::{BvhFile, BvhJoint};
 /// Writes a BVH text that [`parse`](super::parse) reads back: numbers to six decimals, the frame
 /// time in full.
 ///
-/// Joints are written depth first, so a file whose joints were in another order comes back in that
-/// one; every joint keeps its own channels and values.
+/// Joints are written depth first. A file whose joints had another order is read back in this one;
+/// every joint keeps its own channels and values.
 pub fn write(file: &BvhFile) -> String {
     let mut children = vec![Vec::new(); file.joints.len()];
     let mut roots = Vec::new();
@@ -44,7 +44,7 @@ pub fn write(file: &BvhFile) -> String {
     out
 }
 
-/// Writes the joints depth first, without recursion, and gives the order in which they were
+/// Writes the joints depth first, without recursion, and returns the order in which they were
 /// written.
 fn write_hierarchy(file: &BvhFile, roots: &[usize], children: &[Vec<usize>], out: &mut String) -> Vec<usize> {
     /// A joint to open at some depth, or a block to close.
@@ -111,7 +111,7 @@ fn write_offset(offset: DVec3, depth: usize, out: &mut String) {
     out.push('\n');
 }
 
-/// For each number of a written row, its place in the file's own row.
+/// For each number of a written row, its index in the file's own row.
 fn columns(joints: &[BvhJoint], order: &[usize]) -> Vec<usize> {
     let mut starts = Vec::with_capacity(joints.len());
     let mut next = 0;

@@ -1,4 +1,4 @@
-//! From a file's hierarchy, whatever its format, to a [`Clip`].
+//! Turns the hierarchy of a file of any format into a [`Clip`].
 
 mod sides;
 
@@ -11,17 +11,17 @@ use self::sides::left_axis_of;
 use crate::clip::{Clip, ClipError, MAX_ROTATIONS};
 use crate::skeleton::{Joint, MAX_JOINTS, Skeleton, SkeletonError};
 
-/// Joints that move in each other, as a file has them, in its own units.
+/// A hierarchy of moving joints as a file has it, in the file's units.
 pub(crate) trait Source {
     /// Number of joints.
     fn joint_count(&self) -> usize;
     /// A joint's name.
     fn name(&self, joint: usize) -> &str;
-    /// A joint's parent, smaller than the joint's own index.
+    /// Index of a joint's parent, smaller than the joint's own.
     fn parent(&self, joint: usize) -> Option<usize>;
-    /// Whether the file has the joint move in its parent.
+    /// Whether the file moves the joint in its parent.
     fn moves(&self, joint: usize) -> bool;
-    /// Whether the joint is more than a node between the world and the joints.
+    /// Whether it is a joint, and not only a node between the world and the joints.
     fn is_joint(&self, joint: usize) -> bool;
     /// Number of frames.
     fn frames(&self) -> usize;
@@ -31,7 +31,7 @@ pub(crate) trait Source {
     fn locals(&self, frame: usize, out: &mut [Transform]);
 }
 
-/// What a format's options come to; [`BvhOptions`](crate::bvh::BvhOptions) documents them.
+/// The options of all formats; [`BvhOptions`](crate::bvh::BvhOptions) documents them.
 pub(crate) struct Rules {
     pub(crate) scale_to_metres: f32,
     pub(crate) fold_root: bool,
@@ -44,52 +44,52 @@ pub(crate) struct Rules {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConvertError {
-    /// More than one root.
+    /// The file has more than one root.
     #[error("the file has {0} roots, but a clip has one")]
     SeveralRoots(usize),
     /// Joints of the skeleton that the file lacks.
     #[error("the file lacks joints of the skeleton: {}", .0.join(", "))]
     MissingJoints(Vec<String>),
-    /// A joint that moves in its parent.
+    /// A joint moves in its parent, which only the root may do.
     #[error(
         "joint {joint:?} moves in its parent: by {variation_m} m, most in frame {frame}; only the root may"
     )]
     VaryingOffset {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The frame farthest from the first, counted from 0.
+        /// The frame in which it is farthest from the first, from 0.
         frame: usize,
-        /// How far it moves, metres.
+        /// Distance that it moves, metres.
         variation_m: f32,
     },
-    /// A bone of another length or direction than the skeleton's.
+    /// A bone differs in length or direction from the skeleton's.
     #[error(
         "joint {joint:?} stands {error_m} m from the skeleton's offset (frame {frame}); the skeletons differ"
     )]
     OffsetMismatch {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The frame in which it is farthest, counted from 0.
+        /// The frame in which it is farthest off, from 0.
         frame: usize,
-        /// How far, metres.
+        /// Largest distance, metres.
         error_m: f32,
     },
-    /// A scale that is not finite and positive.
+    /// The scale is not finite and positive.
     #[error("the scale must be finite and positive, not {0}")]
     Scale(f32),
-    /// Frames times joints are more than [`MAX_ROTATIONS`]. Joints without channels take no text in
-    /// a frame, so a small file could else ask for any amount of memory.
+    /// Frames times joints exceed [`MAX_ROTATIONS`]. Joints without channels take no text in a
+    /// frame, so without this limit a small file could ask for any amount of memory.
     #[error(
         "{frames} frames of {joints} joints are too many: at most {} frames of so many joints are converted",
         MAX_ROTATIONS / (*joints).max(1)
     )]
     TooLong {
-        /// Frames of the file.
+        /// Number of frames.
         frames: usize,
-        /// Joints of the file.
+        /// Number of joints.
         joints: usize,
     },
-    /// The joints do not make a skeleton; for example they are more than
+    /// The joints do not make a skeleton: for example there are more than
     /// [`MAX_JOINTS`](crate::skeleton::MAX_JOINTS).
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
@@ -98,12 +98,12 @@ pub enum ConvertError {
     Clip(#[from] ClipError),
 }
 
-/// The joints of a file that a clip takes: index in the file, and the parent's place among the
-/// taken.
+/// The joints of a file that a clip takes: index in the file, and position of the parent in this
+/// list.
 type Taken = Vec<(usize, Option<usize>)>;
 
-/// A clip with a skeleton of its own, made from the file's joints in their order. Offsets are the
-/// mean places of the joints in their parents.
+/// A clip with its own skeleton, made from the file's joints in their order. Offsets are the mean
+/// places of the joints in their parents.
 pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, ConvertError> {
     let roots = (0..source.joint_count())
         .filter(|&j| source.parent(j).is_none())
@@ -111,8 +111,8 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
     if roots != 1 {
         return Err(ConvertError::SeveralRoots(roots));
     }
-    // What is too long is not played to find its root. Whether it has too many joints comes first
-    // all the same.
+    // A file that is too long is not played to find its root, but too many joints are reported
+    // first.
     let checked = check(source, rules);
     let root = if checked.is_ok() {
         character_root(source, rules)
@@ -156,8 +156,8 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
     )?)
 }
 
-/// A clip on a given skeleton; joints go by name. Joints of the file that the skeleton lacks are
-/// folded into their descendants' world transforms.
+/// A clip on a given skeleton; joints are matched by name. Joints of the file that the skeleton
+/// lacks are folded into their descendants.
 pub(crate) fn to_clip_on(
     source: &impl Source,
     skeleton: &Arc<Skeleton>,
@@ -209,7 +209,7 @@ fn check(source: &impl Source, rules: &Rules) -> Result<(), ConvertError> {
     }
 }
 
-/// First joint from the root on that does not merely place its only child.
+/// The first joint from the root on that does more than place its only child.
 fn character_root(source: &impl Source, rules: &Rules) -> usize {
     let far = f64::from(rules.max_offset_variation_m) / f64::from(rules.scale_to_metres);
     let mut root = 0;
@@ -240,7 +240,7 @@ fn places_only(source: &impl Source, root: usize, child: usize, far: f64) -> boo
     still || way > far
 }
 
-/// `root` and all below it, in the file's order.
+/// `root` and everything below it, in the file's order.
 fn subtree(source: &impl Source, root: usize) -> Taken {
     let mut place = vec![None; source.joint_count()];
     let mut taken = Taken::new();
@@ -254,9 +254,8 @@ fn subtree(source: &impl Source, root: usize) -> Taken {
     taken
 }
 
-/// Plays every frame of the file and takes what the clip needs of it. The joints' places are held
-/// against the offsets of `skeleton`, whose joints are `taken`, or against those of the first
-/// frame.
+/// Plays every frame of the file and collects what the clip needs. The joints' places are compared
+/// with the offsets of `skeleton`, whose joints are `taken`, or with those of the first frame.
 fn play(
     source: &impl Source,
     taken: &Taken,
@@ -305,7 +304,7 @@ fn play(
     Ok(played)
 }
 
-/// Where a joint is and how it is turned.
+/// Place and rotation of a joint.
 #[derive(Clone, Copy, Default, PartialEq)]
 pub(crate) struct Transform {
     pub(crate) place: DVec3,
@@ -336,19 +335,19 @@ struct Played {
     root_positions: Vec<Vec3>,
     /// `frames * taken`.
     rotations: Vec<Quat>,
-    /// One a joint taken.
+    /// One for each joint taken.
     places: Vec<JointOffset>,
 }
 
-/// Where a joint is in its parent over a clip, metres.
+/// Places of a joint in its parent over a clip, metres.
 #[derive(Default)]
 struct JointOffset {
-    /// What places are held against; the first of them where it is not given.
+    /// The place to compare with; if it is not given, the first.
     rest: Option<Vec3>,
     sum: DVec3,
-    /// Largest distance from `rest`.
+    /// Largest distance from `rest`, metres.
     farthest_m: f32,
-    /// The frame of it.
+    /// The frame of that distance.
     frame: usize,
 }
 

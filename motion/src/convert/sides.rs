@@ -1,11 +1,11 @@
-//! Tells left from right by the joints' names.
+//! Finds left and right by the joints' names.
 
 use glam::Vec3;
 
 use crate::skeleton::Joint;
 
-/// The direction from right to left between the two children of the root whose names differ in left
-/// and right only; +X without such.
+/// The direction from right to left between the two children of the root whose names differ only in
+/// left and right; +X without such a pair.
 pub(super) fn left_axis_of(joints: &[Joint]) -> Vec3 {
     let children = || joints.iter().filter(|j| j.parent == Some(0));
     for left in children() {
@@ -73,7 +73,7 @@ mod tests {
         ] {
             assert_eq!(mirrored_name(left).as_deref(), Some(right));
         }
-        // A lone l at an end is part of a word.
+        // A single l at an end is part of a word.
         assert_eq!(mirrored_name("Pelvis"), None);
         assert_eq!(mirrored_name("tail"), None);
         assert_eq!(mirrored_name("lumbar"), None);

@@ -1,52 +1,52 @@
-//! The written form of limits, as the table `[limits]` of a `pack.toml`, and its checks.
+//! The written form of limits, the table `[limits]` of a `pack.toml`, and its checks.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// How far a vector or rotation may be from unit length.
+/// Largest difference of a vector or rotation from unit length.
 const UNIT_TOLERANCE: f32 = 1e-3;
-/// The largest number of a limit.
+/// Largest value of a limit.
 const MOST: f32 = 1e6;
-/// The most frames of a list.
+/// Most entries of a list by frames.
 const MOST_FRAMES: usize = 256;
 
-/// Limits as they are written. The three lists of a reach have an entry for each of `reach_frames`.
+/// Limits as written. The three lists of a reach have an entry for each of `reach_frames`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LimitsDoc {
-    /// Share of the training windows that are beyond each limit, 0 to 1.
+    /// Share of the training windows that exceed each limit, 0 to 1.
     pub beyond: f32,
-    /// Training windows that were measured.
+    /// Number of training windows that were measured.
     pub windows: u32,
     /// Speed of the root over the ground, m/s.
     pub root_speed_mps: f32,
     /// Acceleration of the root, m/s².
     pub root_acceleration_mps2: f32,
-    /// How fast the pelvis turns, rad/s.
+    /// Turning rate of the pelvis, rad/s.
     pub turning_rad_per_s: f32,
     /// Speed of a joint relative to the root, m/s.
     pub joint_speed_mps: f32,
     /// Acceleration of a joint relative to the root, m/s².
     pub joint_acceleration_mps2: f32,
-    /// How far a joint is below the ground, metres.
+    /// Depth of a joint below the ground, metres.
     pub below_ground_m: f32,
-    /// How high the lowest joint is over the ground, metres.
+    /// Height of the lowest joint over the ground, metres.
     pub off_ground_m: f32,
-    /// The world's up in the pelvis's own frame, as it usually is; unit length.
+    /// The world's usual up direction in the pelvis' frame of reference; unit length.
     pub upright: Vec3,
-    /// Angle of the pelvis from there, radians.
+    /// Angle of the pelvis to that, radians.
     pub tilt_rad: f32,
-    /// How far a joint is beyond its range, radians.
+    /// Excess of a joint over its range, radians.
     pub bend_rad: f32,
-    /// Frames from the last context frame to a target; they grow.
+    /// Frames from the last context frame to a target; increasing.
     pub reach_frames: Vec<u32>,
-    /// How far the root gets from where its velocity leads, metres.
+    /// Distance of the root from where its velocity leads, metres.
     pub root_reach_m: Vec<f32>,
-    /// How far the pelvis turns, radians.
+    /// Turn of the pelvis, radians.
     pub turn_reach_rad: Vec<f32>,
-    /// How far the joints get in the mean, metres.
+    /// Mean distance that the joints move, metres.
     pub pose_reach_m: Vec<f32>,
-    /// The range of each joint.
+    /// The ranges of joints.
     pub bends: Vec<BendDoc>,
 }
 
@@ -54,25 +54,25 @@ pub struct LimitsDoc {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BendDoc {
-    /// A joint of the skeleton that has a parent.
+    /// Name of a joint of the skeleton that has a parent.
     pub joint: String,
-    /// (w, x, y, z): its usual rotation relative to its parent.
+    /// (w, x, y, z): usual rotation relative to the parent.
     pub usual: [f32; 4],
     /// Smallest vector part of `usual⁻¹ · rotation`: the axis times the sine of half the angle.
     pub low: Vec3,
-    /// Largest vector part.
+    /// Largest vector part of the same.
     pub high: Vec3,
 }
 
-/// Limits that are not accepted.
+/// A value of the limits that is not accepted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{field} is {found}; allowed: {allowed}")]
 pub struct LimitsError {
-    /// The field's path.
+    /// Path of the field.
     pub field: String,
-    /// What it holds.
+    /// The value that it has.
     pub found: String,
-    /// What it may hold.
+    /// The values that are allowed.
     pub allowed: String,
 }
 
@@ -161,7 +161,7 @@ fn check_limit(field: &str, value: f32) -> Result<(), LimitsError> {
 }
 
 fn check_unit(field: &str, length: f32) -> Result<(), LimitsError> {
-    // A length that is no number is outside too.
+    // Rejects a length that is not a number too.
     match (1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length) {
         true => Ok(()),
         false => Err(LimitsError::new(

@@ -1,4 +1,4 @@
-//! Figures of frames, one after another.
+//! Measures the figures of frames, one after another.
 
 use std::sync::Arc;
 
@@ -10,10 +10,11 @@ use crate::model::Rig;
 use crate::rotation::angle_between;
 use crate::skeleton::Skeleton;
 
-/// Reads a motion frame by frame, and keeps what is farthest beyond the limits of its body.
+/// Reads a motion frame by frame, and keeps the readings that are farthest beyond the limits of its
+/// body.
 ///
-/// A frame may lack its root or its pose: what needs it is not judged then. All scratch memory is
-/// allocated once.
+/// A frame may lack its root or its pose. Figures that need the missing part are not judged then.
+/// All memory is allocated once.
 #[derive(Debug)]
 pub struct Judge {
     pub(super) limits: Arc<Limits>,
@@ -32,12 +33,12 @@ pub struct Judge {
 pub(super) struct State {
     root: Option<Vec3>,
     pelvis: Option<Quat>,
-    /// Positions relative to the root, world axes; of no meaning without a pelvis.
+    /// Positions relative to the root, in world axes. Without a pelvis they mean nothing.
     pub(super) places: Vec<Vec3>,
 }
 
 impl Judge {
-    /// A judge of the rig's motion; none where the rig has no limits.
+    /// A judge of the rig's motion; none if the rig has no limits.
     pub fn new(rig: &Rig) -> Option<Self> {
         let limits = rig.limits.clone()?;
         let joints = rig.skeleton.joint_count();
@@ -57,8 +58,8 @@ impl Judge {
         })
     }
 
-    /// Judges a whole motion: world positions of the root, `[frames]`, and poses, `[frames *
-    /// joints]`, joint 0 in the world and others relative to their parents.
+    /// Judges a whole motion: world positions of the root, `[frames]`, and poses,
+    /// `[frames * joints]`, joint 0 in the world and others relative to their parents.
     pub fn motion(&mut self, roots: &[Vec3], rotations: &[Quat]) -> Feasibility {
         let poses = rotations.chunks_exact(self.skeleton.joint_count());
         for (frame, (&root, pose)) in roots.iter().zip(poses).enumerate() {
@@ -67,32 +68,33 @@ impl Judge {
         self.take()
     }
 
-    /// What it judges by.
+    /// The limits that it judges by.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// What was found since the judge was made or this was called. The next frame follows none.
+    /// Takes the readings since the judge was made or this was called. The next frame starts a new
+    /// motion.
     pub fn take(&mut self) -> Feasibility {
         let found = self.part();
         self.gap();
         found
     }
 
-    /// What was found since this was called last; the next frame follows the one before.
+    /// Takes the readings since the last call. The next frame continues the motion.
     pub fn part(&mut self) -> Feasibility {
         std::mem::replace(&mut self.found, Feasibility::nothing(&self.limits))
     }
 
-    /// The next frame does not follow the one before.
+    /// Notes that the next frame does not continue the motion.
     pub(super) fn gap(&mut self) {
         for state in [&mut self.last, &mut self.older] {
             (state.root, state.pelvis) = (None, None);
         }
     }
 
-    /// Judges the frame that follows, by its number: where its root is, and its pose with the
-    /// height of the root.
+    /// Judges the next frame, with its number, the place of its root, and its pose with the height
+    /// of the root.
     pub fn push(&mut self, frame: usize, root: Option<Vec3>, pose: Option<(f32, &[Quat])>) {
         self.next.root = root;
         self.next.pelvis = pose.map(|(_, pose)| pose[0]);
@@ -103,18 +105,18 @@ impl Judge {
             self.see_pose(frame, height, pose);
             self.see_joints(frame);
         }
-        // The oldest becomes the next one's scratch.
+        // The oldest becomes the memory for the next.
         std::mem::swap(&mut self.older, &mut self.last);
         std::mem::swap(&mut self.last, &mut self.next);
     }
 
-    /// A figure of a frame, in the unit of its limit.
+    /// Takes a figure's value in a frame, in the unit of its limit.
     pub(super) fn see(&mut self, figure: Figure, frame: usize, value: f32, joint: Option<usize>) {
         let limit = self.limits.of(figure);
         self.see_within(figure, frame, value, limit, joint);
     }
 
-    /// A figure of a frame with a limit of its own.
+    /// Takes a figure's value in a frame, with a separate limit.
     pub(super) fn see_within(
         &mut self,
         figure: Figure,
@@ -132,7 +134,7 @@ impl Judge {
         self.found.see(figure, seen);
     }
 
-    /// Judges a root velocity (over the ground, m/s) that was asked for in a frame, beside the step
+    /// Judges a root velocity (over the ground, m/s) that a frame asks for, together with the step
     /// that leads to it.
     pub(super) fn see_velocity(&mut self, frame: usize, velocity: Vec3, before: Vec3, root: Vec3) {
         let step = (root - before).with_y(0.0) * self.fps;
@@ -155,7 +157,7 @@ impl Judge {
     }
 
     fn see_pose(&mut self, frame: usize, height: f32, pose: &[Quat]) {
-        // Joints are placed around the root, and lifted by its height where that counts.
+        // Joints are placed around the root, and lifted by its height for figures that need that.
         let (skeleton, places) = (&*self.skeleton, &mut self.next.places);
         world_transforms(skeleton, Vec3::ZERO, pose, places, &mut self.rotations);
         let lowest = places.iter().enumerate().min_by(|a, b| a.1.y.total_cmp(&b.1.y));
@@ -203,12 +205,12 @@ impl Judge {
     }
 }
 
-/// The longest of vectors: its place and length.
+/// Index and length of the longest vector.
 fn farthest(vectors: impl Iterator<Item = Vec3>) -> (usize, f32) {
     let mut found = (0, 0.0);
     for (index, vector) in vectors.enumerate() {
         let square = vector.length_squared();
-        // What is no number is farther than all.
+        // A value that is not a number counts as the farthest.
         if square > found.1 || square.is_nan() {
             found = (index, square);
         }

@@ -1,4 +1,4 @@
-//! Figures of keyframes, before any motion is there.
+//! Measures the figures of keyframes, before there is any motion.
 
 use glam::{Quat, Vec3};
 
@@ -7,14 +7,14 @@ use crate::fk::world_transforms;
 use crate::root::{GlobalRoot, LocalRoot};
 use crate::rotation::{angle_between, yaw};
 
-/// What a keyframe fixes, all of it in one frame of reference, the world's or a segment's.
+/// What a keyframe prescribes, all in one frame of reference: the world's or a segment's.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Key<'a> {
-    /// Where the root is and which way it faces.
+    /// Position in metres and heading in radians.
     pub root: Option<GlobalRoot>,
-    /// How high the root is, metres.
+    /// Height of the root, metres.
     pub height: Option<f32>,
-    /// How it was asked to move.
+    /// Velocity that was asked for.
     pub velocity: Option<LocalRoot>,
     /// One rotation a joint: joint 0 in the frame of reference, others relative to their parents.
     pub rotations: Option<&'a [Quat]>,
@@ -25,7 +25,7 @@ impl Key<'_> {
         self.root.map(|root| root.position)
     }
 
-    /// How the pelvis is turned; upright where only its heading is known.
+    /// Rotation of the pelvis; upright if only the heading is known.
     fn pelvis(&self) -> Option<Quat> {
         match self.rotations {
             Some(pose) => pose.first().copied(),
@@ -43,13 +43,13 @@ impl Key<'_> {
 }
 
 impl Judge {
-    /// Judges what a request gives: consecutive keyframes at its begin, and consecutive ones that
-    /// end with its last frame. Frames count from the first keyframe.
+    /// Judges the keyframes of a request: consecutive ones at its beginning, and consecutive ones
+    /// that end with its last frame. Frames count from the first keyframe.
     pub fn keys(&mut self, context: &[Key<'_>], targets: &[Key<'_>], frames: usize) -> Feasibility {
         let first_target = frames.saturating_sub(targets.len());
         self.take();
         self.run(context, 0);
-        // Keyframes that follow one another without a gap are one run.
+        // Keyframes without a gap between them are one run.
         if first_target > context.len() {
             self.gap();
         }
@@ -64,7 +64,7 @@ impl Judge {
         self.take()
     }
 
-    /// Judges the velocities that targets ask for beside the motion that leads to them.
+    /// Judges the velocities that targets ask for, together with the motion that leads to them.
     pub fn arrivals(&mut self, targets: &[Key<'_>], roots: &[Vec3]) -> Feasibility {
         let first = roots.len().saturating_sub(targets.len());
         for (index, target) in targets.iter().enumerate() {
@@ -77,8 +77,8 @@ impl Judge {
         self.take()
     }
 
-    /// Judges places that the root is to be at, by their frames, which rise: how fast it is between
-    /// them at the least.
+    /// Judges places of the root at increasing frames: the lowest speed that is needed between
+    /// them.
     pub fn places(&mut self, places: impl IntoIterator<Item = (usize, [f32; 2])>) -> Feasibility {
         let mut before: Option<(usize, [f32; 2])> = None;
         for (frame, [x, z]) in places {
@@ -92,7 +92,7 @@ impl Judge {
         self.take()
     }
 
-    /// Whether a target is within reach of a context in so many frames.
+    /// Whether a target is within reach of a context in `frames` frames.
     pub fn is_within_reach(&mut self, context: &[Key<'_>], target: &Key<'_>, frames: usize) -> bool {
         let Some(last) = context.last() else { return true };
         let limits = self.limits.reach(frames);
@@ -121,7 +121,7 @@ impl Judge {
         self.see_within(Figure::PoseReach, frame, found.pose_m, limits.pose_m, None);
     }
 
-    /// How far it is from a context to a target; 0 for what one of them does not give.
+    /// Distances from a context to a target; 0 for a part that one of them does not give.
     fn distances(&mut self, context: &[Key<'_>], last: &Key<'_>, target: &Key<'_>, frames: usize) -> Reach {
         let turn = last.pelvis().zip(target.pelvis());
         Reach {
@@ -131,8 +131,8 @@ impl Judge {
         }
     }
 
-    /// Mean distance of the joints of two keyframes over their projected roots, metres. Takes the
-    /// memory of frames as scratch.
+    /// Mean distance between the joints of two keyframes over their projected roots, metres. Uses
+    /// the memory of frames.
     fn pose_distance(&mut self, from: &Key<'_>, to: &Key<'_>) -> Option<f32> {
         let poses = [from.pose()?, to.pose()?];
         let places = [&mut self.older.places, &mut self.next.places];
@@ -146,15 +146,15 @@ impl Judge {
     }
 }
 
-/// How far a target's root is from where the context's mean velocity leads in so many frames, over
-/// the ground, metres. None where either has no root.
+/// Distance over the ground between a target's root and where the context's mean velocity leads in
+/// `frames` frames, metres. None if either has no root.
 pub fn reach_of(context: &[Key<'_>], target: &Key<'_>, frames: usize) -> Option<f32> {
     let led = context.last()?.place()? + step_of(context)? * frames as f32;
     Some((target.place()? - led).with_y(0.0).length())
 }
 
-/// How far from the last context frame a root can be in the direction of a target after so many
-/// frames, metres over the ground; none where it cannot be in that direction at all. `limits` are
+/// Farthest that a root can get from the last context frame in the direction of a target after
+/// `frames` frames, metres over the ground. None if it cannot get in that direction. `limits` are
 /// those of the body.
 pub fn farthest(limits: &Limits, context: &[Key<'_>], target: &Key<'_>, frames: usize) -> Option<f32> {
     let way = (target.place()? - context.last()?.place()?).with_y(0.0);
@@ -169,7 +169,7 @@ pub fn farthest(limits: &Limits, context: &[Key<'_>], target: &Key<'_>, frames: 
         .filter(|most| *most >= 0.0)
 }
 
-/// How far the context moves in a frame, in the mean.
+/// Mean travel of the context in a frame, metres.
 fn step_of(context: &[Key<'_>]) -> Option<Vec3> {
     let (first, last) = (context.first()?.place()?, context.last()?.place()?);
     Some((last - first) / context.len().saturating_sub(1).max(1) as f32)

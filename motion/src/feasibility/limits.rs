@@ -1,4 +1,4 @@
-//! Limits, checked and by joint.
+//! Checked limits, by joint.
 
 use glam::{Quat, Vec3};
 
@@ -7,7 +7,7 @@ use super::doc::{BendDoc, LimitsDoc, LimitsError, check_lists, check_numbers};
 use crate::rotation::from_wxyz;
 use crate::skeleton::Skeleton;
 
-/// What the motion that a pack was trained on does at most.
+/// The extremes of the motion that a pack was trained on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limits {
     doc: LimitsDoc,
@@ -20,19 +20,20 @@ pub struct Limits {
 pub struct Bend {
     /// The inverse of the usual rotation.
     usual_inverse: Quat,
-    /// The box of the vector part of `usual⁻¹ · rotation` whose real part is not negative.
+    /// The box of the vector part of `usual⁻¹ · rotation`, of the sign whose real part is not
+    /// negative.
     low: Vec3,
     high: Vec3,
 }
 
-/// How far a character gets in some frames.
+/// How far a character gets in a number of frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reach {
-    /// Of the root over the ground, from where its velocity leads, metres.
+    /// Distance of the root over the ground from where its velocity leads, metres.
     pub root_m: f32,
-    /// Of the pelvis, about any axis, radians.
+    /// Turn of the pelvis about any axis, radians.
     pub turn_rad: f32,
-    /// Of the joints in the mean, metres.
+    /// Mean distance that the joints move, metres.
     pub pose_m: f32,
 }
 
@@ -40,7 +41,7 @@ impl Limits {
     /// Checks a table, and finds its joints in the skeleton.
     ///
     /// # Errors
-    /// [`LimitsError`] for the first value that is out of its range.
+    /// [`LimitsError`] for the first value out of its range.
     pub fn new(doc: &LimitsDoc, skeleton: &Skeleton) -> Result<Self, LimitsError> {
         check_numbers(doc)?;
         check_lists(doc)?;
@@ -62,8 +63,7 @@ impl Limits {
         })
     }
 
-    /// The limit of a figure. That of a reach is the farthest that there is: [`Limits::reach`] has
-    /// it by frames.
+    /// The limit of a figure. For a reach it is the largest; [`Limits::reach`] has them by frames.
     pub fn of(&self, figure: Figure) -> f32 {
         let doc = &self.doc;
         let farthest = |list: &[f32]| list.last().copied().unwrap_or_default();
@@ -83,7 +83,7 @@ impl Limits {
         }
     }
 
-    /// How far a character gets in so many frames, from the last context frame to a target.
+    /// How far a character gets in `frames` frames, from the last context frame to a target.
     pub fn reach(&self, frames: usize) -> Reach {
         let times = &self.doc.reach_frames;
         let after = times.partition_point(|&time| (time as usize) < frames);
@@ -102,12 +102,12 @@ impl Limits {
         }
     }
 
-    /// The world's up in the pelvis's own frame, as it usually is.
+    /// The world's usual up direction in the pelvis' frame of reference.
     pub(super) fn upright(&self) -> Vec3 {
         self.doc.upright
     }
 
-    /// How a joint bends; none of the root.
+    /// The range of a joint; none for the root.
     pub(super) fn bend(&self, joint: usize) -> Option<&Bend> {
         self.bends[joint].as_ref()
     }
@@ -122,7 +122,7 @@ impl Bend {
         }
     }
 
-    /// How far a rotation relative to the parent is beyond the box, radians: the worst axis.
+    /// How far a rotation relative to the parent exceeds the box, radians: the worst axis.
     #[inline]
     pub(super) fn beyond_rad(&self, rotation: Quat) -> f32 {
         let turned = self.usual_inverse * rotation;

@@ -1,9 +1,10 @@
-//! Whether a motion stays within what the data of its pack does: figures of its frames and of the
-//! keyframes that were asked for, each beside a limit that was measured on the training clips.
+//! Whether a motion stays within what the data of its pack does. Figures of its frames, and of the
+//! keyframes that were asked for, are compared with limits that were measured on the training
+//! clips.
 //!
-//! [`Limits`] is the table `[limits]` of a pack; `troupe-train limits` measures it
-//! (`training/troupe_training/data/limits.py`, which computes the same figures). [`Judge`] reads
-//! frames, [`Feasibility`] is what it found.
+//! [`Limits`] is the table `[limits]` of a pack. `troupe-train limits` measures it
+//! (`training/troupe_training/data/limits.py` computes the same figures). [`Judge`] reads frames,
+//! and [`Feasibility`] has its readings.
 
 mod doc;
 mod judge;
@@ -15,41 +16,41 @@ pub use judge::Judge;
 pub use keys::{Key, farthest, reach_of};
 pub use limits::{Bend, Limits, Reach};
 
-/// What is measured of a motion.
+/// A quantity that is measured in a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Figure {
     /// Speed of the root over the ground, m/s.
     RootSpeed,
     /// Acceleration of the root, m/s².
     RootAcceleration,
-    /// How fast the pelvis turns, about any axis, rad/s.
+    /// Turning rate of the pelvis about any axis, rad/s.
     Turning,
     /// Speed of the fastest joint relative to the root, m/s.
     JointSpeed,
     /// Largest acceleration of a joint relative to the root, m/s².
     JointAcceleration,
-    /// How far the lowest joint is below the ground, metres.
+    /// Depth of the lowest joint below the ground, metres.
     BelowGround,
-    /// How high the lowest joint is over the ground, metres.
+    /// Height of the lowest joint over the ground, metres.
     OffGround,
-    /// Angle of the pelvis from how it usually stands, radians.
+    /// Angle between the pelvis and its usual direction, radians.
     Tilt,
-    /// How far a joint is bent beyond the range that it has in the data, radians.
+    /// Excess of a joint over its range in the data, radians.
     Bend,
-    /// From where the context's velocity leads to a target, over the ground, metres.
+    /// Distance over the ground from where the context's velocity leads to a target, metres.
     RootReach,
-    /// Angle between the pelvis of the last context frame and of a target, radians.
+    /// Angle between the pelvis in the last context frame and in a target, radians.
     TurnReach,
-    /// From the joints of the last context frame to those of a target, over the projected root,
-    /// metres in the mean.
+    /// Mean distance between the joints of the last context frame and those of a target, over the
+    /// projected root, metres.
     PoseReach,
 }
 
 impl Figure {
-    /// How many there are.
+    /// Number of figures.
     pub const COUNT: usize = 12;
 
-    /// All of them.
+    /// Every figure once.
     pub const ALL: [Self; Self::COUNT] = [
         Self::RootSpeed,
         Self::RootAcceleration,
@@ -65,7 +66,7 @@ impl Figure {
         Self::PoseReach,
     ];
 
-    /// Its name, as in messages.
+    /// The figure's name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::RootSpeed => "root_speed",
@@ -83,7 +84,7 @@ impl Figure {
         }
     }
 
-    /// The unit of its values.
+    /// The unit of the figure's values.
     pub fn unit(self) -> &'static str {
         match self {
             Self::RootSpeed | Self::JointSpeed => "m/s",
@@ -94,8 +95,8 @@ impl Figure {
         }
     }
 
-    /// By which power of the time a motion takes its value falls: 1 for speeds, 2 for
-    /// accelerations, 0 for what a pose has.
+    /// The power of a motion's duration by which the value falls: 1 for speeds, 2 for
+    /// accelerations, 0 for what belongs to a pose.
     pub fn power_of_time(self) -> i32 {
         match self {
             Self::RootSpeed | Self::Turning | Self::JointSpeed => 1,
@@ -110,16 +111,17 @@ impl Figure {
 pub struct Reading {
     /// The value, in the figure's unit.
     pub value: f32,
-    /// What all but a few windows of the training data stay within.
+    /// The limit: all but a few windows of the training data stay within it.
     pub limit: f32,
-    /// The frame that has the value, from the first one that was judged.
+    /// The frame with that value, counted from the first judged frame.
     pub frame: usize,
-    /// The joint that has it, where it is one's.
+    /// The joint with that value, for a figure of joints.
     pub joint: Option<usize>,
 }
 
 impl Reading {
-    /// The value in limits: above 1 is beyond it. A value that is no number is beyond everything.
+    /// Value divided by limit: above 1 it is beyond. A value that is not a number is beyond
+    /// everything.
     pub fn ratio(&self) -> f32 {
         match self.value.is_nan() {
             true => f32::INFINITY,
@@ -128,14 +130,14 @@ impl Reading {
     }
 }
 
-/// What was found of a motion: a reading of every figure.
+/// What a motion does: a reading of every figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feasibility {
     readings: [Reading; Figure::COUNT],
 }
 
 impl Feasibility {
-    /// Nothing was seen yet.
+    /// Readings before any frame.
     pub(crate) fn nothing(limits: &Limits) -> Self {
         let mut readings = [Reading::default(); Figure::COUNT];
         for figure in Figure::ALL {
@@ -149,7 +151,7 @@ impl Feasibility {
         self.readings[figure as usize]
     }
 
-    /// The figure that is farthest beyond its limit, or nearest to it.
+    /// The figure farthest beyond its limit, or nearest to it.
     pub fn worst(&self) -> (Figure, Reading) {
         let pairs = Figure::ALL.map(|figure| (figure, self.get(figure)));
         pairs
@@ -164,12 +166,12 @@ impl Feasibility {
             .unwrap_or((Figure::RootSpeed, Reading::default()))
     }
 
-    /// Whether no figure is beyond its limit.
+    /// Whether every figure is within its limit.
     pub fn is_feasible(&self) -> bool {
         self.readings.iter().all(|reading| reading.ratio() <= 1.0)
     }
 
-    /// Of every figure the reading that is farther beyond its limit.
+    /// For every figure, the reading that is farther beyond its limit.
     #[must_use]
     pub fn worse_of(mut self, other: &Self) -> Self {
         for (own, other) in self.readings.iter_mut().zip(&other.readings) {
@@ -180,7 +182,7 @@ impl Feasibility {
         self
     }
 
-    /// Takes a value in where it is beyond what was there.
+    /// Takes a value if it is beyond the one so far.
     pub(crate) fn see(&mut self, figure: Figure, seen: Reading) {
         let own = &mut self.readings[figure as usize];
         if seen.ratio() > own.ratio() {

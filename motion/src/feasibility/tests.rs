@@ -92,7 +92,7 @@ fn a_walk_is_feasible_and_its_figures_are_those_of_its_frames() {
         .map(|f| step(f).with_y(0.0).length() * 30.0)
         .fold(0.0, f32::max);
     assert!((found.get(Figure::RootSpeed).value - fastest).abs() < 1e-4);
-    // 0.8 rad/s about the upright, whatever the lean.
+    // 0.8 rad/s about the vertical, whatever the lean.
     assert!((found.get(Figure::Turning).value - 0.8).abs() < 0.01);
     assert!((found.get(Figure::Tilt).value - 0.05).abs() < 1e-3);
     let accelerations = (1..59).map(|f| (step(f + 1) - step(f)).length() * 900.0);
@@ -160,7 +160,7 @@ fn a_target_is_within_reach_by_its_frames() {
         root: Some(GlobalRoot::new(Vec3::new(x, 0.97, 0.0), 0.0)),
         ..Key::default()
     };
-    // 14 frames: 11 from the last context frame to the target, where 0.5 m is the limit; 24 frames:
+    // 14 frames: 11 from the last context frame to the target, with a limit of 0.5 m. 24 frames:
     // 21, and 1 m.
     for (x, frames, feasible) in [
         (0.49, 15, true),
@@ -173,7 +173,7 @@ fn a_target_is_within_reach_by_its_frames() {
         assert_eq!(found.is_feasible(), feasible, "{x} {frames}: {:?}", found.worst());
         assert_eq!(found.get(Figure::RootReach).frame, frames - 1);
     }
-    // Who is on the way gets farther that way, and not back.
+    // A moving character gets farther in its direction, and not back.
     let mut walks = stand(4);
     (0..4).for_each(|f| walks.root_positions[f].x = 0.05 * f as f32);
     assert!(keys_of(&walks, &[at(1.15)], 25).is_feasible());
@@ -194,7 +194,7 @@ fn turns_and_poses_have_a_reach() {
         other.rotations_at_mut(0)[leg] = Quat::from_rotation_x(1.5);
     }
     let found = keys_of(&clip, &[key(&other, 0)], 15);
-    // Feet get 0.9 m · 2 sin 0.75, and four of eight joints are below the knee.
+    // Feet move by 0.9 m · 2 sin 0.75, and four of eight joints are below the knee.
     let pose = found.get(Figure::PoseReach);
     assert!(
         pose.value > 0.55 && pose.value < 0.75 && pose.ratio() > 1.0,
@@ -214,7 +214,7 @@ fn targets_that_contradict_one_another_are_told() {
     let (figure, reading) = keys_of(&clip, &[key_at(0.0), key_at(0.5)], 40).worst();
     assert_eq!((figure, reading.frame), (Figure::RootSpeed, 39));
     assert!((reading.value - 15.0).abs() < 1e-3);
-    // A velocity that its own places deny: 3 m/s in a frame are 90 m/s².
+    // A velocity that contradicts its own places: 3 m/s in a frame are 90 m/s².
     let mut moving = key_at(0.0);
     moving.velocity = Some(LocalRoot {
         vx: 3.0,
@@ -259,13 +259,13 @@ fn what_is_no_number_is_not_feasible() {
     assert_eq!(found.worst().1.ratio(), f32::INFINITY);
 }
 
-/// What makes a table wrong.
+/// A change that makes a table invalid.
 type Change<'a> = &'a dyn Fn(&mut LimitsDoc);
 
 #[test]
 fn tables_that_are_wrong_name_the_field() {
     let skeleton = biped();
-    let told = |change: Change<'_>| {
+    let message = |change: Change<'_>| {
         let mut doc = doc();
         change(&mut doc);
         Limits::new(&doc, &skeleton).unwrap_err().to_string()
@@ -292,9 +292,9 @@ fn tables_that_are_wrong_name_the_field() {
         (&|doc| doc.bends[0].low.x = 0.5, "limits.bends[0].low"),
     ];
     for (change, wanted) in all {
-        let told = told(change);
-        assert!(told.contains(wanted), "{told}");
+        let message = message(change);
+        assert!(message.contains(wanted), "{message}");
     }
-    let twice = told(&|doc| doc.bends.push(doc.bends[0].clone()));
+    let twice = message(&|doc| doc.bends.push(doc.bends[0].clone()));
     assert!(twice.contains("limits.bends[1].joint"), "{twice}");
 }

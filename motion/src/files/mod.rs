@@ -1,4 +1,4 @@
-//! Files of motion in any format that Troupe reads, and NumPy's.
+//! Reads files of motion in every format that Troupe supports, NumPy's included.
 
 mod npz;
 #[cfg(test)]
@@ -16,17 +16,17 @@ use crate::skeleton::Skeleton;
 
 pub use npz::{NumpyError, read_npz, read_qpos, write_npz, write_qpos};
 
-/// Rate of files that know none, a robot's CSV and `qpos`, frames a second.
+/// Rate of files without one (a robot's CSV and `qpos`), Hz.
 pub const DEFAULT_FPS: f32 = 30.0;
 
-/// A format that is read.
+/// A format that can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Biovision hierarchy.
     Bvh,
     /// Binary glTF 2.0.
     Glb,
-    /// A robot's root and angles, as Unitree publishes them.
+    /// A robot's root and hinge angles, as Unitree publishes them.
     Csv,
     /// Named arrays of NumPy.
     Npz,
@@ -35,7 +35,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// All of them.
+    /// Every format once.
     pub const ALL: [Self; 5] = [Self::Bvh, Self::Glb, Self::Csv, Self::Npz, Self::Npy];
 
     /// Ending of its files, without the dot.
@@ -49,18 +49,18 @@ impl Format {
         }
     }
 
-    /// Whether it holds angles of hinges, so only a robot's motion.
+    /// Whether it holds hinge angles, so only a robot's motion.
     pub fn is_for_robots(self) -> bool {
         matches!(self, Self::Csv | Self::Npy)
     }
 
-    /// The format that a file's ending names, in any case.
+    /// The format for a file's ending, in any case.
     pub fn of_ending(path: &Path) -> Option<Self> {
         let ending = path.extension()?.to_str()?.to_ascii_lowercase();
         Self::ALL.into_iter().find(|format| format.ending() == ending)
     }
 
-    /// The format that the first bytes are sure signs of. CSV has none.
+    /// The format that the first bytes identify. CSV cannot be identified.
     pub fn of_content(bytes: &[u8]) -> Option<Self> {
         let text = bytes.trim_ascii_start();
         match bytes {
@@ -73,20 +73,19 @@ impl Format {
     }
 }
 
-/// How a file is read.
+/// Options for reading a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Metres in a unit of a BVH file; 0.01 (centimetres) by default. All other formats are in
-    /// metres.
+    /// Metres a unit of a BVH file; 0.01 (centimetres) by default. All other formats are in metres.
     pub bvh_unit_m: f32,
-    /// How far a joint may be from the skeleton's offset, metres; 0.02 by default. A larger one
-    /// plays the rotations on bones of other lengths.
+    /// Farthest that a joint may be from the skeleton's offset, metres; 0.02 by default. A larger
+    /// value plays the rotations on bones of other lengths.
     pub max_offset_error_m: f32,
-    /// Frames a second at which a glb's animation is sampled; `None`: those of its keys.
+    /// Rate at which a glb's animation is sampled, Hz. `None`: that of its keys.
     pub glb_fps: Option<f32>,
-    /// Name of a glb's animation; `None`: the only one.
+    /// Name of a glb's animation. `None`: the only one.
     pub animation: Option<String>,
-    /// Frames a second of files that know none; 30 by default.
+    /// Rate of files without one, Hz; 30 by default.
     pub default_fps: f32,
 }
 
@@ -102,37 +101,37 @@ impl Default for ReadOptions {
     }
 }
 
-/// Why a file was not read. The texts name the place in the file.
+/// Why a file was not read. Messages name the place in the file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The file itself cannot be read.
+    /// The file system's error.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// Neither ending nor content is that of a format.
+    /// Neither the ending nor the content is that of a known format.
     #[error(
         "neither its ending nor its content is that of a clip: .bvh, .glb or .npz, or .csv or .npy of a robot"
     )]
     Unknown,
-    /// An animation is named, but the format has none.
+    /// An animation is named, but the format has no animations.
     #[error("animation {0:?}: only .glb files have animations with names")]
     Animation(String),
-    /// A CSV that is no UTF-8.
+    /// A CSV file that is not UTF-8.
     #[error("no text: byte {0} is no UTF-8")]
     Text(usize),
-    /// A BVH file that is not one.
+    /// An error in a BVH text.
     #[error(transparent)]
     Bvh(#[from] BvhError),
-    /// A BVH file that does not fit the skeleton.
+    /// The motion of a BVH file does not fit the skeleton.
     #[error(transparent)]
     Convert(#[from] ConvertError),
-    /// A glTF file.
+    /// An error in a glTF file.
     #[error(transparent)]
     Glb(#[from] GlbReadError),
-    /// A robot's CSV.
+    /// An error in a robot's CSV file.
     #[error(transparent)]
     Csv(#[from] CsvError),
-    /// A NumPy file.
+    /// An error in a NumPy file.
     #[error(transparent)]
     Numpy(#[from] NumpyError),
 }
@@ -148,10 +147,10 @@ impl ReadError {
     }
 }
 
-/// Reads a file of any format onto a skeleton, joints by name, angles by the robot's hinges. The
-/// clip keeps the file's rate.
+/// Reads a file of any format onto a skeleton. Joints are matched by name, angles by the robot's
+/// hinges. The clip keeps the file's rate.
 ///
-/// The content says the format where it is unmistakable, else the ending.
+/// The format is that of the content if it can be identified, otherwise that of the ending.
 ///
 /// # Errors
 /// [`ReadError`], with the place in the file.
@@ -161,7 +160,7 @@ pub fn read_clip(path: &Path, skeleton: &Arc<Skeleton>, options: &ReadOptions) -
     read_bytes(&bytes, format.ok_or(ReadError::Unknown)?, skeleton, options)
 }
 
-/// The same for a file's bytes, of a known format.
+/// As [`read_clip`], for the bytes of a file of a known format.
 ///
 /// # Errors
 /// [`ReadError`], with the place in the file.

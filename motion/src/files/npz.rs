@@ -18,27 +18,27 @@ use crate::robot::{Fitted, Robot};
 use crate::rotation::{align_sign, from_wxyz, to_wxyz};
 use crate::skeleton::{Joint, Skeleton};
 
-/// The most bytes of an array that is read, once it is unpacked.
+/// Largest array that is read, in bytes once unpacked.
 const MAX_ARRAY_BYTES: u64 = 16 * MAX_ROTATIONS as u64 + 4096;
-/// How far a rotation may be from unit length.
+/// Largest difference of a rotation from unit length.
 const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// Why a NumPy file was not read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NumpyError {
-    /// No zip archive, or one that is broken.
+    /// The file is not a zip archive, or a broken one.
     #[error("no .npz archive: {0}")]
     Archive(String),
-    /// An array that cannot be used.
+    /// An array cannot be used.
     #[error("array {name:?}: {reason}")]
     Array {
-        /// Its name.
+        /// Name of the array.
         name: String,
-        /// What is wrong.
+        /// What is wrong with it.
         reason: String,
     },
-    /// Joints of the skeleton that the file lacks.
+    /// The file lacks joints of the skeleton.
     #[error("joint_names lacks joints of the skeleton: {}", .0.join(", "))]
     MissingJoints(Vec<String>),
     /// The skeleton has no hinges.
@@ -58,7 +58,7 @@ impl NumpyError {
     }
 }
 
-/// A clip as an `.npz` archive, whose arrays are:
+/// Writes a clip as an `.npz` archive with these arrays:
 ///
 /// | array | shape | type | holds |
 /// |---|---|---|---|
@@ -76,7 +76,7 @@ impl NumpyError {
 /// The same clip gives the same bytes.
 ///
 /// # Errors
-/// [`NumpyError`] where memory or the format's sizes do not suffice.
+/// [`NumpyError`] if memory or the format's sizes do not suffice.
 pub fn write_npz(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
     let skeleton = &*clip.skeleton;
     let (frames, joints) = (clip.frames(), skeleton.joint_count());
@@ -110,7 +110,7 @@ pub fn write_npz(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
     Ok(whole.into_inner())
 }
 
-/// Rotations of all frames, w x y z, without jumps of sign from frame to frame.
+/// Rotations of all frames, w x y z, without a change of sign between frames.
 fn quaternions(clip: &Clip) -> Vec<f32> {
     let joints = clip.skeleton.joint_count();
     let mut out = Vec::with_capacity(4 * clip.rotations.len());
@@ -152,11 +152,11 @@ pub fn write_qpos(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
     Ok(bytes)
 }
 
-/// Reads an `.npy` array of a robot's `qpos` as a clip of `fps` frames a second. Angles are taken
-/// as they are.
+/// Reads an `.npy` array of a robot's `qpos` as a clip at `fps` frames a second. Angles are not
+/// limited.
 ///
 /// # Errors
-/// [`NumpyError`], with the row that is wrong.
+/// [`NumpyError`], with the row at fault.
 pub fn read_qpos(bytes: &[u8], skeleton: &Arc<Skeleton>, fps: f32) -> Result<Clip, NumpyError> {
     let robot = skeleton.robot.as_ref().ok_or(NumpyError::NoRobot)?;
     let (shape, numbers) = read_array(bytes).map_err(|reason| NumpyError::array("qpos", reason))?;
@@ -187,12 +187,12 @@ pub fn read_qpos(bytes: &[u8], skeleton: &Arc<Skeleton>, fps: f32) -> Result<Cli
     Ok(Clip::new(Arc::clone(skeleton), fps, roots, rotations)?)
 }
 
-/// Reads an `.npz` archive as [`write_npz`] makes them onto a skeleton, joints by name:
-/// `quaternions`, `root`, `fps` and `joint_names` count. Joints that the skeleton lacks are left
-/// out.
+/// Reads an `.npz` archive as written by [`write_npz`] onto a skeleton; joints are matched by name.
+/// It needs `quaternions`, `root`, `fps` and `joint_names`. Joints that the skeleton lacks are
+/// ignored.
 ///
 /// # Errors
-/// [`NumpyError`], with the array that is wrong.
+/// [`NumpyError`], with the array at fault.
 pub fn read_npz(bytes: &[u8], skeleton: &Arc<Skeleton>) -> Result<Clip, NumpyError> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| NumpyError::Archive(e.to_string()))?;
     let mut entry = |name: &str| unpack(&mut archive, name);
@@ -252,7 +252,7 @@ pub fn read_npz(bytes: &[u8], skeleton: &Arc<Skeleton>) -> Result<Clip, NumpyErr
     Ok(Clip::new(Arc::clone(skeleton), fps, roots, rotations)?)
 }
 
-/// A rotation of unit length, if it is near to that.
+/// A rotation that is almost of unit length, made exactly so.
 fn unit(rotation: Quat) -> Result<Quat, String> {
     let length = rotation.length();
     match (length - 1.0).abs() <= UNIT_TOLERANCE {
@@ -261,7 +261,7 @@ fn unit(rotation: Quat) -> Result<Quat, String> {
     }
 }
 
-/// Rows of an array whose other sizes are `rest`.
+/// Number of rows of an array whose other sizes are `rest`.
 fn rows_of(name: &str, shape: &[u64], rest: &[usize]) -> Result<usize, NumpyError> {
     match shape {
         [rows, others @ ..] if others.iter().copied().eq(rest.iter().map(|&n| n as u64)) => {
@@ -278,7 +278,7 @@ fn rows_of(name: &str, shape: &[u64], rest: &[usize]) -> Result<usize, NumpyErro
     }
 }
 
-/// An archive that grows. Nothing is compressed, and no time is noted.
+/// A growing archive. Nothing is compressed, and no time is stored.
 struct Archive(ZipWriter<Cursor<Vec<u8>>>);
 
 impl Archive {
@@ -344,7 +344,7 @@ fn unpack(archive: &mut ZipArchive<Cursor<&[u8]>>, name: &str) -> Result<Vec<u8>
     let entry = archive.by_name(&format!("{name}.npy"));
     let entry = entry.map_err(|e| NumpyError::array(name, e))?;
     let mut bytes = Vec::new();
-    // By what comes out, not by what the archive says.
+    // Limits what comes out, instead of trusting the archive's own size.
     let read = entry.take(MAX_ARRAY_BYTES + 1).read_to_end(&mut bytes);
     match read.map_err(|e| NumpyError::array(name, e))? as u64 {
         size if size > MAX_ARRAY_BYTES => Err(NumpyError::array(name, "it is too large")),
@@ -382,7 +382,7 @@ fn collect<T: Deserialize>(values: npyz::NpyReader<T, &[u8]>) -> Result<Vec<T>, 
     values.collect::<Result<_, _>>().map_err(|e| e.to_string())
 }
 
-/// Opens an array whose numbers are all there, so that no size is taken from the header alone.
+/// Opens an array that holds all of its numbers, so that no size is taken from the header alone.
 fn open(bytes: &[u8]) -> Result<NpyFile<&[u8]>, String> {
     let file = NpyFile::new(bytes).map_err(|e| e.to_string())?;
     if file.order() != npyz::Order::C && file.shape().len() > 1 {

@@ -1,4 +1,4 @@
-//! Files of every format, read and written.
+//! Writes and reads files of every format.
 
 use std::collections::HashMap;
 use std::io::{Cursor, Read as _, Write as _};
@@ -57,7 +57,7 @@ fn same(a: &Clip, b: &Clip, tolerance: f32) {
 }
 
 #[test]
-fn the_arrays_are_as_documented() {
+fn arrays_follow_the_documented_format() {
     let clip = walk(9);
     let unpacked = |clip: &Clip| arrays(&write_npz(clip).unwrap());
     let arrays = unpacked(&clip);
@@ -147,7 +147,7 @@ fn a_wrong_array_is_named() {
     let mut long = good["quaternions.npy"].clone();
     let end = long.len();
     long[end - 16..end - 12].copy_from_slice(&9.0_f32.to_le_bytes());
-    for (name, bytes, told) in [
+    for (name, bytes, expected) in [
         ("fps", None, "array \"fps\""),
         ("fps", Some(good["root.npy"].clone()), "one number"),
         ("root", Some(cut), "array \"root\""),
@@ -170,7 +170,7 @@ fn a_wrong_array_is_named() {
         ("joint_names", Some(b"no numpy".to_vec()), "array \"joint_names\""),
     ] {
         let error = with(name, bytes);
-        assert!(error.contains(told), "{name}: {error}");
+        assert!(error.contains(expected), "{name}: {error}");
     }
     let error = read_npz(b"PK\x03\x04", &biped()).unwrap_err().to_string();
     assert!(error.contains("no .npz archive"), "{error}");
@@ -252,7 +252,7 @@ fn every_format_reads_what_its_writer_wrote() {
         let folder =
             std::env::temp_dir().join(format!("troupe-files-{}-{}", std::process::id(), format.ending()));
         std::fs::create_dir_all(&folder).unwrap();
-        // The content says the format where it can, whatever the ending.
+        // The content decides about the format if it can, whatever the ending.
         let endings = [format.ending(), if sure.is_some() { "dat" } else { "CSV" }];
         for ending in endings {
             let path = folder.join(format!("clip.{ending}"));
@@ -265,7 +265,7 @@ fn every_format_reads_what_its_writer_wrote() {
 }
 
 #[test]
-fn what_is_no_clip_is_told() {
+fn files_that_are_not_clips_are_errors() {
     let folder = std::env::temp_dir().join(format!("troupe-no-clip-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let read = |name: &str, bytes: &[u8], options: &ReadOptions| {
@@ -278,7 +278,7 @@ fn what_is_no_clip_is_told() {
         animation: Some("Walk".to_owned()),
         ..ReadOptions::default()
     };
-    for (name, bytes, options, told) in [
+    for (name, bytes, options, expected) in [
         (
             "a.fbx",
             &b"Kaydara"[..],
@@ -295,7 +295,7 @@ fn what_is_no_clip_is_told() {
         ("a.bvh", b"HIERARCHY", &named, "animation \"Walk\": only .glb"),
     ] {
         let error = read(name, bytes, options);
-        assert!(error.contains(told), "{name}: {error}");
+        assert!(error.contains(expected), "{name}: {error}");
     }
     let path = Path::new("/nowhere/a.bvh");
     assert!(matches!(read_clip(path, &biped(), &plain), Err(ReadError::Io(_))));
@@ -303,7 +303,7 @@ fn what_is_no_clip_is_told() {
 }
 
 proptest! {
-    /// Shape, type and numbers of any array come back from its header and bytes.
+    /// Shape, type and numbers of any array are restored from its header and bytes.
     #[test]
     fn any_array_comes_back(shape in proptest::collection::vec(0_usize..5, 0..4), seed in any::<u32>()) {
         let count: usize = shape.iter().product();
@@ -319,10 +319,10 @@ proptest! {
         prop_assert_eq!(npz::read_array(&bytes).unwrap(), (wanted, values));
     }
 
-    /// Names of any letters come back from an archive, and their joints by name.
+    /// Names with any letters are restored from an archive, and joints are matched by them.
     #[test]
     fn any_names_come_back(names in proptest::collection::hash_set("[A-Za-z0-9_é骨😀. -]{1,12}", 1..6)) {
-        // NumPy pads text with zeros and takes them off again; nothing else.
+        // NumPy pads text with zeros and removes only those.
         let joints = names.iter().enumerate().map(|(nth, name)| crate::Joint {
             name: name.clone(),
             parent: nth.checked_sub(1),
@@ -333,9 +333,9 @@ proptest! {
         same(&read_npz(&write_npz(&clip).unwrap(), &skeleton).unwrap(), &clip, 1e-6);
     }
 
-    /// Bytes that are no archive, or a broken one, are an error and no panic.
+    /// Bytes that are not an archive, or a broken one, give an error and never panic.
     #[test]
-    fn broken_bytes_are_no_panic(at in 0_usize..4000, with in any::<u8>(), cut in 0_usize..4000) {
+    fn broken_bytes_never_panic(at in 0_usize..4000, with in any::<u8>(), cut in 0_usize..4000) {
         let clip = walk(2);
         for (format, mut bytes) in [
             (Format::Npz, write_npz(&clip).unwrap()),

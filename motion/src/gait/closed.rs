@@ -1,4 +1,4 @@
-//! A cycle that ends where it begins.
+//! A gait cycle without a seam.
 
 use std::sync::Arc;
 
@@ -9,24 +9,24 @@ use crate::clip::{Clip, ClipError};
 use crate::rotation::{align_sign, slerp_pose, yaw};
 use crate::skeleton::Skeleton;
 
-/// One cycle without a seam: it can be sampled at any time, before and after it too, and goes on
-/// for ever.
+/// One cycle without a seam. It can be sampled at any time, also before and after the cycle, and
+/// repeats for ever.
 ///
-/// What the captured cycle lacks to close is spread evenly over it, half of it on either side of
-/// its middle.
+/// The difference between the captured cycle's ends is spread evenly over it, half on either side
+/// of its middle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClosedCycle {
     skeleton: Arc<Skeleton>,
     fps: f32,
-    /// Frames of the cycle, at least one; a stand has one.
+    /// Frames of the cycle, at least 1; a stand has 1.
     frames: usize,
     left_mps: f32,
     forward_mps: f32,
     turn_rps: f32,
-    /// For each frame: the root joint beside its mean path: left, height over the world's zero,
-    /// forward; metres.
+    /// For each frame: the root joint relative to its mean path. Left, height over the world's
+    /// zero, forward; metres.
     offsets: Vec<Vec3>,
-    /// For each frame and joint; the first with the heading line taken out.
+    /// For each frame and joint; the first without the heading line.
     rotations: Vec<Quat>,
 }
 
@@ -38,7 +38,7 @@ impl ClosedCycle {
     pub fn new(clip: &Clip, cycle: &Cycle) -> Self {
         let joints = clip.skeleton.joint_count();
         let origin = clip.root_positions[cycle.start] * Vec3::new(1.0, 0.0, 1.0);
-        // One frame more than the cycle: the frame that should equal the first.
+        // One frame more than the cycle: the one that should equal the first.
         let mut offsets = Vec::with_capacity(cycle.frames + 1);
         let mut rotations = Vec::with_capacity((cycle.frames + 1) * joints);
         for f in 0..=cycle.frames {
@@ -93,7 +93,7 @@ impl ClosedCycle {
     }
 
     /// Spreads the difference between the first frame and the one after the last over the cycle,
-    /// and drops the latter.
+    /// and drops that one.
     fn close(&mut self) {
         let joints = self.skeleton.joint_count();
         let open = self.offsets[self.frames] - self.offsets[0];
@@ -115,24 +115,24 @@ impl ClosedCycle {
         }
     }
 
-    /// Moves the path so that the root sways about it rather than beside it.
+    /// Shifts the path so that the root sways about it evenly.
     fn centre(&mut self) {
         let mean = self.offsets.iter().sum::<Vec3>() / self.frames as f32;
         let beside = mean * Vec3::new(1.0, 0.0, 1.0);
         self.offsets.iter_mut().for_each(|o| *o -= beside);
     }
 
-    /// Mean velocity to the left and forward in m/s, and mean turn in rad/s.
+    /// Mean velocity to the left and forward, m/s, and mean turning rate, rad/s.
     pub fn velocity(&self) -> (f32, f32, f32) {
         (self.left_mps, self.forward_mps, self.turn_rps)
     }
 
-    /// Whether it is one frame, held.
+    /// Whether it is one frame that is held.
     pub fn stands(&self) -> bool {
         self.frames == 1
     }
 
-    /// Frames of the cycle; 1 where it stands.
+    /// Frames of the cycle; 1 for a stand.
     pub fn frames(&self) -> usize {
         self.frames
     }
@@ -142,13 +142,13 @@ impl ClosedCycle {
         self.offsets.iter().map(|o| o.y).sum::<f32>() / self.frames as f32
     }
 
-    /// Where the heading line stands at a time, radians; 0 at the start.
+    /// Heading of the heading line at a time, radians; 0 at the start.
     pub fn heading_at(&self, frame: f32) -> f32 {
         self.turn_rps * frame / self.fps
     }
 
     /// The root joint and the pose at a time in frames from the first left strike, which may be
-    /// negative and between frames. The heading line begins at the world's origin along +Z.
+    /// negative or fractional. The heading line begins at the world's origin along +Z.
     pub fn at(&self, frame: f32) -> (Vec3, Vec<Quat>) {
         let joints = self.skeleton.joint_count();
         let within = frame.rem_euclid(self.frames as f32);

@@ -1,4 +1,4 @@
-//! The search for a cycle.
+//! The search for a gait cycle.
 
 use std::f32::consts::PI;
 
@@ -9,10 +9,10 @@ use super::steps::{Steps, median};
 use crate::clip::Clip;
 use crate::rotation::yaw;
 
-/// What to look for.
+/// Which cycles to look for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Way {
-    /// Cycles that keep their direction and the clip's own pace.
+    /// Cycles that keep their direction and the clip's own speed.
     #[default]
     Straight,
     /// Cycles that turn most.
@@ -22,18 +22,18 @@ pub enum Way {
 /// Limits of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CycleOptions {
-    /// What to look for.
+    /// Which cycles to look for.
     pub way: Way,
     /// Shortest cycle, seconds.
     pub least_s: f32,
     /// Longest cycle, seconds.
     pub most_s: f32,
-    /// Largest root mean square distance of joints between a cycle's ends, metres.
+    /// Largest root mean square distance of the joints between a cycle's ends, metres.
     pub max_closure_m: f32,
 }
 
 impl Default for CycleOptions {
-    /// Straight on, 0.4 to 2.5 s, joints 0.12 m apart at the ends.
+    /// Straight cycles of 0.4 to 2.5 s whose ends differ by at most 0.12 m.
     fn default() -> Self {
         Self {
             way: Way::Straight,
@@ -49,7 +49,7 @@ impl Default for CycleOptions {
 pub struct Cycle {
     /// Frame of the first left strike.
     pub start: usize,
-    /// Frames to the next.
+    /// Frames to the next left strike.
     pub frames: usize,
     /// Mean velocity to the left of the heading line, m/s.
     pub left_mps: f32,
@@ -57,11 +57,11 @@ pub struct Cycle {
     pub forward_mps: f32,
     /// Slope of the heading line, rad/s.
     pub turn_rps: f32,
-    /// Where the heading line stands at `start`, radians.
+    /// Heading of the heading line at `start`, radians.
     pub heading: f32,
     /// Mean height of the root joint, metres.
     pub height_m: f32,
-    /// Root mean square distance of the joints between both ends, seen from the root along the
+    /// Root mean square distance of the joints between both ends, relative to the root along the
     /// heading line, metres.
     pub closure_m: f32,
 }
@@ -97,12 +97,12 @@ impl Cycle {
         cycle
     }
 
-    /// Where the heading line stands `frames` after the start, radians.
+    /// Heading of the heading line `frames` after the start, radians.
     pub(super) fn heading_at(&self, frames: f32, fps: f32) -> f32 {
         self.heading + self.turn_rps * frames / fps
     }
 
-    /// How far the three frames around the end are from the three around the start.
+    /// Distance between the three frames around the end and the three around the start.
     fn closure(&self, clip: &Clip, steps: &Steps) -> f32 {
         let (mut here, mut there) = (Vec::new(), Vec::new());
         let mut sum = 0.0;
@@ -123,7 +123,7 @@ impl Cycle {
         (sum / count as f32).sqrt()
     }
 
-    /// Less is better: how well it closes, keeps the clip's pace and does what is looked for.
+    /// Lower is better: how well it closes, keeps the clip's speed, and does what is looked for.
     fn cost(&self, steps: &Steps, way: Way) -> f32 {
         let median_speed = steps.median_speed;
         let pace = 0.3 * (self.speed_mps() - median_speed).abs() / median_speed.max(0.3);
@@ -134,21 +134,21 @@ impl Cycle {
     }
 }
 
-/// `sin(x) / x`: how much shorter a chord is than its arc.
+/// `sin(x) / x`: the ratio of a chord to its arc.
 pub(super) fn sinc(x: f32) -> f32 {
     if x.abs() < 1e-4 { 1.0 } else { x.sin() / x }
 }
 
-/// The cycles of a clip, the best first.
+/// The cycles of a clip, best first.
 ///
-/// The clip should be at 30 frames a second or more and hold more than two steps at a steady pace.
+/// The clip should have at least 30 frames a second, and more than two steps at a steady speed.
 ///
 /// # Errors
-/// [`GaitError`], which says what stands in the way.
+/// [`GaitError`], which says why there is none.
 pub fn find_cycles(clip: &Clip, options: &CycleOptions) -> Result<Vec<Cycle>, GaitError> {
     let least = ((options.least_s * clip.fps).round() as usize).max(4);
     let most = (options.most_s * clip.fps).round() as usize;
-    // A cycle and a frame more on either side.
+    // A cycle and one frame more on either side.
     if clip.frames() < least + 2 {
         return Err(GaitError::TooShort {
             frames: clip.frames(),
@@ -193,14 +193,14 @@ pub fn find_cycles(clip: &Clip, options: &CycleOptions) -> Result<Vec<Cycle>, Ga
     Ok(cycles)
 }
 
-/// Takes out cycles whose period is far from the others': a stumble, or one step counted as two.
+/// Removes cycles whose period is far from the others': a stumble, or one step counted as two.
 fn drop_odd_periods(cycles: &mut Vec<Cycle>) {
     let periods: Vec<f32> = cycles.iter().map(|c| c.frames as f32).collect();
     let usual = median(&periods);
     cycles.retain(|c| (c.frames as f32 - usual).abs() <= (0.15 * usual).max(2.0));
 }
 
-/// Where a walker is `time_s` after the origin: along an arc that begins along `heading` and turns.
+/// Place of a walker `time_s` after the origin, on an arc that begins along `heading` and turns.
 pub(super) fn arc(left_mps: f32, forward_mps: f32, turn_rps: f32, heading: f32, time_s: f32) -> Vec3 {
     let half = 0.5 * turn_rps * time_s;
     debug_assert!(half.abs() < 1e3 * PI);

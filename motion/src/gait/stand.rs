@@ -1,4 +1,4 @@
-//! The search for a frame that stands.
+//! The search for a standing frame.
 
 use glam::Vec3;
 
@@ -7,17 +7,17 @@ use super::steps::{Feet, feet};
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 
-/// What counts as standing.
+/// Which frames count as standing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StandOptions {
-    /// Speed of the fastest joint, m/s.
+    /// Highest speed of any joint, m/s.
     pub max_speed_mps: f32,
-    /// How much higher one foot may be than the other, metres.
+    /// Largest difference in height between the feet, metres.
     pub level_m: f32,
 }
 
 impl Default for StandOptions {
-    /// 0.4 m/s, feet level within 3 cm.
+    /// At most 0.4 m/s, with feet level within 3 cm.
     fn default() -> Self {
         Self {
             max_speed_mps: 0.4,
@@ -29,7 +29,7 @@ impl Default for StandOptions {
 /// A frame that stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stand {
-    /// The frame.
+    /// Index of the frame in the clip.
     pub frame: usize,
     /// Speed of its fastest joint, m/s.
     pub speed_mps: f32,
@@ -40,8 +40,8 @@ pub struct Stand {
 /// The stillest frame of a clip with both feet down and every other joint above them.
 ///
 /// # Errors
-/// [`GaitError::Restless`] where no frame is still enough, [`GaitError::NoFeet`],
-/// [`GaitError::TooShort`] for one frame.
+/// [`GaitError::Restless`] if no frame is still enough, [`GaitError::NoFeet`], or
+/// [`GaitError::TooShort`] for a single frame.
 pub fn find_stand(clip: &Clip, options: &StandOptions) -> Result<Stand, GaitError> {
     if clip.frames() < 2 {
         return Err(GaitError::TooShort {
@@ -54,7 +54,7 @@ pub fn find_stand(clip: &Clip, options: &StandOptions) -> Result<Stand, GaitErro
     let lowest =
         |joints: &[usize], at: &[Vec3]| joints.iter().map(|&j| at[j].y).fold(f32::INFINITY, f32::min);
     let still = |f: usize| {
-        // Forward from the first frame, backward elsewhere.
+        // Forward difference at the first frame, backward elsewhere.
         let (a, b) = (f.max(1) - 1, f.max(1));
         let pairs = motion.positions_at(a).iter().zip(motion.positions_at(b));
         pairs.map(|(p, q)| p.distance(*q) * clip.fps).fold(0.0, f32::max)

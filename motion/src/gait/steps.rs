@@ -1,4 +1,4 @@
-//! Left strikes and smooth motion of a clip.
+//! Finds left strikes in a clip, and smooths its motion.
 
 use glam::Vec3;
 
@@ -9,7 +9,7 @@ use crate::root::wrap_angle;
 use crate::rotation::yaw;
 use crate::skeleton::Skeleton;
 
-/// Time over which the root's path is smoothed to tell travel from sway, seconds.
+/// Time over which the root's path is smoothed to separate travel from sway, seconds.
 const TRAVEL_WINDOW_S: f32 = 0.7;
 /// A strike is the largest lead of the left foot within this time on either side, seconds.
 const STRIKE_WINDOW_S: f32 = 0.2;
@@ -17,10 +17,10 @@ const STRIKE_WINDOW_S: f32 = 0.2;
 const STRIKE_SHARE: f32 = 0.3;
 /// A joint this near to the middle of the body is on neither side, metres.
 const MIDDLE_M: f32 = 0.01;
-/// A clip slower than this stands, m/s.
+/// A slower clip stands, m/s.
 const STANDING_MPS: f32 = 0.12;
 
-/// A clip with what the search for cycles needs.
+/// A clip with everything that the search for cycles needs.
 pub(super) struct Steps {
     pub(super) motion: WorldMotion,
     /// The pelvis' heading without jumps of a whole turn, radians.
@@ -60,8 +60,8 @@ impl Steps {
         })
     }
 
-    /// Joint positions of a frame as seen from the root joint's place on the ground along
-    /// `heading`, into `out`.
+    /// Joint positions of a frame relative to the root's place on the ground, facing `heading`,
+    /// into `out`.
     pub(super) fn pose_along(&self, frame: usize, heading: f32, out: &mut Vec<Vec3>) {
         let positions = self.motion.positions_at(frame);
         let ground = positions[0] * Vec3::new(1.0, 0.0, 1.0);
@@ -74,15 +74,15 @@ impl Steps {
 /// The contact joints of both feet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Feet {
-    /// Those of the left foot.
+    /// Indices of the left foot's contact joints.
     pub left: Vec<usize>,
-    /// Those of the right foot.
+    /// Indices of the right foot's contact joints.
     pub right: Vec<usize>,
 }
 
 impl Feet {
-    /// How far the left foot is ahead of the right along a direction, metres, from the joints'
-    /// world positions.
+    /// How far the left foot is ahead of the right in a direction, metres, from the joints' world
+    /// positions.
     pub fn lead_m(&self, positions: &[Vec3], direction: Vec3) -> f32 {
         let middle = |joints: &[usize]| {
             joints.iter().map(|&j| positions[j]).sum::<Vec3>() / joints.len().max(1) as f32
@@ -91,11 +91,11 @@ impl Feet {
     }
 }
 
-/// Tells the contact joints of the left and of the right foot: those of the legs that hang on the
-/// pelvis' left and right.
+/// Finds the contact joints of the left and of the right foot: those of the legs on the pelvis'
+/// left and right.
 ///
 /// # Errors
-/// [`GaitError::NoFeet`] where one side has none.
+/// [`GaitError::NoFeet`] if one side has none.
 pub fn feet(skeleton: &Skeleton) -> Result<Feet, GaitError> {
     let joints = skeleton.contacts.iter().flat_map(|c| &c.joints).copied();
     let (left, right): (Vec<_>, Vec<_>) = joints
@@ -107,9 +107,9 @@ pub fn feet(skeleton: &Skeleton) -> Result<Feet, GaitError> {
     Ok(Feet { left, right })
 }
 
-/// How far to the left of its parent the limb begins that a joint belongs to, metres: of the joints
-/// on the way to the pelvis, the nearest to it that lies beside the middle of the body decides. 0
-/// where none does.
+/// How far to the left of its parent the limb of a joint begins, metres. Of the joints on the way
+/// to the pelvis, the one nearest to it that is not in the middle of the body decides. 0 if there
+/// is none.
 fn side(skeleton: &Skeleton, joint: usize) -> f32 {
     let up = std::iter::successors(Some(joint), |&j| skeleton.joints[j].parent);
     up.filter(|&j| skeleton.joints[j].parent.is_some())
@@ -119,7 +119,7 @@ fn side(skeleton: &Skeleton, joint: usize) -> f32 {
         .unwrap_or(0.0)
 }
 
-/// Headings that never jump by a whole turn.
+/// Headings without jumps by a whole turn.
 pub(super) fn unwrapped(clip: &Clip) -> Vec<f32> {
     let mut last: Option<f32> = None;
     (0..clip.frames())
@@ -132,7 +132,7 @@ pub(super) fn unwrapped(clip: &Clip) -> Vec<f32> {
         .collect()
 }
 
-/// Whole frames of a time span, at least one.
+/// Whole frames of a time span, at least 1.
 fn frames_of(span_s: f32, fps: f32) -> usize {
     ((span_s * fps).round() as usize).max(1)
 }
@@ -152,7 +152,7 @@ where
         .collect()
 }
 
-/// Central differences of a path over the ground, m/s; height is left out.
+/// Central differences of a path over the ground, m/s; height is ignored.
 fn slopes(path: &[Vec3], fps: f32) -> Vec<Vec3> {
     let last = path.len().saturating_sub(1);
     (0..path.len())
@@ -164,15 +164,15 @@ fn slopes(path: &[Vec3], fps: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// Frames whose value is the largest of all within `window` frames and at least [`STRIKE_SHARE`] of
-/// the largest of all.
+/// Frames whose value is the largest within `window` frames, and at least [`STRIKE_SHARE`] of the
+/// overall largest.
 fn peaks(values: &[f32], window: usize) -> Vec<usize> {
     let most = values.iter().copied().fold(0.0, f32::max);
     let mut found: Vec<usize> = Vec::new();
     for f in window..values.len().saturating_sub(window) {
         let near = &values[f - window..=f + window];
         let largest = near.iter().all(|&v| v <= values[f]);
-        // Two equal values side by side are one peak.
+        // Two equal values next to each other are one peak.
         let apart = found.last().is_none_or(|&before| f - before > window);
         if largest && apart && values[f] > STRIKE_SHARE * most {
             found.push(f);
@@ -181,7 +181,7 @@ fn peaks(values: &[f32], window: usize) -> Vec<usize> {
     found
 }
 
-/// The middle value; 0 of none.
+/// The middle value; 0 without values.
 pub(super) fn median(values: &[f32]) -> f32 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f32::total_cmp);

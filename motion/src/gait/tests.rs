@@ -9,7 +9,7 @@ use crate::root::wrap_angle;
 use crate::rotation::{angle_between, yaw};
 use crate::testing::{biped, stand};
 
-/// A walk of the test biped: straight legs that swing, a pelvis that sways, on a line or an arc.
+/// A walk of the test biped: straight swinging legs and a swaying pelvis, on a line or an arc.
 #[derive(Clone, Copy, Debug)]
 struct Steps {
     frames: usize,
@@ -36,7 +36,7 @@ impl Steps {
     fn clip(&self) -> Clip {
         let mut clip = stand(self.frames);
         let travel = Vec3::new(self.left_mps, 0.0, self.forward_mps);
-        // Legs swing along the way: forwards about X, sideways about Z.
+        // Legs swing in the direction of travel: forwards about X, sideways about Z.
         let axis = Vec3::new(-travel.z, 0.0, travel.x).normalize_or_zero();
         let mut ground = Vec3::ZERO;
         for f in 0..self.frames {
@@ -80,7 +80,7 @@ fn a_straight_walk_is_measured() {
 }
 
 #[test]
-fn sideways_and_backwards_start_with_the_foot_that_leads_the_way() {
+fn sideways_and_backwards_start_with_the_leading_foot() {
     for (left, forward) in [(0.6, 0.6), (-0.5, 0.9), (0.0, -0.8)] {
         let steps = Steps {
             left_mps: left,
@@ -116,7 +116,7 @@ fn a_curve_has_a_turning_rate() {
 
 #[test]
 fn the_turning_cycle_is_found_among_straight_ones() {
-    // Straight on, a quarter turn over 45 frames, straight on.
+    // Straight, a quarter turn over 45 frames, straight again.
     let mut clip = Steps { frames: 200, ..WALK }.clip();
     let mut ground = Vec3::ZERO;
     for f in 0..200 {
@@ -141,7 +141,7 @@ fn the_turning_cycle_is_found_among_straight_ones() {
 }
 
 #[test]
-fn clips_without_a_cycle_say_why() {
+fn errors_say_why_a_clip_has_no_cycle() {
     let why = |clip: &Clip| find_cycles(clip, &CycleOptions::default()).unwrap_err();
     assert_eq!(why(&stand(9)), GaitError::TooShort { frames: 9, least: 14 });
     assert_eq!(why(&stand(90)), GaitError::Stands { speed_mps: 0.0 });
@@ -159,10 +159,10 @@ fn clips_without_a_cycle_say_why() {
         frames: 300,
         ..WALK
     };
-    let told = why(&slow.clip());
+    let error = why(&slow.clip());
     assert!(
         matches!(
-            told,
+            error,
             GaitError::Period {
                 shortest: 90,
                 longest: 90,
@@ -170,9 +170,9 @@ fn clips_without_a_cycle_say_why() {
                 most: 75
             }
         ),
-        "{told}"
+        "{error}"
     );
-    // Every stride higher than the one before.
+    // Every stride is higher than the one before.
     let mut climbs = WALK.clip();
     (0..120).for_each(|f| climbs.root_positions[f].y += 0.01 * f as f32);
     assert!(matches!(why(&climbs), GaitError::Open { .. }), "{}", why(&climbs));
@@ -195,16 +195,16 @@ fn a_skeleton_without_sides_has_no_gait() {
 }
 
 #[test]
-fn feet_are_told_by_the_legs_they_hang_on() {
+fn feet_take_the_side_of_their_leg() {
     let feet = feet(&biped()).unwrap();
     assert_eq!((feet.left, feet.right), (vec![3, 4], vec![6, 7]));
 }
 
 #[test]
-fn the_stillest_frame_stands() {
+fn the_stillest_frame_is_the_stand() {
     let mut clip = stand(30);
     for f in 0..30 {
-        // Leans ahead, more slowly until frame 20, and faster again.
+        // Leans ahead, slower and slower until frame 20, then faster again.
         let away = (f as f32 - 20.0) / 30.0;
         clip.root_positions[f].z = away * away;
     }
@@ -217,20 +217,20 @@ fn the_stillest_frame_stands() {
 }
 
 #[test]
-fn who_hops_or_fidgets_does_not_stand() {
+fn hopping_or_fidgeting_is_not_standing() {
     let mut hops = stand(30);
     (0..30).for_each(|f| hops.rotations_at_mut(f)[2] = Quat::from_rotation_x(1.0));
-    let told = find_stand(&hops, &StandOptions::default()).unwrap_err();
+    let error = find_stand(&hops, &StandOptions::default()).unwrap_err();
     assert!(
-        matches!(told, GaitError::Restless { speed_mps, .. } if speed_mps.is_infinite()),
-        "{told}"
+        matches!(error, GaitError::Restless { speed_mps, .. } if speed_mps.is_infinite()),
+        "{error}"
     );
     let mut fidgets = stand(30);
     (0..30).for_each(|f| fidgets.root_positions[f].z = 0.1 * (f % 2) as f32);
-    let told = find_stand(&fidgets, &StandOptions::default()).unwrap_err();
+    let error = find_stand(&fidgets, &StandOptions::default()).unwrap_err();
     assert!(
-        matches!(told, GaitError::Restless { speed_mps, .. } if speed_mps > 1.0),
-        "{told}"
+        matches!(error, GaitError::Restless { speed_mps, .. } if speed_mps > 1.0),
+        "{error}"
     );
 }
 
@@ -270,7 +270,7 @@ proptest! {
         };
         let closed = ClosedCycle::new(&clip, &found[0]);
         let frames = closed.frames() as f32;
-        // A cycle later it stands in the same pose, turned by what it turns, and has gone on along
+        // A cycle later it has the same pose, turned by the cycle's turn, and has travelled along
         // its arc.
         let at = at * frames;
         let (here, pose) = closed.at(at);

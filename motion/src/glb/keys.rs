@@ -5,16 +5,17 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::animation::Interpolation;
 use gltf::animation::util::ReadOutputs;
 
-/// Times in files are rounded; a step that is due must not be missed by that.
+/// Tolerance of a key's time, seconds: times in files are rounded, and a step that is due must not
+/// be missed.
 const ROUNDING_S: f64 = 1e-5;
 
 /// Something that glTF interpolates.
 pub(super) trait Value: Copy {
-    /// Between two keys, linearly or on the sphere.
+    /// Interpolates between two keys, linearly or on the sphere.
     fn between(self, other: Self, t: f64) -> Self;
-    /// A sum with weights, for cubic splines.
+    /// Weighted sum, for cubic splines.
     fn weigh(parts: [(Self, f64); 4]) -> Self;
-    /// Made fit for use: unit length where it is a rotation.
+    /// Makes a value usable: unit length for a rotation.
     fn tidy(self) -> Self;
 }
 
@@ -34,7 +35,7 @@ impl Value for DVec3 {
 
 impl Value for DQuat {
     fn between(self, other: Self, t: f64) -> Self {
-        // The short way round, as the format has it.
+        // The short way round, as the format demands.
         self.slerp(other, t)
     }
 
@@ -57,17 +58,17 @@ impl Value for DQuat {
 /// Keys over time, at least one.
 #[derive(Clone, Debug)]
 pub(super) struct Keys<T> {
-    /// Seconds, rising.
+    /// Seconds, increasing.
     times: Vec<f32>,
-    /// One a key; for a cubic spline three: the tangent towards it, its value, the tangent away
+    /// One a key. For a cubic spline three: the tangent towards it, its value, and the tangent away
     /// from it.
     values: Vec<T>,
     interpolation: Interpolation,
 }
 
 impl<T: Value> Keys<T> {
-    /// The value at a time; before the first key and after the last one theirs. A key
-    /// [`ROUNDING_S`] ahead is reached.
+    /// The value at a time. Before the first key and after the last, theirs. A key up to
+    /// [`ROUNDING_S`] ahead counts as reached.
     pub(super) fn at(&self, time_s: f64) -> T {
         let next = self
             .times
@@ -112,17 +113,16 @@ impl<T: Value> Keys<T> {
     }
 }
 
-/// Keys of what an animation may move of a node.
+/// Keys of a property of a node that an animation may move.
 pub(super) enum Track {
     Translation(Keys<DVec3>),
     Rotation(Keys<DQuat>),
     Scale(Keys<DVec3>),
-    /// Weights of a mesh's shapes, which are no motion of joints.
+    /// Weights of a mesh's shapes, which do not move joints.
     Other,
 }
 
-/// Reads the keys of a channel. What is wrong comes back as the end of a sentence about the
-/// channel.
+/// Reads the keys of a channel. The error is the end of a sentence about the channel.
 pub(super) fn read_track(channel: &gltf::animation::Channel<'_>, bytes: &[u8]) -> Result<Track, String> {
     use gltf::animation::Property;
 
@@ -203,7 +203,8 @@ fn keys<T>(
     }
 }
 
-/// Sees that all of an accessor lies within the file's bytes: the library takes that for granted.
+/// Checks that an accessor lies completely within the file's bytes, which the library takes for
+/// granted.
 fn check_extent(accessor: &gltf::Accessor<'_>, bytes: &[u8]) -> Result<(), String> {
     if accessor.sparse().is_some() {
         return Err("sparse keys are not supported".to_owned());

@@ -1,4 +1,4 @@
-//! Binary glTF 2.0: writing, and (with the feature `files`) reading the animation of a skeleton.
+//! Binary glTF 2.0: writes clips, and (with the feature `files`) reads the animation of a skeleton.
 //! glTF's axes and units are Troupe's own.
 
 #[cfg(feature = "files")]

@@ -10,31 +10,31 @@ use crate::clip::{Clip, MAX_FRAMES};
 use crate::convert::{self, ConvertError, Rules, Source, Transform};
 use crate::skeleton::Skeleton;
 
-/// The most nodes of a file.
+/// Most nodes of a file.
 pub const MAX_NODES: usize = 1 << 14;
-/// Bytes of a file's header.
+/// Length of a file's header, bytes.
 const HEADER_BYTES: usize = 12;
-/// The rate of an animation whose keys do not tell one, frames a second.
+/// Rate of an animation whose keys do not show one, Hz.
 const DEFAULT_FPS: f32 = 30.0;
-/// How unlike the axes of a scale may be: bones would change their lengths as they turn.
+/// Largest ratio between the axes of a scale. Beyond it, bones would change length as they turn.
 const MAX_STRETCH: f64 = 1.01;
-/// A node whose keys differ by less does not move, metres.
+/// A node whose keys differ by less than this does not move, metres.
 const STILL_M: f64 = 1e-4;
 
-/// How an animation becomes a clip.
+/// Options for turning an animation into a clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GlbOptions {
-    /// Frames a second at which the animation is sampled. `None`: those of its keys.
+    /// Rate at which the animation is sampled, Hz. `None`: that of its keys.
     pub fps: Option<f32>,
-    /// The animation's name. `None`: the only one.
+    /// Name of the animation. `None`: the only one.
     pub animation: Option<String>,
-    /// The character's left in the root joint's frame, for clips with a skeleton of their own;
-    /// `None`: told by the joints' names.
+    /// The character's left in the root joint's frame of reference, for clips with their own
+    /// skeleton. `None`: found by the joints' names.
     pub left_axis: Option<Vec3>,
-    /// How far a joint may move in its parent, for clips with a skeleton of their own, metres;
+    /// Farthest that a joint may move in its parent, for clips with their own skeleton, metres;
     /// 0.001 by default.
     pub max_offset_variation_m: f32,
-    /// How far a joint may be from the given skeleton's offset, metres; 0.02 by default.
+    /// Farthest that a joint may be from the given skeleton's offset, metres; 0.02 by default.
     pub max_offset_error_m: f32,
 }
 
@@ -54,40 +54,40 @@ impl Default for GlbOptions {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GlbReadError {
-    /// No glTF, or one that the format does not allow.
+    /// The file is not glTF, or breaks its rules.
     #[error("no binary glTF: {0}")]
     Format(String),
-    /// More than [`MAX_NODES`].
+    /// The file has more than [`MAX_NODES`] nodes.
     #[error("{0} nodes; at most {MAX_NODES} are read")]
     TooManyNodes(usize),
-    /// A node below two others, or below itself.
+    /// A node has two parents, or is below itself.
     #[error("node {0:?} has more than one parent, or is its own")]
     Hierarchy(String),
     /// No animation moves a node.
     #[error("the file has no animation of its nodes")]
     NoAnimation,
-    /// Which of several animations is not said.
+    /// The file has several animations, and none is named.
     #[error("the file has {} animations; say which: {}", .0.len(), .0.join(", "))]
     SeveralAnimations(Vec<String>),
-    /// No animation of that name.
+    /// No animation has this name.
     #[error("no animation {wanted:?}; the file has {}", .names.join(", "))]
     UnknownAnimation {
-        /// The name.
+        /// The unknown name.
         wanted: String,
-        /// Those that there are.
+        /// The names in the file.
         names: Vec<String>,
     },
-    /// A channel that cannot be played.
+    /// A channel cannot be played.
     #[error("animation {animation:?}, node {node:?}: {reason}")]
     Channel {
-        /// The animation's name.
+        /// Name of the animation.
         animation: String,
-        /// The node's name.
+        /// Name of the node.
         node: String,
-        /// What is wrong.
+        /// What is wrong with the channel.
         reason: String,
     },
-    /// A rate that is none.
+    /// The frame rate is not finite and positive.
     #[error("the frame rate must be finite and positive, not {0}")]
     Rate(f32),
     /// The joints do not make a clip.
@@ -95,7 +95,7 @@ pub enum GlbReadError {
     Convert(#[from] ConvertError),
 }
 
-/// A node that is a joint, or stands above one.
+/// A node that is a joint, or above one.
 struct Node {
     name: String,
     parent: Option<usize>,
@@ -108,7 +108,7 @@ struct Node {
     scales: Option<Keys<DVec3>>,
 }
 
-/// An animation of a file, with the nodes that it moves or that skins have as joints.
+/// An animation of a file, with the nodes that it moves and those that are joints of skins.
 pub struct GlbAnimation {
     /// Parents before children.
     nodes: Vec<Node>,
@@ -117,10 +117,10 @@ pub struct GlbAnimation {
     frames: usize,
 }
 
-/// Names of a file's animations, in its order. One without a name has its number: `animation_0`.
+/// Names of a file's animations, in its order. One without a name gets its number: `animation_0`.
 ///
 /// # Errors
-/// [`GlbReadError::Format`].
+/// [`GlbReadError::Format`] if the file is not glTF.
 pub fn animation_names(bytes: &[u8]) -> Result<Vec<String>, GlbReadError> {
     Ok(names(&open(bytes)?))
 }
@@ -128,7 +128,7 @@ pub fn animation_names(bytes: &[u8]) -> Result<Vec<String>, GlbReadError> {
 /// Reads an animation.
 ///
 /// # Errors
-/// [`GlbReadError`]; its text names animation and node.
+/// [`GlbReadError`], with the names of animation and node.
 pub fn parse(bytes: &[u8], options: &GlbOptions) -> Result<GlbAnimation, GlbReadError> {
     let file = open(bytes)?;
     let blob = file.blob.as_deref().unwrap_or_default();
@@ -178,11 +178,12 @@ fn open(bytes: &[u8]) -> Result<gltf::Gltf, GlbReadError> {
     if length.is_none_or(|length| (u32::from_le_bytes(length) as usize) < HEADER_BYTES) {
         return Err(wrong("its header is cut, or tells a length that is none"));
     }
-    let told = |e: gltf::Error| GlbReadError::Format(e.to_string());
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(told)?;
+    let format_error = |e: gltf::Error| GlbReadError::Format(e.to_string());
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice_without_validation(bytes).map_err(format_error)?;
     let mut json = document.into_json();
     keep_motion(&mut json);
-    // The library checks all but these before it takes them for granted.
+    // The library takes these for granted, and checks everything else.
     let mut channels = json.animations.iter().flat_map(|animation| &animation.channels);
     let is_wrong = |target: &gltf::json::animation::Target| {
         target.node.value() >= json.nodes.len() || matches!(target.path, Checked::Invalid)
@@ -192,11 +193,11 @@ fn open(bytes: &[u8]) -> Result<gltf::Gltf, GlbReadError> {
             "a channel of an animation names no node, or no property of one",
         ));
     }
-    let document = gltf::Document::from_json(json).map_err(told)?;
+    let document = gltf::Document::from_json(json).map_err(format_error)?;
     Ok(gltf::Gltf { document, blob })
 }
 
-/// Leaves out what is no motion, so that nothing is refused because of it.
+/// Removes everything but motion, so that nothing else can make a file unreadable.
 fn keep_motion(json: &mut gltf::json::Root) {
     json.meshes.clear();
     json.materials.clear();
@@ -263,7 +264,7 @@ fn rest_node(node: &gltf::Node<'_>) -> Node {
     }
 }
 
-/// The joints and what stands above them, depth first, children in the file's order.
+/// The joints and what is above them, depth first, children in the file's order.
 fn joints(nodes: Vec<Node>) -> Result<Vec<Node>, GlbReadError> {
     let mut wanted = vec![false; nodes.len()];
     for node in 0..nodes.len() {
@@ -295,7 +296,7 @@ fn joints(nodes: Vec<Node>) -> Result<Vec<Node>, GlbReadError> {
         open.extend_from_slice(&children[node]);
     }
     let mut nodes: Vec<Option<Node>> = nodes.into_iter().map(Some).collect();
-    // What no root leads to is in a circle.
+    // Nodes that no root leads to are in a circle.
     let lost = (0..nodes.len()).find(|&node| wanted[node] && place[node].is_none());
     if let Some(node) = lost.and_then(|node| nodes[node].take()) {
         return Err(GlbReadError::Hierarchy(node.name));
@@ -324,8 +325,8 @@ impl GlbAnimation {
         for node in &nodes {
             node.check(name)?;
         }
-        // A thousandth of a frame of slack: times are rounded, and the last frame must not be lost
-        // to that.
+        // A tolerance of a thousandth of a frame: times are rounded, and the last frame must not be
+        // lost.
         let (start_s, length_s) = (f64::from(start), f64::from(end) - f64::from(start));
         let frames = (length_s * f64::from(fps) + 1e-3).floor() + 1.0;
         if frames > MAX_FRAMES as f64 {
@@ -340,26 +341,26 @@ impl GlbAnimation {
         })
     }
 
-    /// A clip with a skeleton of its own: the joints of skins and the nodes that the animation
-    /// moves. What stands above them, and a root that only places its child, is folded into the
-    /// root's transform. Offsets are mean places; the ground is at height 0.
+    /// A clip with its own skeleton: the joints of skins, and the nodes that the animation moves.
+    /// Nodes above them, and a root that only places its child, are folded into the root's
+    /// transform. Offsets are mean places; the ground is at height 0.
     ///
     /// # Errors
-    /// [`GlbReadError::Convert`]; for example a joint below the root that moves in its parent.
+    /// [`GlbReadError::Convert`], for example for a joint below the root that moves in its parent.
     pub fn to_clip(&self, options: &GlbOptions) -> Result<Clip, GlbReadError> {
         Ok(convert::to_clip(self, &options.into())?)
     }
 
-    /// A clip on a given skeleton; joints go by name. Nodes that the skeleton lacks are folded into
-    /// their descendants' world transforms.
+    /// A clip on a given skeleton; joints are matched by name. Nodes that the skeleton lacks are
+    /// folded into their descendants.
     ///
     /// # Errors
-    /// [`GlbReadError::Convert`]; for example joints of the skeleton that the file lacks.
+    /// [`GlbReadError::Convert`], for example if the file lacks joints of the skeleton.
     pub fn to_clip_on(&self, skeleton: &Arc<Skeleton>, options: &GlbOptions) -> Result<Clip, GlbReadError> {
         Ok(convert::to_clip_on(self, skeleton, &options.into())?)
     }
 
-    /// Frames a second at which the animation is sampled.
+    /// Rate at which the animation is sampled, Hz.
     pub fn fps(&self) -> f32 {
         self.fps
     }
@@ -370,7 +371,7 @@ impl GlbAnimation {
     }
 }
 
-/// The rate of the closest keys, a whole number if it is near to one.
+/// The rate of the closest keys; a whole number if it is near to one.
 fn rate<'a>(times: impl Iterator<Item = &'a [f32]>) -> f32 {
     let step = times
         .flat_map(|times| times.windows(2).map(|pair| pair[1] - pair[0]))
@@ -390,7 +391,7 @@ impl Node {
         moves.chain(self.rotations.iter().map(Keys::times))
     }
 
-    /// Refuses a node that stretches what hangs from it.
+    /// Refuses a node that stretches what is below it.
     fn check(&self, animation: &str) -> Result<(), GlbReadError> {
         let wrong = |reason: String| GlbReadError::Channel {
             animation: animation.to_owned(),
@@ -459,7 +460,7 @@ impl Source for GlbAnimation {
 
     fn locals(&self, frame: usize, out: &mut [Transform]) {
         let time_s = self.start_s + frame as f64 / f64::from(self.fps);
-        // How much larger each node's children are than they say.
+        // Scale of each node's children in the world.
         let mut sizes = vec![1.0; self.nodes.len()];
         for (nth, node) in self.nodes.iter().enumerate() {
             let size = node.parent.map_or(1.0, |parent| sizes[parent]);

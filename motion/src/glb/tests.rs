@@ -1,4 +1,4 @@
-//! Animations that are read.
+//! Which animations are read.
 
 use std::path::Path;
 
@@ -13,8 +13,8 @@ use crate::fk::WorldMotion;
 use crate::rotation::angle_between;
 use crate::testing::{biped, walk};
 
-/// A file of one moving node `Hips` below a node `Rig` and with a child `Leg_L`, whose keys are at
-/// 0, 0.5 and 1 second.
+/// A file with one moving node `Hips` below a node `Rig`, with a child `Leg_L`. Keys are at 0, 0.5
+/// and 1 second.
 struct Made {
     json: Value,
     bytes: Vec<u8>,
@@ -102,7 +102,7 @@ impl Made {
     }
 }
 
-/// Hips that go up by a metre of their own in a second.
+/// Hips that rise by a metre, in their own units, in a second.
 fn rising(interpolation: &str) -> Vec<u8> {
     let numbers: &[f32] = match interpolation {
         // In-tangent, value, out-tangent: the same straight line.
@@ -136,7 +136,7 @@ fn close(a: &[f32], b: &[f32]) -> bool {
 #[test]
 fn keys_of_every_interpolation_are_sampled() {
     for (interpolation, wanted) in [
-        // The rig is twice as large as its nodes say.
+        // The rig doubles the size of its nodes.
         ("LINEAR", [0.0, 0.5, 1.0, 1.5, 2.0]),
         ("CUBICSPLINE", [0.0, 0.5, 1.0, 1.5, 2.0]),
         ("STEP", [0.0, 0.0, 1.0, 1.0, 2.0]),
@@ -155,7 +155,7 @@ fn keys_of_every_interpolation_are_sampled() {
 
 #[test]
 fn a_cubic_spline_bends_as_its_tangents_say() {
-    // From 0 to 1 in half a second without a slope at either end: 3t² - 2t³.
+    // From 0 to 1 in half a second with slope 0 at both ends: 3t² - 2t³.
     let numbers = [
         [[0.0; 3], [0.0, 0.0, 0.0], [0.0; 3]],
         [[0.0; 3], [0.0, 1.0, 0.0], [0.0; 3]],
@@ -171,7 +171,7 @@ fn a_cubic_spline_bends_as_its_tangents_say() {
 }
 
 #[test]
-fn what_stands_above_the_joints_is_folded_into_the_root() {
+fn nodes_above_the_joints_are_folded_into_the_root() {
     let quarter = std::f32::consts::FRAC_PI_2;
     let half = (quarter / 2.0).sin();
     let turns = [0.0, 0.0, 0.0, 1.0, half, 0.0, 0.0, half, half, 0.0, 0.0, half];
@@ -203,7 +203,7 @@ fn what_stands_above_the_joints_is_folded_into_the_root() {
 }
 
 #[test]
-fn without_a_rate_it_is_that_of_the_keys() {
+fn the_default_rate_is_that_of_the_keys() {
     let clip = walk(31);
     let animation = parse(&write_glb(&clip).unwrap(), &GlbOptions::default()).unwrap();
     assert_eq!((animation.fps(), animation.frames()), (30.0, 31));
@@ -249,7 +249,7 @@ fn bvh_to_glb_to_bvh_is_the_same_motion() {
 }
 
 #[test]
-fn a_skeleton_takes_its_joints_by_name() {
+fn joints_are_matched_to_a_skeleton_by_name() {
     let bytes = rising("LINEAR");
     let on = |skeleton| parse(&bytes, &at(30.0)).unwrap().to_clip_on(&skeleton, &at(30.0));
     let missing = on(biped()).unwrap_err();
@@ -260,7 +260,7 @@ fn a_skeleton_takes_its_joints_by_name() {
 }
 
 #[test]
-fn which_of_several_animations_must_be_said() {
+fn one_of_several_animations_must_be_named() {
     let mut made = Made::new().channel(1, "translation", "LINEAR", &[0.0; 9]);
     let first = made.json["animations"][0].clone();
     let mut second = first.clone();
@@ -268,7 +268,7 @@ fn which_of_several_animations_must_be_said() {
     made.list("animations").push(second);
     let bytes = made.glb();
     assert_eq!(animation_names(&bytes).unwrap(), ["Go", "animation_1"]);
-    let told = |name: Option<&str>| {
+    let message = |name: Option<&str>| {
         let animation = name.map(str::to_owned);
         parse(
             &bytes,
@@ -280,21 +280,21 @@ fn which_of_several_animations_must_be_said() {
         .err()
         .map(|e| e.to_string())
     };
-    assert_eq!(told(Some("animation_1")), None);
+    assert_eq!(message(Some("animation_1")), None);
     assert!(
-        told(None)
+        message(None)
             .unwrap()
             .contains("2 animations; say which: Go, animation_1")
     );
     assert!(
-        told(Some("Run"))
+        message(Some("Run"))
             .unwrap()
             .contains("no animation \"Run\"; the file has Go, animation_1")
     );
 }
 
 #[test]
-fn what_cannot_be_played_is_named() {
+fn errors_name_what_cannot_be_played() {
     let still = [0.0; 9];
     let moving = || Made::new().channel(1, "translation", "LINEAR", &still);
     let mut cut = moving();
@@ -303,7 +303,7 @@ fn what_cannot_be_played_is_named() {
     backwards.bytes[4..8].copy_from_slice(&2.0_f32.to_le_bytes());
     let mut infinite = moving();
     infinite.bytes[12..16].copy_from_slice(&f32::NAN.to_le_bytes());
-    for (made, told) in [
+    for (made, expected) in [
         (Made::new(), "no animation of its nodes"),
         (cut, "node \"Hips\": its keys reach past the end"),
         (backwards, "node \"Hips\": times do not rise at key 2"),
@@ -343,8 +343,8 @@ fn what_cannot_be_played_is_named() {
         (moving().changed("/bufferViews/1/byteLength", json!(u64::MAX)), ""),
     ] {
         let error = parse(&made.glb(), &at(30.0)).err().map(|e| e.to_string());
-        let error = error.unwrap_or_else(|| panic!("read, but {told}"));
-        assert!(error.contains(told), "{told}: {error}");
+        let error = error.unwrap_or_else(|| panic!("read, but {expected}"));
+        assert!(error.contains(expected), "{expected}: {error}");
     }
 }
 
@@ -363,7 +363,7 @@ fn a_long_animation_is_refused_before_memory_is_taken() {
     ));
 }
 
-/// Real files, where they are at hand: Blender's export of skinned animals, with several animations
+/// Real files, if they are present: Blender's export of skinned animals, with several animations
 /// each.
 #[test]
 fn animals_of_mesh2motion_are_read() {

@@ -1,5 +1,5 @@
-//! Writes a clip as binary glTF 2.0: a node a joint, one animation, and a plain mesh a bone so that
-//! viewers show something.
+//! Writes a clip as binary glTF 2.0: a node for each joint, one animation, and a plain mesh for
+//! each bone so that viewers show something.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -30,8 +30,8 @@ pub enum GlbError {
     TooLarge,
 }
 
-/// A GLB file of `clip`: nodes named as the joints, root translation and all rotations as linear
-/// animation tracks.
+/// The bytes of a GLB file of `clip`. Nodes have the joints' names. Root translation and all
+/// rotations are linear animation tracks.
 ///
 /// # Errors
 /// [`GlbError::TooLarge`] for a clip beyond 4 GiB.
@@ -43,14 +43,14 @@ pub fn write_glb(clip: &Clip) -> Result<Vec<u8>, GlbError> {
     scene.finish()
 }
 
-/// The JSON root and the binary chunk, as they grow.
+/// The JSON root and the binary chunk while they grow.
 #[derive(Default)]
 pub(crate) struct Builder {
     pub(crate) root: Root,
     bytes: Vec<u8>,
 }
 
-/// One animated value of a node: its node, what of it, and the values.
+/// One animated property of a node: node, property, and values.
 pub(crate) type Track = (usize, json::animation::Property, Index<json::Accessor>);
 
 impl Builder {
@@ -144,7 +144,7 @@ impl Builder {
         self.push_animation("motion", times, tracks);
     }
 
-    /// The times of so many frames, from 0 on.
+    /// The times of this many frames, from 0 on.
     pub(crate) fn add_times(&mut self, frames: usize, fps: f32) -> Index<json::Accessor> {
         let times: Vec<f32> = (0..frames).map(|f| f as f32 / fps).collect();
         let last = times.last().copied().unwrap_or(0.0);
@@ -264,7 +264,7 @@ impl Builder {
         })
     }
 
-    /// The document alone, its bytes in a `data:` URI.
+    /// The document alone, with its bytes in a `data:` URI.
     pub(crate) fn into_json(mut self) -> Result<Vec<u8>, GlbError> {
         let uri = format!(
             "data:application/octet-stream;base64,{}",
@@ -309,17 +309,17 @@ impl Builder {
     }
 }
 
-/// Fills up to a multiple of four.
+/// Pads to a multiple of four.
 fn pad(bytes: &mut Vec<u8>, with: u8) {
     bytes.resize(bytes.len().next_multiple_of(4), with);
 }
 
-/// Adds a slim octahedron from the origin to `tip`; nothing for a bone that is too short to see.
+/// Adds a slim octahedron from the origin to `tip`; nothing for a bone that is too short.
 fn octahedron(tip: Vec3, vertices: &mut Vec<Vec3>, indices: &mut Vec<u16>) {
     let Some(along) = tip.try_normalize().filter(|_| tip.length() >= MIN_BONE_M) else {
         return;
     };
-    // All bones of one joint share a mesh; 16-bit corners suffice for ten thousand of them.
+    // All bones of one joint share a mesh; 16-bit indices suffice for ten thousand of them.
     let Ok(base) = u16::try_from(vertices.len()) else {
         return;
     };
@@ -391,11 +391,7 @@ mod tests {
                 .joints
                 .iter()
                 .find(|j| j.parent == Some(node.index()));
-            assert_eq!(
-                node.mesh().is_some(),
-                child.is_some(),
-                "a mesh where there is a bone"
-            );
+            assert_eq!(node.mesh().is_some(), child.is_some(), "a mesh for every bone");
             let (Some(mesh), Some(child)) = (node.mesh(), child) else {
                 continue;
             };

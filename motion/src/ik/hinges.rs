@@ -1,8 +1,8 @@
-//! Limbs of hinges: what [`super::two_bone`] is to ball joints, for robots.
+//! Limbs with hinges: the counterpart of [`super::two_bone`] for robots.
 //!
-//! All hinges of a limb turn a little at a time, by damped least squares (Levenberg-Marquardt),
-//! until its end is where it is to be or comes no nearer; a hinge at its limit stays there while it
-//! would go beyond. The same input gives the same pose.
+//! All hinges of a limb turn together, a little at a time, by damped least squares
+//! (Levenberg-Marquardt), until the limb's end is at its goal or comes no nearer. A hinge at its
+//! limit stays there while it would turn beyond. The same input gives the same pose.
 
 use glam::{Quat, Vec3};
 
@@ -15,54 +15,54 @@ use crate::skeleton::Skeleton;
 const MOST_JOINTS: usize = 24;
 /// Most steps of a solution.
 const STEPS: usize = 40;
-/// Metres that count as much as a radian, where the end's rotation is given.
+/// Metres that count as much as a radian, if the goal has a rotation.
 const METRES_PER_RAD: f32 = 0.1;
-/// What is met well enough, metres (radians are weighed by [`METRES_PER_RAD`]).
+/// A smaller distance counts as met, metres. Radians are weighed by [`METRES_PER_RAD`].
 const MET_M: f32 = 2e-6;
 /// Least and first damping, metres a radian.
 const DAMPING: (f32, f32) = (1e-3, 2e-2);
 /// Beyond this damping nothing moves any more.
 const STUCK: f32 = 10.0;
-/// The most that a hinge turns in a step, radians.
+/// Largest turn of a hinge in a step, radians.
 const MOST_STEP: f32 = 0.5;
 
-/// What a limb's end is to come to.
+/// The goal of a limb's end. At least one of its parts should be given.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Goal {
-    /// Its place in the world, metres.
+    /// World position, metres.
     pub(super) place: Option<Vec3>,
-    /// Its rotation in the world.
+    /// World rotation.
     pub(super) rotation: Option<Quat>,
 }
 
-/// A number for each part of a goal: place, then rotation. Parts that are not given stay 0.
+/// A number for each part of a goal: position, then rotation. Missing parts stay 0.
 type Column = [f32; 6];
 
 /// A joint of the limb.
 #[derive(Clone, Copy, Debug, Default)]
-struct Part {
+struct LimbJoint {
     joint: usize,
-    /// Index among the robot's hinges; none where it is fixed.
+    /// Index among the robot's hinges; none for a fixed joint.
     hinge: Option<usize>,
     angle: f32,
-    /// Where it is in the world, and its axis.
+    /// World position of the joint, and its axis.
     place: Vec3,
     axis: Vec3,
 }
 
-/// The joints from `top` down to `end` as they are in a pose.
+/// The joints from `top` down to `end` in a pose.
 struct Limb<'a> {
     skeleton: &'a Skeleton,
     robot: &'a Robot,
-    parts: [Part; MOST_JOINTS],
+    parts: [LimbJoint; MOST_JOINTS],
     count: usize,
-    /// What the limb hangs from.
+    /// Transform of the parent of the limb's first joint.
     base: (Vec3, Quat),
 }
 
-/// Turns the hinges from `top` down to `end` so that `end` comes to `goal`. Answers how far it is
-/// from the place, metres (0 where none is given); `None`, and nothing changes, where the joints
-/// are no limb or something is not finite. Does not allocate.
+/// Turns the hinges from `top` down to `end` so that `end` comes to `goal`. Returns the remaining
+/// distance to the position, metres (0 without one). Returns `None`, and changes nothing, if the
+/// joints are not a limb or a value is not finite. Does not allocate.
 pub(super) fn solve(
     (skeleton, robot): (&Skeleton, &Robot),
     root: Vec3,
@@ -110,7 +110,7 @@ impl<'a> Limb<'a> {
         rotations: &[Quat],
         (top, end): (usize, usize),
     ) -> Option<Self> {
-        let mut parts = [Part::default(); MOST_JOINTS];
+        let mut parts = [LimbJoint::default(); MOST_JOINTS];
         let mut count = 0;
         let mut at = Some(end);
         loop {
@@ -120,11 +120,11 @@ impl<'a> Limb<'a> {
                 let of = &robot.hinges()[hinge];
                 of.limited(of.angle_of(rotations[joint]))
             });
-            *parts.get_mut(count)? = Part {
+            *parts.get_mut(count)? = LimbJoint {
                 joint,
                 hinge,
                 angle,
-                ..Part::default()
+                ..LimbJoint::default()
             };
             count += 1;
             if joint == top {
@@ -143,7 +143,7 @@ impl<'a> Limb<'a> {
         })
     }
 
-    /// Places the joints by their angles; answers what the end lacks.
+    /// Places the joints by their angles. Returns what the end lacks to its goal.
     fn lacking(&mut self, goal: &Goal, rotations: &[Quat]) -> Column {
         let (mut place, mut rotation) = self.base;
         for part in &mut self.parts[..self.count] {
@@ -166,8 +166,8 @@ impl<'a> Limb<'a> {
         [far.x, far.y, far.z, turn.x, turn.y, turn.z]
     }
 
-    /// What a radian of a hinge moves of the end.
-    fn column(&self, part: &Part, goal: &Goal) -> Column {
+    /// The end's movement for a radian of a hinge.
+    fn column(&self, part: &LimbJoint, goal: &Goal) -> Column {
         let end = self.parts[self.count - 1].place;
         let moves = match goal.place {
             Some(_) => part.axis.cross(end - part.place),
@@ -180,7 +180,7 @@ impl<'a> Limb<'a> {
         [moves.x, moves.y, moves.z, turns.x, turns.y, turns.z]
     }
 
-    /// Turns all hinges a step towards what is lacking.
+    /// Turns all hinges a step towards the goal.
     fn step(&mut self, lacking: &Column, goal: &Goal, damping: f32) {
         let mut columns = [[0.0; 6]; MOST_JOINTS];
         for (column, part) in columns.iter_mut().zip(&self.parts[..self.count]) {
@@ -189,7 +189,7 @@ impl<'a> Limb<'a> {
             }
         }
         let mut turns = [0.0_f32; MOST_JOINTS];
-        // A hinge that would leave its limits stays out of it, and the others make up for it.
+        // A hinge that would leave its limits is left out, and the others make up for it.
         for _ in 0..3 {
             let Some(weights) = weights(&columns[..self.count], lacking, damping) else {
                 return;
@@ -216,7 +216,7 @@ impl<'a> Limb<'a> {
         }
     }
 
-    /// Whether a hinge is at a limit that it would go beyond.
+    /// Whether a hinge is at a limit and would turn beyond.
     fn is_held(&self, nth: usize, turn: f32) -> bool {
         let part = &self.parts[nth];
         part.hinge.is_some_and(|hinge| {
@@ -234,8 +234,8 @@ fn length(of: &Column) -> f32 {
     dot(of, of).sqrt()
 }
 
-/// `(J Jᵀ + damping²)⁻¹ lacking`, with the columns of J, by Cholesky's decomposition. `None` where
-/// rounding leaves none.
+/// `(J Jᵀ + damping²)⁻¹ lacking`, with the columns of J, by Cholesky's decomposition. `None` if
+/// rounding makes that impossible.
 fn weights(columns: &[Column], lacking: &Column, damping: f32) -> Option<Column> {
     let mut l = [[0.0_f32; 6]; 6];
     for row in 0..6 {

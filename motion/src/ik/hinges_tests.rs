@@ -1,4 +1,4 @@
-//! Limbs of the G1.
+//! Limbs of the G1 robot.
 
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
@@ -14,14 +14,14 @@ use crate::skeleton::Skeleton;
 use crate::stance::stance_transition;
 use crate::terrain::{Terrain, lift_motion};
 
-/// Height of the root of [`standing`].
+/// Height of the root of [`standing`], metres.
 const STAND_M: f32 = 0.755;
 
 fn joint(skeleton: &Skeleton, name: &str) -> usize {
     skeleton.joint_index(name).unwrap()
 }
 
-/// The G1 standing with its knees bent a little and its arms down.
+/// The G1 standing with slightly bent knees and its arms down.
 fn standing(skeleton: &Skeleton) -> Vec<Quat> {
     let robot = skeleton.robot.as_ref().unwrap();
     let mut angles = vec![0.0; robot.hinges().len()];
@@ -41,7 +41,7 @@ fn standing(skeleton: &Skeleton) -> Vec<Quat> {
     pose
 }
 
-/// What it takes to bring poses onto the hinges: radians, and hinges beyond their limits.
+/// Largest error of poses on their hinges, radians, and hinges beyond their limits.
 fn misfit(skeleton: &Skeleton, poses: &[Quat]) -> (f32, usize) {
     let mut fitted = Fitted::default();
     poses
@@ -110,7 +110,7 @@ fn legs_and_arms_are_found_through_the_hinges() {
 }
 
 #[test]
-fn what_is_met_already_changes_nothing() {
+fn a_goal_that_is_met_changes_nothing() {
     let skeleton = g1();
     let (pose, root) = (standing(&skeleton), Vec3::Y * STAND_M);
     for leg in legs(&skeleton) {
@@ -124,7 +124,7 @@ fn what_is_met_already_changes_nothing() {
 }
 
 #[test]
-fn a_goal_out_of_reach_is_come_near_to() {
+fn the_limb_comes_near_to_a_goal_out_of_reach() {
     let skeleton = g1();
     let (mut pose, root) = (standing(&skeleton), Vec3::Y * STAND_M);
     let leg = legs(&skeleton)[0];
@@ -136,7 +136,7 @@ fn a_goal_out_of_reach_is_come_near_to() {
         "{short} {}",
         foot.distance(goal)
     );
-    // The leg is nearly straight: what is left is the rest of the way.
+    // The leg is nearly straight, so the rest of the way remains.
     let way = 0.3 - (leg.length_m(&skeleton) - 0.645);
     assert!((0.2..0.31).contains(&short) && way > 0.0, "{short}");
     assert_eq!(misfit(&skeleton, &pose).1, 0);
@@ -194,7 +194,7 @@ fn feet_are_lifted_onto_a_step() {
     for (leg, up) in legs.iter().zip([0.06, 0.0]) {
         let moved = after[leg.foot] - before[leg.foot];
         assert!(moved.distance(Vec3::Y * up) < 1e-3, "{moved}");
-        // Feet keep their rotation: the toes are lifted as much.
+        // Feet keep their rotation: the toes are lifted by the same height.
         let toe = leg.toe.unwrap();
         assert!((after[toe] - before[toe]).distance(Vec3::Y * up) < 2e-3);
     }
@@ -279,7 +279,7 @@ fn crouching_bowing_and_falling_stay_on_the_hinges() {
 
 proptest! {
     #[test]
-    fn a_foot_goes_where_it_is_told_and_keeps_its_rotation(
+    fn a_foot_goes_to_its_goal_and_keeps_its_rotation(
         goal in [-0.06_f32..0.06, 0.03_f32..0.1, -0.05_f32..0.1],
         turn in -0.15_f32..0.15,
         heading in -3.0_f32..3.0,
@@ -299,7 +299,7 @@ proptest! {
         prop_assert!(angle_between(rotation, turned) < 1e-2, "{}", angle_between(rotation, turned));
         let (residual, clamped) = misfit(&skeleton, &pose);
         prop_assert!(residual < 1e-4 && clamped == 0);
-        // Nothing but the leg has changed.
+        // Only the leg has changed.
         for joint in 0..34 {
             let of_leg = (leg.upper..=leg.foot).contains(&joint);
             prop_assert!(of_leg || pose[joint] == before[joint]);

@@ -1,8 +1,8 @@
-//! Which joints are legs and arms: told from contact joints and the lengths of bones.
+//! Finds legs and arms, from contact joints and the lengths of bones.
 //!
-//! A robot has a joint for every hinge, several of them a hand's breadth apart or less where a body
-//! has one: its limbs are the chains of hinges that hang from the trunk, and their middle joint is
-//! the one that leaves two long bones.
+//! A robot has a joint for every hinge, several of them within a hand's breadth where a person has
+//! one. Its limbs are the chains of hinges below the trunk. The middle joint of a limb is the one
+//! that leaves two long bones.
 
 use std::ops::Range;
 
@@ -14,41 +14,41 @@ use crate::skeleton::Skeleton;
 
 use super::two_bone::SHORTEST_BONE_M;
 
-/// The most legs that are found.
+/// Most legs that are found.
 pub const MAX_LEGS: usize = 4;
 
-/// Of two bones that make a leg the shorter is at least this share of the longer.
+/// The shorter bone of a leg is at least this share of the longer.
 const LEAST_LEG_RATIO: f32 = 0.4;
-/// Of two bones that make an arm.
+/// The shorter bone of an arm is at least this share of the longer.
 const LEAST_ARM_RATIO: f32 = 0.4;
-/// Contacts have one byte a frame.
+/// A frame's contacts have one byte.
 const MOST_CONTACTS: usize = 8;
 
-/// A leg: hip, knee and foot, and what touches the ground.
+/// A leg: hip, knee, foot, and its contact joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
-    /// The hip joint, which turns the thigh.
+    /// Index of the hip, which turns the thigh.
     pub upper: usize,
-    /// The knee.
+    /// Index of the knee.
     pub lower: usize,
-    /// The ankle, which the foot hangs from.
+    /// Index of the ankle, the parent of the foot.
     pub foot: usize,
-    /// The contact joint below the foot, where there is one.
+    /// The contact joint below the ankle, if there is one.
     pub toe: Option<usize>,
-    /// Which contact joints the foot and the toe are: the bits of a frame's contacts.
+    /// The bits of a frame's contacts for the ankle and for the toe.
     pub contacts: [Option<usize>; 2],
-    /// Height of the foot and of the toe over the ground that they stand on, metres; 0 where it is
-    /// no contact joint.
+    /// Heights of ankle and toe over the ground when they stand on it, metres; 0 for one that is
+    /// not a contact joint.
     pub clearance_m: [f32; 2],
 }
 
 impl Leg {
-    /// Hip, knee and foot, for [`super::two_bone`].
+    /// Hip, knee and ankle, for [`super::two_bone`].
     pub fn chain(&self) -> [usize; 3] {
         [self.upper, self.lower, self.foot]
     }
 
-    /// The bits of a frame's contacts that are this leg's.
+    /// The bits of a frame's contacts that belong to this leg.
     pub fn contact_bits(&self) -> u8 {
         self.contacts
             .iter()
@@ -56,7 +56,7 @@ impl Leg {
             .fold(0, |bits, &bit| bits | 1 << bit)
     }
 
-    /// Length of thigh and shin together, metres; of a robot's as far as the hinge of its knee
+    /// Length of thigh and shin together, metres. For a robot: as far as the hinge of its knee
     /// stretches them.
     pub fn length_m(&self, skeleton: &Skeleton) -> f32 {
         match &skeleton.robot {
@@ -65,14 +65,14 @@ impl Leg {
         }
     }
 
-    /// Whether foot or toe are in contact; without contact joints of its own it never is.
+    /// Whether ankle or toe is in contact. A leg without contact joints never stands.
     pub(crate) fn stands(&self, contacts: u8) -> bool {
         contacts & self.contact_bits() != 0
     }
 }
 
-/// Where a leg's hip, foot and toe are in the world, frame by frame; a foot without a toe is its
-/// own.
+/// World positions of a leg's hip, ankle and toe, frame by frame. Without a toe, the ankle comes
+/// twice.
 pub(crate) struct LegTrack {
     pub(crate) hips: Vec<Vec3>,
     pub(crate) feet: Vec<Vec3>,
@@ -80,7 +80,7 @@ pub(crate) struct LegTrack {
 }
 
 impl LegTrack {
-    /// In the frames `window` of a motion.
+    /// The track in the frames `window` of a motion.
     pub(crate) fn of(
         skeleton: &Skeleton,
         leg: &Leg,
@@ -90,7 +90,7 @@ impl LegTrack {
     ) -> Self {
         let [hips, feet, toes] = [0; 3].map(|_| vec![Vec3::ZERO; window.len()]);
         let mut track = Self { hips, feet, toes };
-        // The toe hangs from the foot, and the foot from the hip.
+        // The toe is below the ankle, and the ankle below the hip.
         let lowest = leg.toe.unwrap_or(leg.foot);
         for (index, frame) in window.clone().enumerate() {
             let mut note = |joint, position, _| {
@@ -113,10 +113,10 @@ impl LegTrack {
 
 /// The legs of a skeleton, in the order of its contact joints, at most [`MAX_LEGS`].
 ///
-/// From the lowest contact joint of a limb up to the pelvis, thigh and shin are the two bones in a
-/// row of which the shorter is longest. None are found without contact joints or where no two bones
-/// in a row are of similar length: a skeleton without knees. Only the first eight contact joints
-/// count, for a frame's contacts are one byte.
+/// On the way from the lowest contact joint of a limb up to the pelvis, thigh and shin are the two
+/// consecutive bones whose shorter one is longest. There are none without contact joints, or
+/// without two consecutive bones of similar length: a skeleton without knees. Only the first eight
+/// contact joints count, because a frame's contacts have one byte.
 pub fn legs(skeleton: &Skeleton) -> Vec<Leg> {
     let mut legs: Vec<Leg> = Vec::new();
     let Some(contacts) = &skeleton.contacts else {
@@ -134,7 +134,7 @@ pub fn legs(skeleton: &Skeleton) -> Vec<Leg> {
         let bit = |joint| joints.iter().position(|&j| j == joint);
         let toe = Some(lowest).filter(|&joint| joint != chain[2]);
         match legs.iter_mut().find(|leg| leg.foot == chain[2]) {
-            // Heel and toes that hang from one ankle: in the order of the pack.
+            // Heel and toes below one ankle: in the order of the pack.
             Some(leg) if leg.contacts[0].is_none() => {
                 leg.contacts = [leg.contacts[1], bit(lowest)];
                 leg.toe = toe;
@@ -159,8 +159,8 @@ pub fn legs(skeleton: &Skeleton) -> Vec<Leg> {
     legs
 }
 
-/// The arms of a skeleton: limbs of two bones that hang from the body and are no legs, by their
-/// upper, middle and end joint, in the order of joints.
+/// The arms of a skeleton: limbs of two bones below the trunk that are not legs. Each as upper,
+/// middle and end joint, in the order of joints.
 pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
     let legs = legs(skeleton);
     let mut arms: Vec<[usize; 3]> = Vec::new();
@@ -179,9 +179,9 @@ pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
 }
 
 /// The limb of two bones that ends in `joint`, if it can be bent without moving other limbs:
-/// `joint`, its parent and its grandparent, which is not the pelvis, with bones of some length
-/// between them, and nothing but single joints (twists) hanging from them besides. A foot has one
-/// too, the leg. Of a robot it is the chain of hinges that `joint` ends or is fixed to.
+/// `joint`, its parent and its grandparent. The grandparent is not the pelvis, the bones between
+/// them have some length, and only single joints (twists) branch off. A foot has such a limb too,
+/// the leg. For a robot: the chain of hinges that `joint` ends or is fixed to.
 pub fn arm_of(skeleton: &Skeleton, joint: usize) -> Option<[usize; 3]> {
     if let Some(robot) = &skeleton.robot {
         skeleton.joints.get(joint)?;
@@ -204,8 +204,8 @@ pub fn arm_of(skeleton: &Skeleton, joint: usize) -> Option<[usize; 3]> {
         .then_some([upper, middle, joint])
 }
 
-/// The joints of the trunk from the pelvis to the one that the arms hang from; the pelvis alone
-/// where there are no arms.
+/// The joints of the trunk, from the pelvis to the parent of the arms. Only the pelvis without
+/// arms.
 pub(super) fn spine(skeleton: &Skeleton) -> Vec<usize> {
     let mut spine = vec![0];
     let arms = arms(skeleton);
@@ -217,12 +217,12 @@ pub(super) fn spine(skeleton: &Skeleton) -> Vec<usize> {
     spine
 }
 
-/// Whether `joint` is below `other`: a child, a child's child and so on.
+/// Whether `joint` is a descendant of `other`.
 pub(super) fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool {
     upwards(skeleton, joint).skip(1).any(|j| j == other) || (other == 0 && joint != 0)
 }
 
-/// `joint`, its parent and so on, without the pelvis.
+/// `joint` and its ancestors, without the pelvis.
 fn upwards(skeleton: &Skeleton, joint: usize) -> impl Iterator<Item = usize> + '_ {
     std::iter::successors(Some(joint), |&j| skeleton.joints[j].parent).filter(|&j| j != 0)
 }
@@ -235,8 +235,8 @@ fn limb(skeleton: &Skeleton, path: &[usize], least_ratio: f32) -> Option<[usize;
     }
 }
 
-/// The limb of hinges on a path upwards, up to where others hang from the trunk: from its uppermost
-/// hinge to its last, and the hinge between them that leaves the longest shorter bone.
+/// The limb of hinges on a path upwards, up to where other limbs branch off the trunk: its
+/// uppermost hinge, its last, and the hinge between them that leaves the longest shorter bone.
 fn hinged_limb(
     (skeleton, robot): (&Skeleton, &Robot),
     path: &[usize],
@@ -247,11 +247,11 @@ fn hinged_limb(
         let parent = skeleton.joints[joint].parent;
         let beside =
             (1..skeleton.joint_count()).filter(|&j| j != joint && skeleton.joints[j].parent == parent);
-        // What is fixed to a bone hangs from it besides.
+        // What is fixed to a bone also branches off it.
         beside.into_iter().all(|j| is_leaf(skeleton, j) && !has_hinge(&j))
     };
     let within = path.iter().take_while(|&&joint| alone(joint)).count();
-    // The first that is not alone hangs from the trunk.
+    // The first that has siblings belongs to the trunk.
     let limb = &path[..(within + 1).min(path.len())];
     let upper = limb.iter().rev().copied().find(has_hinge)?;
     let end = limb.iter().copied().find(has_hinge)?;
@@ -268,8 +268,8 @@ fn hinged_limb(
     (shorter >= SHORTEST_BONE_M && shorter >= least_ratio * longer).then_some([upper, middle, end])
 }
 
-/// The farthest that the middle hinge of a limb brings its end from its upper joint, metres, with
-/// the other hinges at 0.
+/// Farthest that the middle hinge of a limb brings its end from its upper joint, metres, with the
+/// other hinges at 0.
 fn stretched(of: (&Skeleton, &Robot), [upper, middle, end]: [usize; 3]) -> f32 {
     let ((knee, turned), (foot, _)) = (at_rest(of, upper, middle), at_rest(of, upper, end));
     let Some(hinge) = of.1.hinge_of(middle) else {
@@ -279,16 +279,16 @@ fn stretched(of: (&Skeleton, &Robot), [upper, middle, end]: [usize; 3]) -> f32 {
     longest(knee, foot - knee, axis)
 }
 
-/// How far two bones reach, the second of which turns about an axis against the first: a hinge that
-/// is not square to both never makes them straight.
+/// Reach of two bones, if the second turns about an axis on the first. A hinge that is not square
+/// to both never makes them straight.
 pub(super) fn longest(first: Vec3, second: Vec3, axis: Vec3) -> f32 {
     let along = |bone: Vec3| bone.dot(axis);
     let across = |bone: Vec3| (bone - axis * along(bone)).length();
     (along(first) + along(second)).hypot(across(first) + across(second))
 }
 
-/// Place and rotation of a joint in the frame of one above it, with all hinges between them at 0 or
-/// as near as they can be.
+/// Position and rotation of a joint relative to one above it, with all hinges between them at 0, or
+/// as near to 0 as they can be.
 fn at_rest((skeleton, robot): (&Skeleton, &Robot), upper: usize, lower: usize) -> (Vec3, Quat) {
     let (mut place, mut rotation) = (Vec3::ZERO, Quat::IDENTITY);
     for joint in upwards(skeleton, lower).take_while(|&joint| joint != upper) {
@@ -304,7 +304,7 @@ fn at_rest((skeleton, robot): (&Skeleton, &Robot), upper: usize, lower: usize) -
     (place, rotation)
 }
 
-/// Upper, middle and end joint of the two bones in a row of which the shorter is longest, on a path
+/// Upper, middle and end joint of the two consecutive bones whose shorter one is longest, on a path
 /// upwards.
 fn longest_pair(skeleton: &Skeleton, path: &[usize], least_ratio: f32) -> Option<[usize; 3]> {
     let shorter = |chain: &&[usize]| bone(skeleton, chain[0]).min(bone(skeleton, chain[1]));

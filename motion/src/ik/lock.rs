@@ -1,4 +1,4 @@
-//! Feet that stand still.
+//! Keeps standing feet in place.
 
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -11,41 +11,44 @@ use crate::skeleton::Skeleton;
 use super::two_bone::{STRAIGHTEST, two_bone_soft};
 use super::{Leg, LegTrack, cover, forward, spans};
 
-/// A span that begins this near behind a frame that may not change begins where the foot is: there
+/// A span that begins this near after a frame that may not change begins at the foot's place: there
 /// is no room to fade.
 const ANCHOR_FRAMES: usize = 3;
-/// Frames over which what is not tied to contacts fades in from a frame that may not change.
+/// Frames over which changes that do not depend on contacts fade in from a frame that may not
+/// change.
 const EDGE_FRAMES: usize = 6;
-/// Half the window, frames, that the root's lowering is smoothed over.
+/// Half of the window over which the lowering of the root is smoothed, frames.
 const DROP_HALF_WINDOW: usize = 3;
-/// A foot that is carried to another place between two contacts is lifted by this share of the way,
-/// at most so far, metres.
+/// A foot that is carried to another place between two contacts is lifted by this share of the
+/// distance, at most by the second value, metres.
 const CARRY_SHARE: f32 = 0.2;
 const MAX_CARRY_M: f32 = 0.03;
-/// The share of a leg's length over which it eases towards its reach, or the knee jumps where a
-/// foot that has made it straight is let go. The root comes down for legs that would be straighter,
-/// so that held feet stay where they are.
+/// Share of a leg's length over which it eases towards full reach. Otherwise the knee jumps when a
+/// foot that made the leg straight is released. The root is lowered for straighter legs, so that
+/// held feet stay in place.
 const SOFT_SHARE: f32 = 0.02;
-/// Offsets below this are none, metres.
+/// Smaller offsets count as none, metres.
 const NO_OFFSET_M: f32 = 1e-5;
 
-/// How feet are locked.
+/// Options for holding feet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FootLock {
-    /// The frames that may change; those around are read, for where a foot stands there it must be.
+    /// The frames that may change. The frames around them are read: a foot that stands there fixes
+    /// its place.
     pub range: Range<usize>,
-    /// Shorter contacts are not held, frames, unless they touch a frame that may not change.
+    /// Contacts shorter than this are not held, frames, unless they touch a frame that may not
+    /// change.
     pub min_frames: usize,
-    /// Gaps of this many frames in a contact are closed.
+    /// Gaps of up to this many frames in a contact are closed.
     pub gap_frames: usize,
-    /// Frames over which an offset fades in before a contact and out behind it.
+    /// Frames over which an offset fades in before a contact and out after it.
     pub fade_frames: usize,
-    /// The farthest that a foot is moved over the ground, metres; beyond, it slides.
+    /// Farthest that a foot is moved over the ground, metres. Beyond that it slides.
     pub max_offset_m: f32,
-    /// The most that the root is lowered for a leg that would be too short, metres.
+    /// Farthest that the root is lowered for a leg that would be too short, metres.
     pub max_drop_m: f32,
-    /// Height of the ground in the world, metres, which feet are lifted out of; `None` leaves their
-    /// height alone.
+    /// World height of the ground, out of which feet are lifted, metres. `None` keeps their
+    /// heights.
     pub floor_m: Option<f32>,
 }
 
@@ -64,7 +67,7 @@ impl Default for FootLock {
 }
 
 impl FootLock {
-    /// The defaults, over some frames.
+    /// The defaults, for some frames.
     pub fn over(range: Range<usize>) -> Self {
         Self {
             range,
@@ -73,35 +76,33 @@ impl FootLock {
     }
 }
 
-/// What [`lock_feet`] did.
+/// What [`lock_feet`] changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Locked {
-    /// The farthest that a foot was moved, metres.
+    /// Farthest that a foot was moved, metres.
     pub max_offset_m: f32,
-    /// The most that the root was lowered, metres.
+    /// Farthest that the root was lowered, metres.
     pub max_drop_m: f32,
-    /// The farthest that a leg fell short of its foot's place, metres; infinite where a pose was
-    /// not finite.
+    /// Farthest that a leg remained from its foot's place, metres; infinite if a pose was not
+    /// finite.
     pub max_short_m: f32,
     /// Frames in which a foot was held, summed over the legs.
     pub held_frames: usize,
 }
 
-/// Holds feet still over the ground while they are in contact.
+/// Keeps feet in place over the ground while they are in contact.
 ///
-/// While its toe is in contact a foot is held by the toe, else by its ankle; rolling over the toes
-/// stays. A contact's place is the mean of where the motion had it, so that the leg is moved least;
-/// but a foot that stands on the frame before `options.range` stays where it was there, and one
-/// that stands on the first frame behind it comes to where it is there. (Where both hold and
-/// differ, the foot must slide, and does so evenly.) Between contacts the offset passes from one to
-/// the next, the foot lifted a little as it is carried over, or fades out and in again where there
-/// is time. Heights in contact change only where the ground is given. Feet keep their rotation in
-/// the world. Where a leg would be too short for its foot's place the root is lowered, smoothly and
-/// for both.
+/// A foot is held by its toe while that is in contact, otherwise by its ankle; it still rolls over
+/// the toes. The place of a contact is the mean of its places in the motion, so that the leg moves
+/// least. A foot that stands in the frame before `options.range` keeps its place from there, and
+/// one that stands in the first frame after it comes to its place there. (If both hold and differ,
+/// the foot must slide, and does so evenly.) Between contacts the offset passes from one to the
+/// next, with the foot slightly lifted. If there is time, it fades out and in again instead.
+/// Heights in contact change only if the ground is given. Feet keep their rotation in the world. If
+/// a leg would be too short for its foot's place, the root is lowered, smoothly and for both legs.
 ///
-/// All slices are of the same frames, starting with the same one; `contacts` holds a byte a frame.
-/// Frames outside the range and frames in which nothing is to be done are left bit for bit. Poses
-/// that are not finite stay as they are.
+/// All slices have the same frames; `contacts` has a byte a frame. Frames outside the range, and
+/// frames without anything to do, stay as they are bit for bit. So do poses that are not finite.
 pub fn lock_feet(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -117,7 +118,7 @@ pub fn lock_feet(
     if range.is_empty() || legs.is_empty() {
         return locked;
     }
-    // With the frames next to the range, which are not to change.
+    // Includes the frames next to the range, which must not change.
     let window = range.start.saturating_sub(1)..range.end.saturating_add(1).min(frames);
     let fixed = [window.start < range.start, window.end > range.end];
     let tracks: Vec<Track> = legs
@@ -160,7 +161,7 @@ pub fn lock_feet(
     locked
 }
 
-/// Where a leg is in every frame of the window, and what its foot is to be moved by.
+/// A leg in every frame of the window, and the offset of its foot.
 struct Track {
     leg: LegTrack,
     offsets: Vec<Vec3>,
@@ -196,7 +197,7 @@ impl Track {
         for span in &held {
             self.hold_span(leg, contacts, span, fixed);
         }
-        // Treat frames that may not change as contacts with no offset.
+        // Frames that may not change count as contacts without offset.
         let mut known = held;
         if fixed[0] && known.first().is_none_or(|span| span.start > 0) {
             known.insert(0, 0..1);
@@ -210,7 +211,7 @@ impl Track {
         }
     }
 
-    /// Offsets within one contact: against what the foot slides.
+    /// Offsets within one contact, against the sliding.
     fn hold_span(&mut self, leg: &Leg, contacts: &[u8], span: &Range<usize>, fixed: [bool; 2]) {
         let on = |frame: usize, which: usize| {
             leg.contacts[which].is_some_and(|bit| contacts[frame] & (1 << bit) != 0)
@@ -241,7 +242,7 @@ impl Track {
         }
     }
 
-    /// Offsets between contacts, before the first and behind the last.
+    /// Offsets between contacts, before the first and after the last.
     fn pass_on(&mut self, known: &[Range<usize>], fade: usize) {
         let fading = |distance: usize| 1.0 - smoothstep((distance as f32 / (fade as f32 + 1.0)).min(1.0));
         if let (Some(first), Some(last)) = (known.first(), known.last()) {
@@ -268,7 +269,7 @@ impl Track {
         }
     }
 
-    /// Offsets upwards that keep foot and toe at their clearance over the ground.
+    /// Upward offsets that keep ankle and toe at their clearance over the ground.
     fn lift_out_of(&mut self, floor: f32, leg: &Leg, fixed: [bool; 2]) {
         let frames = self.offsets.len();
         for frame in 0..frames {
@@ -279,7 +280,7 @@ impl Track {
     }
 }
 
-/// From 0 at a frame that may not change to 1 a few frames from it.
+/// From 0 at a frame that may not change to 1 a few frames away.
 fn edge(frame: usize, frames: usize, fixed: [bool; 2]) -> f32 {
     let ramp = |distance: usize| smoothstep((distance as f32 / EDGE_FRAMES as f32).min(1.0));
     let first = if fixed[0] { ramp(frame) } else { 1.0 };
@@ -287,7 +288,7 @@ fn edge(frame: usize, frames: usize, fixed: [bool; 2]) -> f32 {
     first.min(last)
 }
 
-/// How far the root must come down in each frame so that every leg reaches its foot.
+/// How far the root must be lowered in each frame so that every leg reaches its foot.
 fn drops(tracks: &[Track], legs: &[Leg], skeleton: &Skeleton, fixed: [bool; 2], max_drop_m: f32) -> Vec<f32> {
     let frames = tracks.first().map_or(0, |track| track.offsets.len());
     let mut needs = vec![0.0_f32; frames];
@@ -312,8 +313,8 @@ fn drops(tracks: &[Track], legs: &[Leg], skeleton: &Skeleton, fixed: [bool; 2], 
     drops
 }
 
-/// How much lower a hip must be for a foot to be in reach of a leg, metres; 0 where it is or cannot
-/// be.
+/// How much lower a hip must be for its leg to reach a foot, metres. 0 if it does already, or
+/// cannot.
 pub(crate) fn excess_height(hip: Vec3, foot: Vec3, leg_m: f32) -> f32 {
     let over = hip - foot;
     let height = leg_m * leg_m - over.x * over.x - over.z * over.z;

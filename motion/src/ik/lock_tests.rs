@@ -21,8 +21,8 @@ fn lock(motion: &Frames, options: &FootLock) -> (Frames, Locked) {
     (made, locked)
 }
 
-/// The farthest that a foot moves over the ground from one frame to the next while it is held,
-/// metres: its toe while that is in contact in both frames, its ankle while only that is.
+/// Farthest that a held foot moves over the ground between two frames, metres: its toe while that
+/// is in contact in both frames, otherwise its ankle.
 fn slide(motion: &Frames, frames: std::ops::Range<usize>) -> f32 {
     let skeleton = person();
     let mut worst = 0.0_f32;
@@ -79,7 +79,7 @@ fn feet_in_contact_stand_still() {
     assert!(speeds[1] < speeds[0] * 1.3, "no foot jumps: {speeds:?}");
 }
 
-/// The most that a knee is accelerated by, m/s².
+/// Largest acceleration of a knee, m/s².
 fn knee_acceleration(motion: &Frames) -> f32 {
     let skeleton = person();
     let knees = [14, 18].map(|knee| track(&skeleton, &motion.0, &motion.1, knee));
@@ -90,8 +90,8 @@ fn knee_acceleration(motion: &Frames) -> f32 {
 }
 
 #[test]
-fn knees_do_not_jump_where_a_straight_leg_lets_go() {
-    // The faster, the straighter a leg becomes before its contact ends.
+fn knees_do_not_jump_as_a_straight_leg_is_released() {
+    // The faster the walk, the straighter a leg becomes before its contact ends.
     for (faster, max_drop_m, most) in [(1.0, 0.08, 90.0), (1.2, 0.08, 105.0), (1.2, 0.0, 60.0)] {
         let mut before = walk(90);
         before.0.iter_mut().for_each(|root| root.z *= faster);
@@ -124,7 +124,7 @@ fn frames_outside_the_range_stay_bit_for_bit_and_feet_join_them() {
         speeds[1] < speeds[0] * 1.3,
         "no foot jumps at the ends: {speeds:?}"
     );
-    // Within the contact that was under way at its start the foot is where it was shown.
+    // In the contact that was under way at its start, the foot is at the place that was shown.
     for (foot, shift) in [(15, 0), (19, 2)] {
         let toes = track(&skeleton, &after.0, &after.1, foot + 1);
         for frame in range.clone().take_while(|&f| before.2[f] >> shift & 0b10 != 0) {
@@ -152,7 +152,7 @@ fn a_foot_that_must_be_at_two_places_slides_evenly() {
         "the mean is half way: {locked:?}"
     );
     let (held, _) = lock(&before, &FootLock::over(1..32));
-    assert!(slide(&held, 0..32) < 1e-4, "where it was shown");
+    assert!(slide(&held, 0..32) < 1e-4, "at the place that was shown");
 }
 
 #[test]
@@ -214,7 +214,7 @@ fn nothing_to_do_changes_nothing() {
     assert_eq!(
         lock(&before, &FootLock::default()).0,
         before,
-        "feet that stand already"
+        "feet that already stand"
     );
     let mut walking = walk(30);
     walking.2.fill(0);
@@ -246,7 +246,7 @@ fn nothing_to_do_changes_nothing() {
 }
 
 #[test]
-fn odd_numbers_stay_where_they_are() {
+fn values_that_are_not_finite_are_unchanged() {
     let mut before = walk(40);
     before.0[12] = Vec3::NAN;
     before.1[30 * JOINTS + 13] = Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0);
@@ -270,7 +270,7 @@ fn odd_numbers_stay_where_they_are() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn held_feet_stand_whatever_the_contacts(
+    fn held_feet_stand_for_any_contacts(
         flips in proptest::collection::vec((0usize..90, 0u32..4), 0..24),
         start in 0usize..45, length in 1usize..90, shake in 0.0f32..0.01,
     ) {
@@ -286,8 +286,7 @@ proptest! {
         prop_assert!(stretch(&person(), &after.1) < 1e-5);
         prop_assert!(after.1.iter().zip(&before.1).all(|(a, b)| a.is_finite() && a.dot(*b) >= 0.0));
         let end = (start + length).min(90);
-        // Contacts that reach from one end of the range to the other, or nearly, slide where they
-        // must.
+        // Contacts that reach from one end of the range to the other, or nearly, must slide.
         let off = |bits: u8| before.2[start..end].windows(2).skip(2).rev().skip(2).any(|w| (w[0] | w[1]) & bits == 0);
         let free = start == 0 || end == 90 || (off(0b11) && off(0b1100));
         if free && locked.max_short_m < 1e-4 && locked.max_offset_m < 0.249 {

@@ -1,13 +1,13 @@
-//! Inverse kinematics on finished poses: limbs of two bones ([`two_bone`]), feet that stand still
+//! Inverse kinematics on finished poses: limbs of two bones ([`two_bone`]), standing feet
 //! ([`lock_feet`]), and poses from a few points ([`reach_pose`]).
 //!
-//! Nothing here knows joints by name: legs are found by walking up from the skeleton's contact
+//! Nothing here knows joints by name. Legs are found by walking up from the skeleton's contact
 //! joints ([`legs`]), arms ([`arms`]) by their shape. Limbs of robots bend by their hinges, within
 //! the hinges' limits. Rotations are flat and frame-major, joint 0 in the world and the others
-//! parent-relative; contacts are one byte a frame, bit `i` for contact joint `i`. Bones never
-//! stretch: a goal out of reach is come as near to as the limb can, and the distance left is told.
-//! Goals, roots and points that are not finite change nothing, and their distance is told as
-//! infinity. New rotations keep the hemisphere of those they replace.
+//! parent-relative. Contacts have one byte a frame, bit `i` for contact joint `i`. Bones never
+//! stretch: a limb comes as near to a goal out of reach as it can, and the remaining distance is
+//! returned. Goals, roots and points that are not finite change nothing, and their distance is
+//! infinite. New rotations keep the hemisphere of those they replace.
 
 mod hinges;
 mod limbs;
@@ -65,27 +65,27 @@ impl Posed<'_> {
         self.root.is_finite() && self.rotations.iter().all(|q| q.is_finite())
     }
 
-    /// The way that the pelvis faces on the ground, unit length.
+    /// Direction of the pelvis on the ground, unit length.
     pub(crate) fn forward(&self, skeleton: &Skeleton) -> Vec3 {
         forward(skeleton, self.rotations)
     }
 }
 
-/// The way that a pose's pelvis faces on the ground, unit length.
+/// Direction of a pose's pelvis on the ground, unit length.
 pub(crate) fn forward(skeleton: &Skeleton, rotations: &[Quat]) -> Vec3 {
     GlobalRoot::of_pose(Vec3::ZERO, rotations[0], skeleton.left_axis).forward()
 }
 
-/// Frames that were made, not generated.
+/// Frames that were constructed, without a generator.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     /// World positions of joint 0, one a frame, metres.
     pub roots: Vec<Vec3>,
     /// `frames * joints` rotations, joint 0 in the world and the others parent-relative.
     pub rotations: Vec<Quat>,
-    /// Contacts, one byte a frame: the feet that stand.
+    /// Contacts, one byte a frame: the standing feet.
     pub contacts: Vec<u8>,
-    /// The farthest that a leg fell short of where its foot is held, metres.
+    /// Farthest that a leg remained from where its foot is held, metres.
     pub short_m: f32,
 }
 
@@ -95,7 +95,7 @@ impl Motion {
         self.roots.len()
     }
 
-    /// Room for `frames` frames of `joints` joints.
+    /// An empty motion with memory for `frames` frames of `joints` joints.
     pub(crate) fn with_capacity(frames: usize, joints: usize) -> Self {
         Self {
             roots: Vec::with_capacity(frames),
@@ -105,8 +105,8 @@ impl Motion {
         }
     }
 
-    /// Appends a copy of `pose`, each rotation in the hemisphere of that before it, in the last
-    /// frame or else in `first`.
+    /// Appends a copy of `pose`. Each rotation takes the hemisphere of the last frame, or of
+    /// `first` if there is none.
     pub(crate) fn push(&mut self, root: Vec3, pose: &[Quat], contacts: u8, first: &[Quat]) {
         let joints = pose.len();
         let before = self.rotations.len().checked_sub(joints);
@@ -120,11 +120,11 @@ impl Motion {
 }
 
 /// Fades the last `frames` frames (at least one) of a motion into a still pose with a smoothstep,
-/// roots and rotations. The last frame is the pose exactly, up to the signs of its quaternions,
+/// roots and rotations. The last frame is exactly the pose, up to the signs of its quaternions,
 /// which follow the frame before.
 ///
-/// `rotations` holds `joints` rotations for each of `roots`. A root or pose that is not finite or
-/// is too short changes nothing.
+/// `rotations` has `joints` rotations for each of `roots`. A root or pose that is too short or not
+/// finite changes nothing.
 pub fn settle(
     roots: &mut [Vec3],
     rotations: &mut [Quat],

@@ -7,27 +7,27 @@ use crate::skeleton::Skeleton;
 
 use super::{Leg, Posed, Trunk, arm_of, place_end, two_bone};
 
-/// How far hips go back for balance: metres a radian of bow and metres a metre of crouch.
+/// How far the hips move back for balance: metres a radian of bow, and metres a metre of crouch.
 const BACK_PER_BOW: f32 = 0.067;
 const BACK_PER_CROUCH: f32 = 0.28;
 /// Steps in which bows (radians) and crouches (metres) are tried.
 const BOW_STEP: f32 = 0.1;
 const CROUCH_STEP_M: f32 = 0.05;
-/// What a bow (`bow * (1 + bow)`, radians) and a metre of crouch cost in metres of error: a pose is
-/// bent for a reach of a millimetre, but not for nothing, and before a bow becomes deep the knees
-/// bend too.
+/// What a bow (`bow * (1 + bow)`, radians) and a metre of crouch cost, in metres of error. A pose
+/// bends to reach a millimetre farther, but not without a reason. Before a bow becomes deep, the
+/// knees bend too.
 const COST_OF_BOW: f32 = 3e-4;
 const COST_OF_CROUCH: f32 = 3e-3;
 
-/// How far a pose may be bent to reach.
+/// How far a pose may bend to reach its points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReachOptions {
-    /// Where joint 0 is; given, it stays there, and there is no crouch.
+    /// World position of joint 0. If it is given, the root stays there and does not crouch.
     pub root: Option<Vec3>,
-    /// The deepest bow, radians, that the trunk's upper end makes. 1.5 is the deepest in the
-    /// default pack's data.
+    /// Deepest bow of the trunk's upper end, radians. 1.5 is the deepest in the default pack's
+    /// data.
     pub max_bow: f32,
-    /// The deepest crouch, metres that the root comes down.
+    /// Deepest crouch: how far the root may be lowered, metres.
     pub max_crouch_m: f32,
 }
 
@@ -41,26 +41,26 @@ impl Default for ReachOptions {
     }
 }
 
-/// A pose that was made.
+/// A constructed pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reached {
     /// World position of joint 0, metres.
     pub root: Vec3,
     /// One rotation a joint, joint 0 in the world and the others parent-relative.
     pub rotations: Vec<Quat>,
-    /// How far each point is missed, metres, in their order; infinite for a point that is not
-    /// finite or no joint's.
+    /// Distances to the points in their order, metres; infinite for a point that is not finite, or
+    /// whose joint does not exist.
     pub errors_m: Vec<f32>,
-    /// The farthest that a leg falls short of its foot's place, metres.
+    /// Farthest that a leg remained from its foot's place, metres.
     pub short_m: f32,
     /// The bow, radians.
     pub bow: f32,
-    /// How far the root came down, metres.
+    /// How far the root was lowered, metres.
     pub crouch_m: f32,
 }
 
 impl Reached {
-    /// The pose as it was, for input that nothing can be made of.
+    /// The pose unchanged, for input that cannot be used.
     fn of(base: Posed<'_>, points: usize) -> Self {
         Self {
             root: base.root,
@@ -72,7 +72,7 @@ impl Reached {
         }
     }
 
-    /// The pose, to go on with.
+    /// The result as a pose.
     pub fn posed(&self) -> Posed<'_> {
         Posed {
             root: self.root,
@@ -83,14 +83,14 @@ impl Reached {
 
 /// Bends `base` so that some joints come to given points in the world.
 ///
-/// Hands and other ends of limbs ([`arm_of`]) reach by bending the limb, feet and toes by the leg;
-/// feet that are no points stay where `base` has them. Where that is not enough, the trunk bows
-/// forward, arms hanging, and the root comes down, as little as will do, hips going back for
-/// balance. Points of other joints steer bow and crouch but are not met otherwise; a point of joint
-/// 0 is where the root is, as `options.root` is. Out of reach the pose comes as near as it can and
-/// `errors_m` tells how near. The last of two points of one limb counts.
+/// Hands and other ends of limbs ([`arm_of`]) reach by bending the limb; ankles and toes by bending
+/// the leg. Feet without a point stay at their place in `base`. If that is not enough, the trunk
+/// bows forward with hanging arms, and the root is lowered, as little as necessary; the hips move
+/// back for balance. Points of other joints steer bow and crouch, but are not otherwise met. A
+/// point of joint 0 sets the root, like `options.root`. If points are out of reach, the pose comes
+/// as near as it can, and `errors_m` has the distances. Of two points of one limb the last counts.
 ///
-/// A `base` that is not finite or lacks rotations comes back as it is, with all errors infinite.
+/// A `base` that is not finite or lacks rotations is returned unchanged, with infinite errors.
 pub fn reach_pose(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -139,11 +139,11 @@ pub fn reach_pose(
     best.unwrap_or(made)
 }
 
-/// `base` with its root at `root`, bowed forward by `bow` (radians), and its feet where they were:
-/// a seat, a crouch.
+/// `base` with its root at `root`, bowed forward by `bow` (radians), and its feet in place: a seat,
+/// a crouch.
 ///
-/// `errors_m` is empty and `crouch_m` tells how far the root came down. What is not finite leaves
-/// `base` as it is.
+/// `errors_m` is empty, and `crouch_m` says how far the root was lowered. Values that are not
+/// finite leave `base` unchanged.
 pub fn pose_at(skeleton: &Skeleton, legs: &[Leg], base: Posed<'_>, root: Vec3, bow: f32) -> Reached {
     let mut made = Reached::of(base, 0);
     if base.fits(skeleton) && base.is_finite() && root.is_finite() && bow.is_finite() {
@@ -153,7 +153,7 @@ pub fn pose_at(skeleton: &Skeleton, legs: &[Leg], base: Posed<'_>, root: Vec3, b
     made
 }
 
-/// What poses from one base have in common.
+/// What all poses from one base share.
 struct Stance<'a> {
     skeleton: &'a Skeleton,
     legs: &'a [Leg],
@@ -161,7 +161,7 @@ struct Stance<'a> {
     points: &'a [(usize, Vec3)],
     trunk: Trunk,
     forward: Vec3,
-    /// Where each leg's foot stands.
+    /// World position of each leg's foot.
     feet: Vec<Vec3>,
     /// Points that are met by bending a limb.
     reaching: Vec<([usize; 3], Vec3)>,
@@ -198,7 +198,7 @@ impl<'a> Stance<'a> {
         self.base.root - self.forward * back - Vec3::Y * crouch_m
     }
 
-    /// The pose with a given root and bow, into `made`.
+    /// Makes the pose with a given root and bow, into `made`.
     fn pose(&self, root: Vec3, angle: f32, made: &mut Reached) {
         let (skeleton, rotations) = (self.skeleton, &mut made.rotations);
         rotations.copy_from_slice(self.base.rotations);

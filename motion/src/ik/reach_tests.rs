@@ -21,7 +21,7 @@ fn place_of(made: &Reached, joint: usize) -> Vec3 {
 }
 
 #[test]
-fn what_is_near_is_reached_upright() {
+fn a_near_point_is_reached_upright() {
     let point = Vec3::new(-0.15, 1.2, 0.3);
     let made = reach(&[(HAND_R, point)], &ReachOptions::default());
     assert!(made.errors_m[0] < 1e-4 && place_of(&made, HAND_R).distance(point) < 1e-4);
@@ -60,7 +60,7 @@ fn a_table_is_reached_bowing_and_the_floor_crouching() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_told() {
+fn the_distance_to_a_point_out_of_reach_is_returned() {
     let made = reach(&[(HAND_R, Vec3::new(-0.1, 1.2, 2.0))], &ReachOptions::default());
     assert!(
         made.errors_m[0] > 0.8 && made.errors_m[0] < 1.6,
@@ -131,7 +131,7 @@ fn a_seat() {
 }
 
 #[test]
-fn odd_input_comes_back_as_it_is() {
+fn invalid_input_is_returned_unchanged() {
     let (skeleton, pose) = (person(), standing());
     let legs = legs(&skeleton);
     let point = [(HAND_R, Vec3::new(-0.15, 0.9, 0.4)), (HAND_L, Vec3::ONE)];
@@ -174,7 +174,7 @@ fn odd_input_comes_back_as_it_is() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
-    fn points_on_a_table_are_met_whatever_the_heading_and_pose(
+    fn points_on_a_table_are_met_for_any_heading_and_pose(
         pose in near_standing(0.06), heading in -3.1f32..3.1, x in -0.25f32..0.05, height in 0.75f32..1.3, z in 0.25f32..0.4,
     ) {
         let skeleton = person();

@@ -1,9 +1,9 @@
-//! Runs of contact, and series over frames without corners.
+//! Runs of contact, and smooth series over frames.
 
 use std::ops::Range;
 
-/// Runs of frames for which `on` holds: gaps of at most `gap` frames are closed, and runs of fewer
-/// than `least` frames are left out unless they touch the first frame (`keep[0]`) or the last
+/// Runs of frames for which `on` is true. Gaps of at most `gap` frames are closed. Runs of fewer
+/// than `least` frames are dropped, unless they touch the first frame (`keep[0]`) or the last
 /// (`keep[1]`).
 pub(crate) fn spans(
     frames: usize,
@@ -25,7 +25,7 @@ pub(crate) fn spans(
     spans
 }
 
-/// The mean over `half` frames on either side; the first and last value count on beyond the ends.
+/// The mean over `half` frames on either side; the first and last value repeat beyond the ends.
 pub(crate) fn smooth(values: &[f32], half: usize) -> Vec<f32> {
     let at = |index: usize| values[index.saturating_sub(half).min(values.len() - 1)];
     let count = (2 * half + 1) as f32;

@@ -13,11 +13,11 @@ pub(crate) const HAND_R: usize = 12;
 pub(crate) const LEG_L: [usize; 3] = [13, 14, 15];
 pub(crate) const ARM_R: [usize; 3] = [10, 11, 12];
 pub(crate) const JOINTS: usize = 21;
-/// Height of the root of [`standing`].
+/// Height of the root of [`standing`], metres.
 pub(crate) const STAND_M: f32 = 0.9259;
 
-/// A person of the default pack's size and joints, but with bones along the world's axes and arms
-/// to the sides at rest.
+/// A person with the size and joints of the default pack, but with bones along the world's axes
+/// and, at rest, arms to the sides.
 pub(crate) fn person() -> Arc<Skeleton> {
     let arm = |side: f32| {
         [
@@ -70,7 +70,7 @@ pub(crate) fn person() -> Arc<Skeleton> {
     Arc::new(Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap())
 }
 
-/// The person standing: arms down, knees hardly bent, feet level.
+/// The standing person: arms down, knees almost straight, feet level.
 pub(crate) fn standing() -> Vec<Quat> {
     let mut pose = vec![Quat::IDENTITY; JOINTS];
     pose[6] = Quat::from_rotation_z(-1.45);
@@ -85,8 +85,8 @@ pub(crate) fn standing() -> Vec<Quat> {
     pose
 }
 
-/// The standing person walking along +Z at about 1.2 m/s for `frames` frames at 30 Hz, with feet
-/// that slide while they are in contact. Roots, rotations, contacts.
+/// The person walking along +Z at about 1.2 m/s for `frames` frames at 30 Hz. Feet slide while they
+/// are in contact. Returns roots, rotations and contacts.
 pub(crate) fn walk(frames: usize) -> (Vec<Vec3>, Vec<Quat>, Vec<u8>) {
     let (mut roots, mut rotations, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
     for frame in 0..frames {
@@ -114,7 +114,7 @@ pub(crate) fn walk(frames: usize) -> (Vec<Vec3>, Vec<Quat>, Vec<u8>) {
     (roots, rotations, contacts)
 }
 
-/// Where a joint is in each frame.
+/// World positions of a joint, one a frame.
 pub(crate) fn track(skeleton: &Skeleton, roots: &[Vec3], rotations: &[Quat], joint: usize) -> Vec<Vec3> {
     let poses = rotations.chunks_exact(skeleton.joint_count());
     let frames = roots.iter().zip(poses);
@@ -131,7 +131,7 @@ pub(crate) fn positions(skeleton: &Skeleton, root: Vec3, pose: &[Quat]) -> Vec<V
     positions
 }
 
-/// The largest change of a bone's length in any frame, metres.
+/// Largest change of a bone's length in any frame, metres.
 pub(crate) fn stretch(skeleton: &Skeleton, rotations: &[Quat]) -> f32 {
     let mut worst = 0.0_f32;
     for pose in rotations.chunks_exact(skeleton.joint_count()) {
@@ -146,7 +146,7 @@ pub(crate) fn stretch(skeleton: &Skeleton, rotations: &[Quat]) -> f32 {
     worst
 }
 
-/// The fastest that any joint is from one frame to the next, metres a frame.
+/// Fastest movement of any joint between two frames, metres a frame.
 pub(crate) fn fastest(skeleton: &Skeleton, roots: &[Vec3], rotations: &[Quat]) -> f32 {
     let mut worst = 0.0_f32;
     for joint in 0..skeleton.joint_count() {
@@ -159,13 +159,13 @@ pub(crate) fn fastest(skeleton: &Skeleton, roots: &[Vec3], rotations: &[Quat]) -
     worst
 }
 
-/// The same rotation, whatever its sign, bit for bit.
+/// Whether rotations are equal bit for bit, apart from their sign.
 pub(crate) fn same(a: &[Quat], b: &[Quat]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(&a, &b)| a == b || a == -b)
 }
 
-/// A pose near standing: every joint turned by up to about `most` radians, knees only so as knees
-/// do.
+/// A pose near standing: every joint turned by up to about `most` radians, knees only in their
+/// direction.
 pub(crate) fn near_standing(most: f32) -> impl Strategy<Value = Vec<Quat>> {
     proptest::collection::vec([-most..most, -most..most, -most..most], JOINTS).prop_map(|turns| {
         let turned = turns.into_iter().zip(standing()).enumerate();
@@ -181,7 +181,7 @@ pub(crate) fn near_standing(most: f32) -> impl Strategy<Value = Vec<Quat>> {
     })
 }
 
-/// A place in a cube about the origin.
+/// A point in a cube around the origin.
 pub(crate) fn place(most: f32) -> impl Strategy<Value = Vec3> {
     [-most..most, -most..most, -most..most].prop_map(Vec3::from)
 }

@@ -1,4 +1,4 @@
-//! Bowing.
+//! Bowing of the trunk.
 
 use glam::{Quat, Vec3};
 
@@ -10,13 +10,13 @@ use crate::skeleton::Skeleton;
 use super::two_bone::{turn_hinges, turn_limb};
 use super::{arms, forward, limbs};
 
-/// The share of a bow that the pelvis takes; the rest of the trunk shares what is left.
+/// Share of a bow that the pelvis takes; the rest of the trunk shares the remainder.
 const PELVIS_SHARE: f32 = 0.55;
 
-/// What bows, and what hangs from it.
+/// The joints that bow, and the limbs below them.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Trunk {
-    /// From the pelvis up to the joint that the arms hang from.
+    /// From the pelvis up to the parent of the arms.
     spine: Vec<usize>,
     arms: Vec<[usize; 3]>,
 }
@@ -29,9 +29,9 @@ impl Trunk {
         }
     }
 
-    /// Bows a pose forward about the level axis through its left by `angle` (radians), shared by
-    /// the joints of the spine. Arms go on hanging as they did; legs turn with the pelvis. A
-    /// robot's trunk bows as far as its hinges can.
+    /// Bows a pose forward by `angle` (radians) about the level axis through its left, shared by
+    /// the joints of the spine. Arms keep hanging as before; legs turn with the pelvis. A robot's
+    /// trunk bows as far as its hinges allow.
     pub(crate) fn bow(&self, skeleton: &Skeleton, rotations: &mut [Quat], angle: f32) {
         if angle == 0.0 {
             return;
@@ -79,13 +79,13 @@ impl Trunk {
     }
 }
 
-/// Turns a joint so that its rotation in the world is `world`.
+/// Turns a joint so that its rotation in the world becomes `world`.
 pub(crate) fn turn_in_world(skeleton: &Skeleton, pose: &mut [Quat], joint: usize, world: Quat) {
     let local = (above(skeleton, pose, joint).conjugate() * world).normalize();
     pose[joint] = align_sign(local, pose[joint]);
 }
 
-/// The rotation in the world of what a joint hangs from.
+/// World rotation of a joint's parent.
 fn above(skeleton: &Skeleton, pose: &[Quat], joint: usize) -> Quat {
     match skeleton.joints[joint].parent {
         Some(parent) => joint_transform(skeleton, Vec3::ZERO, pose, parent).1,

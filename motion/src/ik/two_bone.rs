@@ -25,22 +25,22 @@ pub(super) const SHORTEST_BONE_M: f32 = 1e-4;
 /// A goal as near as this is met already, metres.
 const MET_M: f32 = 1e-6;
 
-/// Bends a limb so that its end comes to a goal; answers how far it falls short, metres (0 where it
-/// reaches).
+/// Bends a limb so that its end comes to a goal. Returns the remaining distance, metres (0 if it
+/// reaches the goal).
 ///
-/// `chain` is upper, middle and end joint, each somewhere below the one before it; joints between
-/// them move along. The limb keeps the side that its middle joint bends to and turns as little as
-/// it can; where it is straight, or nearly so, it bends towards `pole`, a direction in the world.
-/// `root` and `rotations` are one frame, whose rotations of the upper and the middle joint change
-/// and, with `keep_end_rotation`, that of the end joint, which then keeps its rotation in the
-/// world. A goal that is met already changes nothing at all.
+/// `chain` is upper, middle and end joint, each a descendant of the one before; joints between them
+/// move along. The middle joint keeps the side that it bends to, and the limb turns as little as
+/// possible. A straight limb, or one that is nearly so, bends towards `pole`, a direction in the
+/// world. `root` and `rotations` are one frame. The rotations of the upper and the middle joint
+/// change. With `keep_end_rotation` so does that of the end joint, which then keeps its rotation in
+/// the world. A goal that is already met changes nothing at all.
 ///
-/// The limb becomes no straighter than 0.9995 of its length unless it was, and comes no nearer than
-/// 1 mm to its folded length. Infinity comes back, and nothing changes, where the goal or the pose
-/// is not finite, a bone has no length, or the joints are no chain. Does not allocate.
+/// The limb becomes no straighter than 0.9995 of its length, unless it was, and comes no nearer
+/// than 1 mm to its folded length. Returns infinity, and changes nothing, if the goal or the pose
+/// is not finite, a bone has no length, or the joints are not a chain. Does not allocate.
 ///
-/// A robot's limb bends by all its hinges from the upper joint down, within their limits, and needs
-/// no pole: they say which way.
+/// A robot's limb bends by all its hinges from the upper joint down, within their limits. It needs
+/// no pole: the hinges decide the direction.
 pub fn two_bone(
     skeleton: &Skeleton,
     root: Vec3,
@@ -61,10 +61,10 @@ pub fn two_bone(
     )
 }
 
-/// [`two_bone`] for a goal with the share of its length, less than 1, over which the limb eases
-/// towards its reach. At once, the middle joint would move with the square root of what is left to
-/// it: a goal that comes into reach makes it jump. In return the limb falls short of goals within
-/// that share. One that was straighter eases over what is left to it.
+/// [`two_bone`] for a goal, with the share of the limb's length (less than 1) over which it eases
+/// towards full reach. Otherwise the middle joint would move with the square root of the remaining
+/// length, and jump when a goal comes into reach. In return the limb falls short of goals within
+/// that share. A straighter limb eases over its remaining length.
 pub fn two_bone_soft(
     skeleton: &Skeleton,
     root: Vec3,
@@ -103,7 +103,7 @@ pub fn two_bone_soft(
     bend.short_m
 }
 
-/// Bends a limb as [`two_bone_soft`] does, and turns its end so that its rotation in the world is
+/// Bends a limb as [`two_bone_soft`] does, and turns its end so that its world rotation is
 /// `rotation`.
 pub fn place_end(
     skeleton: &Skeleton,
@@ -127,7 +127,7 @@ pub fn place_end(
     short
 }
 
-/// Turns a limb as a whole, where it hangs from the body, by `turn` in the world.
+/// Turns a whole limb at its root by `turn` in the world.
 pub(crate) fn turn_limb(skeleton: &Skeleton, rotations: &mut [Quat], chain: [usize; 3], turn: Quat) {
     let [upper, middle, _] = chain;
     // The joint that has all the turns between the body and the upper bone.
@@ -142,8 +142,8 @@ pub(crate) fn turn_limb(skeleton: &Skeleton, rotations: &mut [Quat], chain: [usi
     }
 }
 
-/// Turns the hinges from one joint down to another so that its rotation in the world is `rotation`,
-/// as near as they can.
+/// Turns the hinges from one joint down to another so that its world rotation comes as near to
+/// `rotation` as possible.
 pub(super) fn turn_hinges(
     of: (&Skeleton, &Robot),
     rotations: &mut [Quat],
@@ -154,11 +154,11 @@ pub(super) fn turn_hinges(
         place: None,
         rotation: Some(rotation),
     };
-    // Where it is no limb nothing turns.
+    // Joints that are not a limb do not turn.
     let _ = solve(of, Vec3::ZERO, rotations, (top, end), &goal);
 }
 
-/// Bends a limb of hinges; answers how far it falls short.
+/// Bends a limb of hinges. Returns the remaining distance, metres.
 fn bend_hinges(
     of: (&Skeleton, &Robot),
     root: Vec3,
@@ -193,14 +193,14 @@ fn bend_hinges(
         rotation,
     };
     match solve(of, root, rotations, (top, end), &goals) {
-        // Eased and what the hinges lack, at most.
+        // The eased distance plus what the hinges lack, at most.
         Some(off) => off + eased.distance(goal),
         None => f32::INFINITY,
     }
 }
 
-/// How far from its upper joint the end of a limb, which reaches from `folded` to `most`, comes for
-/// a goal at `distance`, where it is `now`.
+/// Distance of a limb's end from its upper joint for a goal at `distance`. The limb reaches from
+/// `folded` to `most`, and its end is at `now`.
 fn reach(distance: f32, now: f32, (folded, most): (f32, f32), soft: f32) -> f32 {
     let straightest = (most * STRAIGHTEST).max(now);
     let folded = (folded + FOLDED_M).min(now);
@@ -208,18 +208,18 @@ fn reach(distance: f32, now: f32, (folded, most): (f32, f32), soft: f32) -> f32 
     ease(distance, eases, straightest).max(folded)
 }
 
-/// Each joint is below the one before it.
+/// Whether each joint is a descendant of the one before.
 fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
     chain[2] < skeleton.joint_count()
         && super::limbs::is_below(skeleton, chain[2], chain[1])
         && super::limbs::is_below(skeleton, chain[1], chain[0])
 }
 
-/// Where a limb is.
+/// The state of a limb.
 struct Limb {
     /// World positions and rotations of the upper, the middle and the end joint.
     joints: [(Vec3, Quat); 3],
-    /// World rotations of the joints that they hang from, the world's own above joint 0.
+    /// World rotations of their parents; the identity above joint 0.
     above: [Quat; 3],
 }
 
@@ -242,15 +242,15 @@ impl Limb {
     }
 }
 
-/// What a limb must do.
+/// The movement of a limb.
 struct Bend {
-    /// How far it falls short, metres.
+    /// Remaining distance to the goal, metres.
     short_m: f32,
-    /// Turns of the upper and the lower bone in the world; `None` where nothing is to be done.
+    /// Turns of the upper and the lower bone in the world. `None` if nothing has to move.
     turns: Option<(Quat, Quat)>,
 }
 
-/// The turns that bring `end` to `goal`; `None` where that cannot be told.
+/// The turns that bring `end` to `goal`. `None` if they cannot be computed.
 fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: Vec3) -> Option<Bend> {
     let (first, second, along) = (middle - upper, end - middle, end - upper);
     let (length_1, length_2) = (first.length(), second.length());
@@ -276,7 +276,7 @@ fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: V
         soft,
     );
 
-    // The plane that the limb bends in, turned along with the line between its ends.
+    // The plane in which the limb bends, turned along with the line between its ends.
     let toward = to
         .try_normalize()
         .or(along.try_normalize())
@@ -309,7 +309,7 @@ fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: V
     })
 }
 
-/// `distance` up to `from`, then on towards `to` without coming there, continuous in value and
+/// `distance` up to `from`; beyond, it approaches `to` without reaching it, continuous in value and
 /// slope.
 fn ease(distance: f32, from: f32, to: f32) -> f32 {
     let (over, room) = (distance - from, to - from);
@@ -319,8 +319,8 @@ fn ease(distance: f32, from: f32, to: f32) -> f32 {
     from + room * (1.0 - (-over / room).exp())
 }
 
-/// The side of `line` that the middle joint lies on, unit length; where it hardly lies on one, that
-/// of the pole.
+/// The side of `line` on which the middle joint lies, unit length. If it hardly lies on one, the
+/// pole's side.
 fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
     let across = |v: Vec3| v - line * v.dot(line);
     let side = across(first);
@@ -332,13 +332,13 @@ fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
         .unwrap_or_else(|| line.any_orthonormal_vector())
 }
 
-/// The shortest turn from one direction to another, both of unit length. Precise for small angles,
-/// unlike [`Quat::from_rotation_arc`], which takes less than 0.7 mrad for none.
+/// The shortest turn between two directions of unit length. Precise for small angles, unlike
+/// [`Quat::from_rotation_arc`], which ignores less than 0.7 mrad.
 fn arc(from: Vec3, to: Vec3) -> Quat {
     let cross = from.cross(to);
     let w = 1.0 + from.dot(to);
     if w < 1e-6 {
-        // Half a turn, about any axis across.
+        // Half a turn, about any perpendicular axis.
         let axis = from.any_orthonormal_vector();
         return Quat::from_xyzw(axis.x, axis.y, axis.z, 0.0);
     }

@@ -97,7 +97,7 @@ fn a_straight_limb_bends_to_the_pole() {
 }
 
 #[test]
-fn what_cannot_be_is_told() {
+fn the_distance_to_a_goal_out_of_reach_is_returned() {
     let skeleton = limb([0.5, 0.3]);
     let solve = |goal: Vec3| {
         let mut pose = vec![Quat::IDENTITY; 4];
@@ -126,7 +126,7 @@ fn what_cannot_be_is_told() {
 }
 
 #[test]
-fn odd_input_changes_nothing() {
+fn invalid_input_changes_nothing() {
     let before = standing();
     let mut pose = before.clone();
     let skeleton = person();
@@ -159,7 +159,7 @@ fn odd_input_changes_nothing() {
         f32::INFINITY
     );
     assert_eq!(pose, before);
-    // A pole that is none is no pole.
+    // An unusable pole has no effect.
     for pole in [Vec3::NAN, Vec3::ZERO, Vec3::NEG_Y] {
         assert_eq!(two_bone(&skeleton, UP, &mut pose, LEG_L, goal, pole, true), 0.0);
         assert!(positions(&skeleton, UP, &pose)[15].distance(goal) < 1e-4);
@@ -179,7 +179,7 @@ fn a_goal_that_is_met_changes_nothing() {
         0.0
     );
     assert_eq!(pose, before, "a straight leg stays straight");
-    // And one that is hardly off changes hardly anything.
+    // A goal that is hardly off changes hardly anything.
     two_bone(
         &skeleton,
         UP,
@@ -235,13 +235,13 @@ proptest! {
         if distance > 0.03 && distance < 0.999 * reach {
             prop_assert!(short < 1e-6 && end.distance(goal) < 1e-4, "missed by {}", end.distance(goal));
         }
-        prop_assert!((end.distance(goal) - short).abs() < 1e-4, "the distance told is the distance");
+        prop_assert!((end.distance(goal) - short).abs() < 1e-4, "the returned distance is the distance");
         let was = joint_transform(&skeleton, root, &pose, chain[2]).1;
         prop_assert!(!keep || angle_between(rotation, was) < 1e-3);
         for joint in 0..JOINTS {
             let changes = joint == chain[0] || joint == chain[1] || (keep && joint == chain[2]);
             prop_assert!(changes || made[joint] == pose[joint]);
-            prop_assert!(made[joint].dot(pose[joint]) >= 0.0, "the hemisphere stays");
+            prop_assert!(made[joint].dot(pose[joint]) >= 0.0, "the hemisphere is kept");
         }
     }
 
@@ -249,7 +249,7 @@ proptest! {
     fn a_goal_that_moves_smoothly_moves_the_limb_smoothly(
         pose in near_standing(0.2), from in place(0.25), to in place(0.25),
     ) {
-        // Goals on a line below the hip, as near as 0.3 m and as far as out of reach.
+        // Goals on a line below the hip, from 0.3 m to out of reach.
         let skeleton = person();
         let hip = positions(&skeleton, UP, &pose)[13];
         let mut before: Option<Vec3> = None;
@@ -259,8 +259,8 @@ proptest! {
             two_bone(&skeleton, UP, &mut made, LEG_L, goal, Vec3::Z, true);
             let knee = positions(&skeleton, UP, &made)[14];
             if let Some(before) = before {
-                // Near the end of its reach a knee moves faster than the foot, by the root of the
-                // bend.
+                // Near the end of its reach, a knee moves faster than the foot: with the root of
+                // the bend.
                 let speed = knee.distance(before);
                 prop_assert!(speed < 0.05 + 4.0 * from.distance(to) / 50.0, "{speed}");
             }

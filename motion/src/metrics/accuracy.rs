@@ -9,11 +9,11 @@ use crate::rotation::align_sign;
 /// L2P: mean over the frames of `range` of the L2 norm of the frame's whole vector of joint
 /// positions, `sqrt(Σ_joints |p - p_gt|²)`, metres.
 ///
-/// LaFAN1's measure without its normalisation of positions by the training set's mean and
-/// deviation, so its figures compare with others of this measure only.
+/// It is LaFAN1's measure without the normalisation of positions by the training set's mean and
+/// deviation. So its figures compare only with others of this measure.
 ///
 /// # Errors
-/// [`MetricError`] where the motions or the range do not fit.
+/// [`MetricError`] if the motions or the range do not fit.
 pub fn l2p_m(motion: &WorldMotion, truth: &WorldMotion, range: Range<usize>) -> Result<f64, MetricError> {
     check_pair(motion, truth, &range)?;
     Ok(mean(range.map(|f| {
@@ -26,10 +26,10 @@ pub fn l2p_m(motion: &WorldMotion, truth: &WorldMotion, range: Range<usize>) -> 
 }
 
 /// L2Q: mean over the frames of `range` of `sqrt(Σ_joints |q - q_gt|²)` on world quaternions, each
-/// taken with the sign that is nearer to ground truth.
+/// with the sign nearer to ground truth.
 ///
 /// # Errors
-/// [`MetricError`] where the motions or the range do not fit.
+/// [`MetricError`] if the motions or the range do not fit.
 pub fn l2q(motion: &WorldMotion, truth: &WorldMotion, range: Range<usize>) -> Result<f64, MetricError> {
     check_pair(motion, truth, &range)?;
     Ok(mean(range.map(|f| {

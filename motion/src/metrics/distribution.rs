@@ -1,14 +1,14 @@
-//! How like two sets of motions are as a whole: FID and MMD between their latents in a motion
+//! How similar two sets of motions are as a whole: FID and MMD between their latents in a motion
 //! autoencoder.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Width of MMD's Gaussian kernel (Jayasumana et al. 2024).
 pub const MMD_SIGMA: f64 = 10.0;
-/// What MMD is multiplied with to be read more easily (Jayasumana et al. 2024).
+/// Factor that makes MMD easier to read (Jayasumana et al. 2024).
 pub const MMD_SCALE: f64 = 1000.0;
 
-/// Latents of windows, all of one length, with the clip that each was cut from.
+/// Latents of windows, all of one length, with the clip that each window was cut from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Latents {
     clips: Vec<usize>,
@@ -19,7 +19,7 @@ impl Latents {
     /// Adds a window's latent; `clip` counts from 0.
     ///
     /// # Panics
-    /// If the latent is not as long as those before.
+    /// If the latent's length differs from those before.
     pub fn push(&mut self, clip: usize, latent: Vec<f32>) {
         if let Some(first) = self.rows.first() {
             assert_eq!(first.len(), latent.len(), "latents of one length");
@@ -43,8 +43,8 @@ impl Latents {
         &self.rows
     }
 
-    /// Every other window from the first on, and every other from the second on: what ground truth
-    /// measures against itself.
+    /// Every other window from the first on, and every other from the second on. Ground truth is
+    /// measured against itself by these halves.
     pub fn halves(&self) -> [Self; 2] {
         let mut halves = [Self::default(), Self::default()];
         for (nth, (&clip, row)) in self.clips.iter().zip(&self.rows).enumerate() {
@@ -53,7 +53,7 @@ impl Latents {
         halves
     }
 
-    /// How many times each window counts, where `times` has it for each clip.
+    /// How many times each window counts, if `times` says so for each clip.
     fn weights<'a>(&'a self, times: &'a [u32]) -> impl Iterator<Item = f64> + 'a {
         self.clips
             .iter()
@@ -61,7 +61,7 @@ impl Latents {
     }
 }
 
-/// The Gaussian that fits a set of latents.
+/// A Gaussian fitted to a set of latents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gaussian {
     mean: DVector<f64>,
@@ -70,7 +70,7 @@ pub struct Gaussian {
 
 impl Gaussian {
     /// Mean and covariance (divided by n - 1) of latents, each counted as often as `times` says of
-    /// its clip. None of fewer than two.
+    /// its clip. None for fewer than two.
     pub fn fit(latents: &Latents, times: &[u32]) -> Option<Self> {
         let total: f64 = latents.weights(times).sum();
         let dims = latents.rows.first()?.len();
@@ -98,9 +98,9 @@ impl Gaussian {
     /// FID (Heusel et al. 2017) of each of the others: the Fréchet distance of two Gaussians,
     /// `|m_a - m_b|² + tr(A + B - 2 (A^½ B A^½)^½)`. In the unit of the latents squared; not scaled.
     ///
-    /// Both square roots are taken through eigenvalues of symmetric matrices. Finite sets measure
-    /// more than 0 even where they come from one distribution, the more the fewer windows they
-    /// have: compare figures of as many windows.
+    /// Both square roots are taken through eigenvalues of symmetric matrices. Finite sets from the
+    /// same distribution still measure more than 0, and more with fewer windows: compare only
+    /// figures with the same number of windows.
     ///
     /// # Panics
     /// If the latents' lengths differ.
@@ -108,7 +108,7 @@ impl Gaussian {
         let root = self.covariance_root();
         others.map(|other| {
             let between = &root * &other.covariance * &root;
-            // Rounding must not leave it a little unsymmetric.
+            // Rounding must not leave it slightly asymmetric.
             let between = (&between + between.transpose()) * 0.5;
             let shared: f64 = between
                 .symmetric_eigenvalues()
@@ -132,10 +132,10 @@ impl Gaussian {
 
 /// MMD (CMMD's, Jayasumana et al. 2024) between two sets of latents: the mean of a Gaussian kernel
 /// `exp(-|x - y|² / (2 σ²))` over all pairs in the first set, plus that in the second, less twice
-/// that between them, times [`MMD_SCALE`]. As in their code the pairs of a latent with itself
-/// count, so it is never below 0.
+/// that between them, times [`MMD_SCALE`]. As in their code, pairs of a latent with itself count,
+/// so it is never below 0.
 ///
-/// The kernel's sums are kept for each pair of clips, so that any choice of clips is measured at
+/// The kernel's sums are stored for each pair of clips, so any choice of clips can be measured at
 /// once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mmd {
@@ -148,7 +148,7 @@ pub struct Mmd {
 }
 
 impl Mmd {
-    /// Takes the kernel of all pairs.
+    /// Computes the kernel of all pairs.
     pub fn between(a: &Latents, b: &Latents) -> Self {
         let clips = a.clips.iter().chain(&b.clips).max().map_or(0, |most| most + 1);
         let count = |of: &Latents| {
@@ -166,7 +166,8 @@ impl Mmd {
         }
     }
 
-    /// The distance, each clip counted as often as `times` says. None where a set has none left.
+    /// The distance, with each clip counted as often as `times` says. None if a set has no clip
+    /// left.
     pub fn value(&self, times: &[u32]) -> Option<f64> {
         let times = |clip: usize| f64::from(times.get(clip).copied().unwrap_or(0));
         let total = |count: &[f64]| -> f64 { count.iter().enumerate().map(|(c, n)| n * times(c)).sum() };
@@ -230,8 +231,7 @@ mod tests {
     #[test]
     fn fid_of_axes_by_hand() {
         // Four corners at ±h have a variance of 4 h² / 3. For diagonal matrices the Fréchet
-        // distance is
-        // |m_a - m_b|² + Σ (√a - √b)².
+        // distance is |m_a - m_b|² + Σ (√a - √b)².
         let (a, b) = (spread([0.0, 0.0], [3.0, 1.0]), spread([1.0, 2.0], [1.0, 4.0]));
         let wanted = 1.0 + 4.0 + (4.0 / 3.0) * ((3.0 - 1.0f64).powi(2) + (1.0 - 4.0f64).powi(2));
         near(fid(&a, &b), wanted);
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn fid_of_correlated_latents_by_hand() {
-        // A = [[2, 1], [1, 2]] (eigenvalues 3 and 1) against B = diag(1, 4). tr (A B)^½ of 2 x 2
+        // A = [[2, 1], [1, 2]] (eigenvalues 3 and 1) and B = diag(1, 4). tr (A B)^½ of 2 x 2
         // matrices is √(tr AB + 2 √det AB) = √(10 + 2 √12).
         let gaussian = |c: [f64; 4]| Gaussian {
             mean: DVector::zeros(2),
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn clips_that_count_twice_are_as_windows_that_are_there_twice() {
+    fn counting_a_clip_twice_equals_having_its_windows_twice() {
         let three = latents(&[&[0.0, 1.0], &[2.0, 0.5], &[-1.0, 3.0]]);
         let more = latents(&[&[0.0, 1.0], &[0.0, 1.0], &[-1.0, 3.0]]);
         let (times, once) = ([2, 0, 1], [1, 1, 1]);

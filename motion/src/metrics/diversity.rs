@@ -1,4 +1,4 @@
-//! Diversity: how far takes of one task are from each other (Tevet et al. 2022, where it is called
+//! Diversity: how far takes of one task are from each other (Tevet et al. 2022, who call it
 //! multimodality).
 
 use std::ops::Range;
@@ -6,11 +6,11 @@ use std::ops::Range;
 use super::{MetricError, check_pair, mean};
 use crate::fk::WorldMotion;
 
-/// Joint diversity: mean over all pairs of takes, the frames of `range` and all joints of the
-/// distance between a joint's two world positions, metres. The paper gives its own without a unit.
+/// Joint diversity: mean distance between a joint's two world positions over all pairs of takes,
+/// the frames of `range` and all joints, metres. The paper gives no unit for its own.
 ///
 /// # Errors
-/// [`MetricError`] where there are fewer than two takes, or they or the range do not fit.
+/// [`MetricError`] for fewer than two takes, or if they or the range do not fit.
 pub fn joint_diversity_m(takes: &[WorldMotion], range: Range<usize>) -> Result<f64, MetricError> {
     if takes.len() < 2 {
         return Err(MetricError::Takes(takes.len()));
@@ -21,11 +21,11 @@ pub fn joint_diversity_m(takes: &[WorldMotion], range: Range<usize>) -> Result<f
     Ok(mean(distances?.into_iter()))
 }
 
-/// Mean over the frames of `range` and all joints of the distance between a joint's world positions
-/// in two motions, metres.
+/// Mean distance between a joint's world positions in two motions over the frames of `range` and
+/// all joints, metres.
 ///
 /// # Errors
-/// [`MetricError`] where the motions or the range do not fit.
+/// [`MetricError`] if the motions or the range do not fit.
 pub fn joint_distance_m(a: &WorldMotion, b: &WorldMotion, range: Range<usize>) -> Result<f64, MetricError> {
     check_pair(a, b, &range)?;
     let part = range.start * a.joints..range.end * a.joints;
@@ -33,8 +33,8 @@ pub fn joint_distance_m(a: &WorldMotion, b: &WorldMotion, range: Range<usize>) -
     Ok(mean(pairs.map(|(a, b)| f64::from(a.distance(*b)))))
 }
 
-/// Latent diversity: mean over all pairs of the Euclidean distance between vectors of one length,
-/// such as the latents of several takes. `None` of fewer than two.
+/// Latent diversity: mean Euclidean distance over all pairs of vectors of one length, such as the
+/// latents of several takes. `None` for fewer than two.
 pub fn mean_pairwise_distance(vectors: &[Vec<f32>]) -> Option<f64> {
     (vectors.len() > 1).then(|| {
         mean(pairs(vectors).map(|(a, b)| {

@@ -1,4 +1,4 @@
-//! How near a body's limbs come to each other, and how hard it is pushed over the ground.
+//! How near a body's limbs come to each other, and how hard it accelerates over the ground.
 
 use std::ops::Range;
 
@@ -10,35 +10,34 @@ use crate::fk::WorldMotion;
 use crate::ik::{Leg, arms, legs};
 use crate::skeleton::Skeleton;
 
-/// Frames of the two running means that take the noise of single frames out of the path of the
+/// Frames of the two running means that remove the noise of single frames from the path of the
 /// root.
 const PATH_FRAMES: usize = 5;
 
 /// Two joints and the straight bone between them.
 type Bone = [usize; 2];
 
-/// The bones of a body whose distances show whether it passes through itself.
+/// The bones whose distances show whether a body passes through itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limbs {
     /// Knee to ankle, by leg.
     shins: Vec<Bone>,
-    /// Ankle to toes, by leg; the ankle alone where nothing hangs from it.
+    /// Ankle to toes, by leg; only the ankle if it has no children.
     feet: Vec<Bone>,
     /// Elbow to hand, by arm.
     forearms: Vec<Bone>,
-    /// From the root joint to the one that the arms hang from.
+    /// From the root joint to the parent of the arms.
     trunk: Option<Bone>,
 }
 
-/// Distances between the axes of limbs in one frame, metres; infinite where the body has no such
-/// two limbs.
+/// Distances between the axes of limbs in one frame, metres; infinite if the body lacks such limbs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimbDistances {
-    /// Between two shins.
+    /// Between the two nearest shins.
     pub shins_m: f32,
-    /// Between two feet.
+    /// Between the two nearest feet.
     pub feet_m: f32,
-    /// Between a forearm and the trunk.
+    /// Between the trunk and the nearest forearm.
     pub arms_m: f32,
 }
 
@@ -48,7 +47,7 @@ impl Limbs {
         let (legs, arms) = (legs(skeleton), arms(skeleton));
         let foot = |leg: &Leg| [leg.foot, leg.toe.unwrap_or(leg.foot)];
         let parent = |joint: usize| skeleton.joints[joint].parent;
-        // A clavicle hangs from what the trunk ends in.
+        // A clavicle is a child of the trunk's end.
         let top = |arm: &[usize; 3]| {
             std::iter::successors(parent(arm[0]), |&joint| parent(joint))
                 .find(|&above| arms.iter().all(|other| is_below(skeleton, other[0], above)))
@@ -65,7 +64,7 @@ impl Limbs {
         }
     }
 
-    /// How near they are to each other in a frame, by the positions of its joints.
+    /// The distances in a frame, from the positions of its joints.
     pub fn distances(&self, positions: &[Vec3]) -> LimbDistances {
         let between = |a: &Bone, b: &Bone| {
             let [a, b] = nearest_points(a.map(|j| positions[j]), b.map(|j| positions[j]));
@@ -89,7 +88,7 @@ impl Limbs {
     /// The least of each distance over the frames of `range`.
     ///
     /// # Errors
-    /// [`MetricError`] where the range does not fit.
+    /// [`MetricError`] if the range does not fit.
     pub fn nearest(&self, motion: &WorldMotion, range: Range<usize>) -> Result<LimbDistances, MetricError> {
         check_range(motion, &range)?;
         let frames = range.map(|frame| self.distances(motion.positions_at(frame)));
@@ -98,7 +97,7 @@ impl Limbs {
 }
 
 impl LimbDistances {
-    /// Of a body without limbs.
+    /// Distances of a body without limbs.
     const FAR: Self = Self {
         shins_m: f32::INFINITY,
         feet_m: f32::INFINITY,
@@ -120,11 +119,11 @@ fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool {
 
 /// Acceleration of the root over the ground, m/s², for each frame of `range` that has
 /// [`ROOT_ACCELERATION_REACH`] frames on either side: the change of the velocity over 5 frames from
-/// one such stretch to the next. A single frame's, as [`super::root_jitter_mps2`] has it, is mostly
+/// one such stretch to the next. That of a single frame ([`super::root_jitter_mps2`]) is mostly
 /// noise.
 ///
 /// # Errors
-/// [`MetricError`] where the range does not fit.
+/// [`MetricError`] if the range does not fit.
 pub fn root_accelerations_mps2(
     motion: &WorldMotion,
     range: Range<usize>,
@@ -144,7 +143,7 @@ pub fn root_accelerations_mps2(
     Ok((first..last).map(at).collect())
 }
 
-/// Frames on either side of one that [`root_accelerations_mps2`] looks at.
+/// Frames on either side that [`root_accelerations_mps2`] reads.
 pub const ROOT_ACCELERATION_REACH: usize = PATH_FRAMES;
 
 #[cfg(test)]
@@ -183,10 +182,10 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_of_the_way_accelerates_and_a_straight_way_does_not() {
+    fn only_a_change_of_direction_accelerates() {
         let skeleton = testing::biped();
         let joints = skeleton.joint_count();
-        // 1.5 m/s along Z, from frame 20 on along X.
+        // 1.5 m/s along Z, and from frame 20 on along X.
         let place = |frame: usize| {
             let (ahead, aside) = (frame.min(20), frame.saturating_sub(20));
             Vec3::new(aside as f32, 20.0, ahead as f32) * 0.05
@@ -201,7 +200,7 @@ mod tests {
         let motion = WorldMotion::from_clip(&clip);
         let all = root_accelerations_mps2(&motion, 0..40, 30.0).unwrap();
         assert_eq!(all.len(), 30);
-        // The change of the velocity, 1.5 √2 m/s, over a sixth of a second.
+        // The velocity changes by 1.5 √2 m/s in a sixth of a second.
         let most = all.iter().copied().fold(0.0, f64::max);
         assert!((most - 1.5 * 2f64.sqrt() * 6.0).abs() < 1e-3, "{most}");
         assert!(all[..5].iter().all(|&a| a < 1e-3));

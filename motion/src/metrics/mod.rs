@@ -1,10 +1,10 @@
 //! Measures of generated motion against ground truth (MotionBricks, section 7.2; L2P, L2Q and NPSS
 //! as in LaFAN1, Harvey et al. 2020).
 //!
-//! Everything is measured on world transforms from forward kinematics ([`WorldMotion`]).
-//! [`evaluate`] measures one in-betweening task; [`Summary`] gathers many, and [`Resamples`] says
-//! how far to trust the means. How like two sets of motions are as a whole, FID and MMD, is
-//! measured in the latent space of a motion autoencoder (feature `distribution`).
+//! All of them use world transforms from forward kinematics ([`WorldMotion`]). [`evaluate`]
+//! measures one in-betweening task, and [`Summary`] gathers many. [`Resamples`] says how reliable
+//! the means are. How similar two sets of motions are as a whole, FID and MMD, is measured in the
+//! latent space of a motion autoencoder (feature `distribution`).
 
 mod accuracy;
 #[cfg(feature = "distribution")]
@@ -43,25 +43,25 @@ pub enum MetricError {
     /// The motions differ in joints or frames, or in rate.
     #[error("the motions differ in {0}")]
     Shape(&'static str),
-    /// No frames to measure over.
+    /// There are no frames to measure.
     #[error("frames {start}..{end} are empty or not in a motion of {frames} frames")]
     Range {
         /// First frame.
         start: usize,
         /// One past the last.
         end: usize,
-        /// Frames of the motion.
+        /// Number of frames.
         frames: usize,
     },
     /// Contacts are measured, but the skeleton has no contact joints.
     #[error("the skeleton has no contact joints")]
     NoContacts,
-    /// Diversity of fewer than two takes.
+    /// Diversity needs at least two takes.
     #[error("diversity is measured over two takes or more, not {0}")]
     Takes(usize),
 }
 
-/// Frames `range` of a motion are there.
+/// Checks that `range` is in a motion.
 fn check_range(motion: &WorldMotion, range: &Range<usize>) -> Result<(), MetricError> {
     if range.is_empty() || range.end > motion.frames() {
         return Err(MetricError::Range {
@@ -73,7 +73,7 @@ fn check_range(motion: &WorldMotion, range: &Range<usize>) -> Result<(), MetricE
     Ok(())
 }
 
-/// Both motions have the same joints and frames, and `range` is in them.
+/// Checks that both motions have the same joints and frames, and that `range` is in them.
 fn check_pair(a: &WorldMotion, b: &WorldMotion, range: &Range<usize>) -> Result<(), MetricError> {
     if a.joints != b.joints {
         return Err(MetricError::Shape("joints"));
@@ -84,7 +84,7 @@ fn check_pair(a: &WorldMotion, b: &WorldMotion, range: &Range<usize>) -> Result<
     check_range(a, range)
 }
 
-/// The mean of an iterator; 0 where it is empty.
+/// The mean; 0 without values.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0u64), |(sum, count), v| (sum + v, count + 1));
     if count == 0 { 0.0 } else { sum / count as f64 }

@@ -10,14 +10,14 @@ use super::{MetricError, check_pair};
 use crate::fk::WorldMotion;
 use crate::rotation::align_sign;
 
-/// Gathers NPSS over many sequences: the mean of all channels' distances, weighted by ground truth
-/// power across the whole set. The mean of the sequences' own NPSS is another number.
+/// Gathers NPSS over many sequences: the mean of all channels' distances, weighted by ground-truth
+/// power over the whole set. The mean of the sequences' own NPSS would be another number.
 ///
 /// For each channel (four a joint, world quaternions): take the discrete Fourier transform over the
 /// frames, square its **real part**, normalise by the sum over frequencies, accumulate over
 /// frequencies, and sum the absolute differences of the two cumulative spectra (an earth mover's
-/// distance). LaFAN1's code drops the imaginary part, so this does too. A channel whose truth has
-/// no power has no weight; one whose motion has none counts as a spectrum of zeros.
+/// distance). LaFAN1's code drops the imaginary part, so this does too. A channel without power in
+/// ground truth has no weight. One without power in the motion counts as a spectrum of zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Npss {
     weighted: f64,
@@ -26,10 +26,10 @@ pub struct Npss {
 
 impl Npss {
     /// Adds the frames `range` of one sequence. Quaternions are first made continuous in time,
-    /// since a rotation's sign says nothing.
+    /// because a rotation's sign has no meaning.
     ///
     /// # Errors
-    /// [`MetricError`] where the motions or the range do not fit.
+    /// [`MetricError`] if the motions or the range do not fit.
     pub fn add(
         &mut self,
         motion: &WorldMotion,
@@ -65,17 +65,17 @@ impl Npss {
         Ok(())
     }
 
-    /// NPSS of everything added; `None` before there was any power.
+    /// NPSS of everything added; `None` if there was no power.
     pub fn value(&self) -> Option<f64> {
         (self.weight > 0.0).then(|| self.weighted / self.weight)
     }
 
-    /// Adds what another gathered.
+    /// Adds what another has gathered.
     pub fn merge(&mut self, other: &Self) {
         self.merge_times(other, 1);
     }
 
-    /// Adds what another gathered, as if it had been gathered so many times.
+    /// Adds what another has gathered, `times` times.
     pub(super) fn merge_times(&mut self, other: &Self, times: u32) {
         self.weighted += other.weighted * f64::from(times);
         self.weight += other.weight * f64::from(times);
@@ -85,7 +85,7 @@ impl Npss {
 /// NPSS of one sequence over the frames `range`.
 ///
 /// # Errors
-/// [`MetricError`] where the motions or the range do not fit.
+/// [`MetricError`] if the motions or the range do not fit.
 pub fn npss(motion: &WorldMotion, truth: &WorldMotion, range: Range<usize>) -> Result<f64, MetricError> {
     let mut all = Npss::default();
     all.add(motion, truth, range)?;
@@ -106,7 +106,7 @@ fn continuous_channels(motion: &WorldMotion, joint: usize, range: Range<usize>, 
     }
 }
 
-/// Squared real part of the discrete Fourier transform. The plain sum: gaps have at most a few
+/// Squared real part of the discrete Fourier transform, as a plain sum: gaps have at most a few
 /// dozen frames.
 fn power_spectrum(signal: &[f64], cosines: &[f64], out: &mut [f64]) {
     let n = signal.len();

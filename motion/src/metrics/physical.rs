@@ -9,9 +9,9 @@ use crate::contacts;
 use crate::fk::WorldMotion;
 use crate::skeleton::{ContactParams, Skeleton};
 
-/// Height over the clearance at which skating stops counting, metres (Zhang et al. 2018).
+/// Height over the clearance from which skating does not count, metres (Zhang et al. 2018).
 const SKATE_HEIGHT_M: f32 = 0.025;
-/// How deep a joint may be below its clearance before it counts as penetration, metres.
+/// Depth of a joint below its clearance that does not yet count as penetration, metres.
 const PENETRATION_TOLERANCE_M: f32 = 0.005;
 
 fn contacts_of(skeleton: &Skeleton) -> Result<&ContactParams, MetricError> {
@@ -22,14 +22,14 @@ fn contacts_of(skeleton: &Skeleton) -> Result<&ContactParams, MetricError> {
         .ok_or(MetricError::NoContacts)
 }
 
-/// Foot skate: mean over the frames of `range` and the contact joints of the horizontal distance
-/// since the frame before, weighted by `clamp(2 - 2^(h / 0.025), 0, 1)`, h the height over the
-/// joint's clearance; metres a frame.
+/// Foot skate: mean horizontal distance since the frame before, over the frames of `range` and the
+/// contact joints, weighted by `clamp(2 - 2^(h / 0.025), 0, 1)`, h the height over the joint's
+/// clearance. Metres a frame.
 ///
-/// Frame 0 has no frame before it and is left out.
+/// Frame 0 has no frame before it, and does not count.
 ///
 /// # Errors
-/// [`MetricError`] where the range does not fit or the skeleton has no contact joints.
+/// [`MetricError`] if the range does not fit or the skeleton has no contact joints.
 pub fn foot_skate_m_per_frame(
     skeleton: &Skeleton,
     motion: &WorldMotion,
@@ -56,7 +56,7 @@ pub fn foot_skate_m_per_frame(
 /// `max(0, clearance - 5 mm - height)`, metres.
 ///
 /// # Errors
-/// [`MetricError`] where the range does not fit or the skeleton has no contact joints.
+/// [`MetricError`] if the range does not fit or the skeleton has no contact joints.
 pub fn penetration_m(
     skeleton: &Skeleton,
     motion: &WorldMotion,
@@ -78,10 +78,10 @@ pub fn penetration_m(
 }
 
 /// Contact accuracy: share (0 to 1) of the frames of `range` and contact joints in which the
-/// contact computed from the motion ([`contacts::detect`]) is that of ground truth.
+/// contact computed from the motion ([`contacts::detect`]) equals that of ground truth.
 ///
 /// # Errors
-/// [`MetricError`] where the motions or the range do not fit or the skeleton has no contact joints.
+/// [`MetricError`] if the motions or the range do not fit or the skeleton has no contact joints.
 pub fn contact_accuracy(
     skeleton: &Skeleton,
     motion: &WorldMotion,
@@ -97,12 +97,13 @@ pub fn contact_accuracy(
     Ok(mean(pairs.map(|(a, b)| f64::from(u8::from(a == b)))))
 }
 
-/// Accuracy of contacts that a network says: share (0 to 1) of the frames of `range` and contact
-/// joints in which `said` (one number for each frame and contact joint, from 0 to 1, a contact from
-/// one half on) is the contact computed from ground truth's motion ([`contacts::detect`]).
+/// Accuracy of contacts that a network predicts: share (0 to 1) of the frames of `range` and
+/// contact joints in which `said` equals the contact computed from ground truth's motion
+/// ([`contacts::detect`]). `said` has one number for each frame and contact joint, from 0 to 1; a
+/// contact begins at one half.
 ///
 /// # Errors
-/// [`MetricError`] where the numbers or the range do not fit or the skeleton has no contact joints.
+/// [`MetricError`] if the numbers or the range do not fit or the skeleton has no contact joints.
 pub fn contact_prediction_accuracy(
     skeleton: &Skeleton,
     said: &[f32],
@@ -124,29 +125,29 @@ pub fn contact_prediction_accuracy(
 /// Joint jitter: mean over the frames of `range` and all joints of the acceleration's magnitude
 /// `|p[t+1] - 2 p[t] + p[t-1]| * fps²`, m/s².
 ///
-/// The neighbours of the range's ends lie outside it, so a jump at the seam counts; the motion's
-/// own first and last frame are left out.
+/// The neighbours of the range's ends lie outside it, so a jump at the seam counts. The motion's
+/// own first and last frame do not count.
 ///
 /// # Errors
-/// [`MetricError`] where the range does not fit.
+/// [`MetricError`] if the range does not fit.
 pub fn joint_jitter_mps2(motion: &WorldMotion, range: Range<usize>, fps: f32) -> Result<f64, MetricError> {
     jitter(motion, range, fps, 0..motion.joints)
 }
 
-/// Root jitter: [`joint_jitter_mps2`] of joint 0 alone.
+/// Root jitter: [`joint_jitter_mps2`] of joint 0 only.
 ///
 /// # Errors
-/// [`MetricError`] where the range does not fit.
+/// [`MetricError`] if the range does not fit.
 pub fn root_jitter_mps2(motion: &WorldMotion, range: Range<usize>, fps: f32) -> Result<f64, MetricError> {
     jitter(motion, range, fps, 0..1)
 }
 
 /// Joint accelerations: `|p[t+1] - 2 p[t] + p[t-1]| * fps²` of every joint in the frames of
-/// `range`, m/s², frame by frame. The neighbours count as in [`joint_jitter_mps2`], whose values
-/// these are. Gather those of several motions for [`percentile`].
+/// `range`, m/s², frame by frame. Neighbours count as in [`joint_jitter_mps2`], whose values these
+/// are. Those of several motions may be gathered for [`percentile`].
 ///
 /// # Errors
-/// [`MetricError`] where the range does not fit.
+/// [`MetricError`] if the range does not fit.
 pub fn joint_accelerations_mps2(
     motion: &WorldMotion,
     range: Range<usize>,
@@ -156,12 +157,12 @@ pub fn joint_accelerations_mps2(
     Ok(accelerations(motion, range, fps, 0..motion.joints).collect())
 }
 
-/// The value below which a share of all joint accelerations ([`joint_accelerations_mps2`]) lies,
-/// m/s²; 0.999 is the 99.9th percentile, which a pop at a seam would raise. 0 where the range has
-/// no frame with two neighbours.
+/// The value below which this share of all joint accelerations ([`joint_accelerations_mps2`]) lies,
+/// m/s². 0.999 is the 99.9th percentile, which a pop at a seam raises. 0 if the range has no frame
+/// with two neighbours.
 ///
 /// # Errors
-/// [`MetricError`] where the range does not fit.
+/// [`MetricError`] if the range does not fit.
 pub fn joint_acceleration_percentile_mps2(
     motion: &WorldMotion,
     range: Range<usize>,
@@ -172,8 +173,8 @@ pub fn joint_acceleration_percentile_mps2(
     Ok(percentile(values, share).unwrap_or(0.0))
 }
 
-/// The value below which a share (0 to 1) of `values` lies, between the two nearest by their
-/// distance. `None` of none.
+/// The value below which this share (0 to 1) of `values` lies, interpolated between the two
+/// nearest. `None` without values.
 pub fn percentile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let place = share.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
@@ -191,7 +192,7 @@ fn jitter(
     Ok(mean(accelerations(motion, range, fps, joints)))
 }
 
-/// Accelerations of some joints, frame by frame, where a frame has two neighbours.
+/// Accelerations of some joints, frame by frame, for frames with two neighbours.
 fn accelerations(
     motion: &WorldMotion,
     range: Range<usize>,

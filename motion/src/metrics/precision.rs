@@ -1,4 +1,4 @@
-//! Precision: how well keyframes and the target root are met.
+//! Precision: how closely keyframes and the target root are met.
 
 use std::ops::Range;
 
@@ -7,16 +7,16 @@ use crate::clip::Clip;
 use crate::fk::WorldMotion;
 use crate::root::wrap_angle;
 
-/// How near the target root must be to count as reached, metres.
+/// Largest distance at which the target root counts as reached, metres.
 pub const REACH_DISTANCE_M: f32 = 0.05;
-/// How near the target heading must be to count as reached, radians (15°).
+/// Largest difference at which the target heading counts as reached, radians (15°).
 pub const REACH_ANGLE_RAD: f32 = 15.0 * std::f32::consts::PI / 180.0;
 
-/// The largest joint position error over the frames of `range`, metres. (The paper takes the
-/// largest rather than the mean, since that is what an eye sees.)
+/// Largest joint position error over the frames of `range`, metres. (The paper takes the largest
+/// instead of the mean, because that is what viewers see.)
 ///
 /// # Errors
-/// [`MetricError`] where the motions or the range do not fit.
+/// [`MetricError`] if the motions or the range do not fit.
 pub fn keyframe_error_m(
     motion: &WorldMotion,
     truth: &WorldMotion,
@@ -30,11 +30,11 @@ pub fn keyframe_error_m(
     Ok(f64::from(largest))
 }
 
-/// The largest distance (in 3D: ground plane and height) of the root from ground truth over the
-/// frames of `range`, metres.
+/// Largest distance (in 3D: ground plane and height) of the root from ground truth over the frames
+/// of `range`, metres.
 ///
 /// # Errors
-/// [`MetricError`] where the motions or the range do not fit.
+/// [`MetricError`] if the motions or the range do not fit.
 pub fn root_error_m(
     motion: &WorldMotion,
     truth: &WorldMotion,
@@ -57,7 +57,7 @@ pub fn reached(clip: &Clip, truth: &Clip, frame: usize) -> bool {
         && wrap_angle(a.heading - b.heading).abs() <= REACH_ANGLE_RAD
 }
 
-/// The larger, but NaN where either is: a broken frame must not look like a perfect one.
+/// The larger, or NaN if either is: a broken frame must not look perfect.
 fn nan_max(a: f32, b: f32) -> f32 {
     if a.is_nan() || a > b { a } else { b }
 }

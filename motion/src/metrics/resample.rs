@@ -1,4 +1,4 @@
-//! Confidence intervals by resampling clips, or pieces of long ones.
+//! Confidence intervals by resampling clips, or pieces of long clips.
 
 use std::num::NonZero;
 use std::thread;
@@ -13,16 +13,16 @@ const TAIL: f64 = 0.025;
 /// A measured value with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The value measured.
+    /// The measured value.
     pub mean: f64,
-    /// Lower end of the interval. None where too few clips were measured to tell.
+    /// Lower end of the interval. None if too few clips were measured.
     pub low: Option<f64>,
     /// Upper end of the interval.
     pub high: Option<f64>,
 }
 
 impl Estimate {
-    /// A value about which no interval is known.
+    /// A value without an interval.
     pub fn bare(mean: f64) -> Self {
         Self {
             mean,
@@ -32,13 +32,13 @@ impl Estimate {
     }
 }
 
-/// The bootstrap: sets of clips drawn from those measured, each as many as there are, with
-/// replacement.
+/// The bootstrap: sets of clips drawn with replacement from those measured, each with as many
+/// clips.
 ///
-/// Clips are drawn and not windows, because windows of one clip are alike: taken as independent
-/// they would make intervals too narrow. Where clips are few and long, pieces of them may stand for
-/// clips. The nth set depends on nothing but the seed and n, so that all measures are taken on the
-/// same sets and the same seed gives the same intervals.
+/// Clips are drawn, and not windows, because windows of one clip are alike: treated as independent
+/// they would make intervals too narrow. If clips are few and long, pieces of them may take their
+/// place. The nth set depends only on the seed and n. So all measures use the same sets, and the
+/// same seed gives the same intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resamples {
     clips: usize,
@@ -66,10 +66,10 @@ impl Resamples {
         times
     }
 
-    /// 95 % percentile intervals of measures: `of` takes the times that each clip is counted, and
-    /// gives the measures of that set, or none where they cannot be taken.
+    /// 95 % percentile intervals of measures. `of` gets the times that each clip counts, and
+    /// returns the measures of that set, or none if they cannot be computed.
     ///
-    /// None where there are fewer than two clips, or no set could be measured.
+    /// None for fewer than two clips, or if no set could be measured.
     pub fn intervals<const N: usize>(
         &self,
         of: impl Fn(&[u32]) -> Option<[f64; N]> + Sync,
@@ -86,12 +86,12 @@ impl Resamples {
         })
     }
 
-    /// As [`Self::intervals`], with each interval moved so that the mean of the sets' values comes
-    /// to lie on the value measured, but not below 0.
+    /// As [`Self::intervals`], with each interval moved so that the mean of the sets' values equals
+    /// the measured value, but not below 0.
     ///
-    /// For distances between distributions, which are above 0 by chance alone: a set that has some
-    /// clips twice and others not at all measures more than all clips do, so that the plain
-    /// interval may lie above the value.
+    /// This is for distances between distributions, which exceed 0 by chance alone. A set with some
+    /// clips twice and others missing measures more than all clips do, so a plain interval may lie
+    /// above the value.
     pub fn centred<const N: usize>(
         &self,
         measured: [f64; N],
@@ -110,8 +110,8 @@ impl Resamples {
         })
     }
 
-    /// The figures of tasks that were gathered clip by clip, each with its interval, in the order
-    /// of [`Figures::NAMES`]. None without any task.
+    /// The figures of tasks gathered clip by clip, each with its interval, in the order of
+    /// [`Figures::NAMES`]. None without tasks.
     pub fn figures(&self, clips: &[Summary]) -> Option<[Estimate; Figures::NAMES.len()]> {
         let gathered = |times: &[u32]| {
             let mut all = Summary::default();
@@ -130,15 +130,15 @@ impl Resamples {
         }))
     }
 
-    /// The mean of values that were measured on clips, `(clip, value)`, with its interval. None of
-    /// no value.
+    /// The mean of values measured on clips, `(clip, value)`, with its interval. None without
+    /// values.
     pub fn mean(&self, values: &[(usize, f64)]) -> Option<Estimate> {
         let counted: Vec<_> = values.iter().map(|&(clip, value)| (clip, value, 1.0)).collect();
         self.ratio(&counted)
     }
 
-    /// The ratio of the sums of two values that were measured on clips, `(clip, above, below)`,
-    /// with its interval. None where those below are 0 altogether.
+    /// The ratio of the sums of two values measured on clips, `(clip, above, below)`, with its
+    /// interval. None if those below sum to 0.
     pub fn ratio(&self, values: &[(usize, f64, f64)]) -> Option<Estimate> {
         let mut sums = vec![(0.0, 0.0); self.clips];
         for &(clip, above, below) in values {
@@ -161,7 +161,7 @@ impl Resamples {
         })
     }
 
-    /// The measures of every set, in order, on all cores.
+    /// The measures of every set, in order, computed on all cores.
     fn measure<const N: usize>(&self, of: impl Fn(&[u32]) -> Option<[f64; N]> + Sync) -> Vec<[f64; N]> {
         if self.clips < 2 || self.count == 0 {
             return Vec::new();
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_of_a_mean_is_that_of_statistics() {
+    fn the_interval_of_a_mean_agrees_with_theory() {
         // 100 clips with the values 0 to 99: the mean is 49.5 and its standard error 28.87 / 10.
         let mean = |times: &[u32]| {
             let sum: f64 = times
@@ -242,7 +242,7 @@ mod tests {
 
     #[test]
     fn centred_intervals_hold_the_value() {
-        // Every set measures 2 more than all clips do, and one half of them 0.5 more still.
+        // Every set measures 2 more than all clips do, and half of them another 0.5.
         let lifted = |times: &[u32]| Some([3.0 + f64::from(times[0].min(1)) * 0.5]);
         let [found] = Resamples::new(9, 400, 0).centred([1.0], lifted);
         let (low, high) = (found.low.unwrap(), found.high.unwrap());
@@ -299,7 +299,7 @@ mod tests {
         let of = |name| figures[Figures::NAMES.iter().position(|other| *other == name).unwrap()];
         let error = of("target_root_error_m");
         assert!((error.mean - 0.07 / 3.0).abs() < 1e-6, "{error:?}");
-        // The sets are clip 0 alone, clip 1 alone, and both.
+        // The sets are clip 0, clip 1, and both.
         assert!((error.low.unwrap() - 0.01).abs() < 1e-6 && (error.high.unwrap() - 0.03).abs() < 1e-6);
         let (means, values) = (all.figures().unwrap().values(), figures.map(|f| f.mean));
         assert!(means.iter().zip(values).all(|(a, b)| (a - b).abs() < 1e-12));

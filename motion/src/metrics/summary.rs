@@ -1,4 +1,4 @@
-//! All measures of one task, and their gathering over many.
+//! All measures of one task, and their means over many tasks.
 
 use std::ops::Range;
 
@@ -11,8 +11,7 @@ use super::{
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 
-/// The parts of an in-betweening task: context frames, gap, target frames, without holes between
-/// them.
+/// The parts of an in-betweening task, without holes: context frames, gap, target frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Task {
     /// Frames given at the start.
@@ -24,36 +23,36 @@ pub struct Task {
 }
 
 impl Task {
-    /// All frames together.
+    /// Number of frames of all parts.
     pub fn frames(&self) -> usize {
         self.context_frames + self.gap_frames + self.target_frames
     }
 
-    /// The context frames.
+    /// Indices of the context frames.
     pub fn context(&self) -> Range<usize> {
         0..self.context_frames
     }
 
-    /// The frames to fill.
+    /// Indices of the frames to fill.
     pub fn gap(&self) -> Range<usize> {
         self.context_frames..self.context_frames + self.gap_frames
     }
 
-    /// The target frames.
+    /// Indices of the target frames.
     pub fn targets(&self) -> Range<usize> {
         self.context_frames + self.gap_frames..self.frames()
     }
 }
 
-/// The measures that have a value for each task; see the functions of this module for their
-/// definitions. In the gap only, unless the name says context or target.
+/// The measures that have a value for each task; the functions of this module define them. Over the
+/// gap only, unless the name says context or target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Figures {
     /// [`l2p_m`].
     pub l2p_m: f64,
     /// [`l2q`].
     pub l2q: f64,
-    /// NPSS. Over many tasks not the mean but weighted by power; see [`Npss`].
+    /// NPSS. Over many tasks it is not the mean, but weighted by power; see [`Npss`].
     pub npss: f64,
     /// [`foot_skate_m_per_frame`].
     pub foot_skate_m_per_frame: f64,
@@ -73,25 +72,25 @@ pub struct Figures {
     pub context_root_error_m: f64,
     /// [`root_error_m`] over the target frames.
     pub target_root_error_m: f64,
-    /// 1 where the last target's root was [`reached`], else 0; over many tasks the share.
+    /// 1 if the last target's root was [`reached`], otherwise 0; over many tasks the share.
     pub reaching_success: f64,
 }
 
 /// One task's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
-    /// The figures.
+    /// The measures of the task.
     pub figures: Figures,
     /// NPSS with its weight, for [`Summary`].
     pub npss: Npss,
 }
 
-/// Measures `clip` against `truth`, both of exactly the task's frames, on the same joints and at
-/// the same rate.
+/// Measures `clip` against `truth`. Both have exactly the task's frames, the same joints and the
+/// same rate.
 ///
 /// # Errors
-/// [`MetricError`] where the clips do not fit each other or the task, a part of the task is empty,
-/// or the skeleton has no contact joints.
+/// [`MetricError`] if the clips do not fit each other or the task, a part of the task is empty, or
+/// the skeleton has no contact joints.
 pub fn evaluate(clip: &Clip, truth: &Clip, task: Task) -> Result<Evaluation, MetricError> {
     if clip.frames() != task.frames() || truth.frames() != task.frames() {
         return Err(MetricError::Shape("frames"));
@@ -123,7 +122,7 @@ pub fn evaluate(clip: &Clip, truth: &Clip, task: Task) -> Result<Evaluation, Met
     Ok(Evaluation { figures, npss })
 }
 
-/// Means over many tasks; NPSS weighted by power across all of them.
+/// Means over many tasks; NPSS is weighted by power across all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     count: u64,
@@ -139,14 +138,14 @@ impl Summary {
         self.sums = self.sums.zip(&evaluation.figures, |a, b| a + b);
     }
 
-    /// Adds what another gathered, as if it had been gathered so many times.
+    /// Adds what another has gathered, `times` times.
     pub fn merge(&mut self, other: &Self, times: u32) {
         self.count += other.count * u64::from(times);
         self.npss.merge_times(&other.npss, times);
         self.sums = self.sums.zip(&other.sums, |a, b| a + b * f64::from(times));
     }
 
-    /// Tasks added.
+    /// Number of tasks.
     pub fn count(&self) -> u64 {
         self.count
     }
@@ -164,7 +163,7 @@ impl Summary {
 }
 
 impl Figures {
-    /// What the figures are called in reports, in the order of [`Self::values`].
+    /// Names of the figures in reports, in the order of [`Self::values`].
     pub const NAMES: [&'static str; 13] = [
         "l2p_m",
         "l2q",

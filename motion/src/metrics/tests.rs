@@ -18,7 +18,7 @@ fn world(clip: &Clip) -> WorldMotion {
     WorldMotion::from_clip(clip)
 }
 
-/// A clip of one joint whose rotation is `(w, x, y, z)` a frame, as given: not made unit.
+/// A clip of one joint with the rotations `(w, x, y, z)` as given, without normalising them.
 fn signal(frames: &[[f32; 4]]) -> WorldMotion {
     let rotations = frames
         .iter()
@@ -64,7 +64,7 @@ fn l2q_does_not_see_signs() {
     );
 }
 
-/// NPSS as LaFAN1's Python has it, written out: full complex transform, then its real part.
+/// NPSS as LaFAN1's Python computes it, written out: full complex transform, then its real part.
 fn reference_npss(motion: &[Vec<f64>], truth: &[Vec<f64>]) -> f64 {
     let spectrum = |x: &[f64]| -> Vec<f64> {
         let n = x.len() as f64;
@@ -106,9 +106,9 @@ fn reference_npss(motion: &[Vec<f64>], truth: &[Vec<f64>]) -> f64 {
 
 #[test]
 fn npss_by_hand() {
-    // Four frames: a constant has all its power at frequency 0; alternating signs have it at
-    // frequency 2. The cumulative spectra are 1 1 1 1 and 0 0 1 1, two apart. (Quaternion (1, x, 0,
-    // 0); w is the same in both, with power 16.)
+    // Four frames: a constant has all its power at frequency 0, and alternating signs at frequency
+    // 2. The cumulative spectra are 1 1 1 1 and 0 0 1 1, two apart. (Quaternion (1, x, 0, 0); w is
+    // the same in both, with power 16.)
     let truth = signal(&[[1.0, 0.5, 0.0, 0.0]; 4]);
     let flip = |t: usize| [1.0, if t.is_multiple_of(2) { 0.5 } else { -0.5 }, 0.0, 0.0];
     let motion = signal(&[flip(0), flip(1), flip(2), flip(3)]);
@@ -118,7 +118,7 @@ fn npss_by_hand() {
 }
 
 #[test]
-fn npss_is_that_of_the_reference() {
+fn npss_equals_the_reference() {
     let (motion, truth) = (walk(40), walk(40).slice(5..40).unwrap());
     let motion = motion.slice(0..35).unwrap();
     let (motion, truth) = (world(&motion), world(&truth));
@@ -139,8 +139,7 @@ fn npss_is_that_of_the_reference() {
 fn npss_does_not_see_signs() {
     let truth = world(&walk(30));
     let mut flipped = truth.clone();
-    // From frame 12 on every rotation is written with the other sign, as after a careless
-    // conversion.
+    // From frame 12 on every rotation has the other sign, as after a careless conversion.
     flipped.rotations[12 * 8..].iter_mut().for_each(|q| *q = -*q);
     near(npss(&flipped, &truth, 0..30).unwrap(), 0.0);
 }
@@ -202,7 +201,7 @@ fn penetration_has_five_millimetres_of_grace() {
 #[test]
 fn contact_accuracy_is_a_share() {
     let (truth, mut clip) = (stand(10), stand(10));
-    // Off the ground in frames 5..8. Landing in frame 8 is too fast to be a contact, so four frames
+    // Off the ground in frames 5..8. Landing in frame 8 is too fast for a contact, so four frames
     // of ten are wrong.
     (5..8).for_each(|f| clip.root_positions[f].y += 0.5);
     near(
@@ -216,9 +215,9 @@ fn contact_accuracy_is_a_share() {
 }
 
 #[test]
-fn contacts_that_are_said_are_set_against_those_of_the_motion() {
-    // Standing, so that all four are contacts: one of frame 1's is denied and one doubted, frame 2
-    // is off altogether.
+fn predicted_contacts_are_compared_with_those_of_the_motion() {
+    // Standing, so all four are contacts. In frame 1 one is denied and one doubtful; frame 2 is
+    // completely wrong.
     let truth = world(&stand(3));
     let said = [1.0; 4]
         .into_iter()
@@ -241,11 +240,11 @@ fn jitter_is_acceleration() {
     }
     near(root_jitter_mps2(&world(&clip), 2..5, 30.0).unwrap(), 36.0);
     near(joint_jitter_mps2(&world(&clip), 0..8, 30.0).unwrap(), 36.0);
-    // A jump at the seam, 1 cm: seen by both frames beside it, one of which is in the gap.
+    // A jump of 1 cm at the seam: both frames beside it see it, one of which is in the gap.
     let mut jump = stand(8);
     (4..8).for_each(|f| jump.root_positions[f].x = 0.01);
     near(root_jitter_mps2(&world(&jump), 4..8, 30.0).unwrap(), 9.0 / 3.0);
-    // One joint alone: the spine's end swings, the rest stands.
+    // A single joint: the spine's end swings, the rest stands.
     let mut nod = stand(3);
     nod.rotations_at_mut(1)[0] = Quat::from_rotation_y(0.1);
     assert!(joint_jitter_mps2(&world(&nod), 1..2, 30.0).unwrap() > 0.0);
@@ -254,7 +253,7 @@ fn jitter_is_acceleration() {
 
 #[test]
 fn the_highest_percentile_sees_a_pop_that_the_mean_does_not() {
-    // 200 frames of y = t² · 0.2 mm (0.36 m/s²), all eight joints; one frame is 1 cm aside: 9 m/s²
+    // 200 frames of y = t² · 0.2 mm (0.36 m/s²), all eight joints. One frame is 1 cm off: 9 m/s²
     // beside it, 18 at it.
     let pop = |off: f32| {
         let mut clip = stand(200);
@@ -304,7 +303,7 @@ fn keyframe_errors_are_the_largest() {
 }
 
 #[test]
-fn a_broken_frame_is_no_perfect_one() {
+fn a_broken_frame_does_not_look_perfect() {
     let (truth, mut clip) = (stand(3), stand(3));
     clip.root_positions[1].x = f32::NAN;
     assert!(
@@ -384,7 +383,7 @@ fn a_task_is_measured_in_its_parts() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn motions_that_do_not_fit_are_refused() {
     let (a, b) = (stand(8), stand(9));
     let (wa, wb) = (world(&a), world(&b));
     assert_eq!(l2p_m(&wa, &wb, 0..2), Err(MetricError::Shape("frames")));

@@ -4,25 +4,25 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// One thing that a model may be able to do.
+/// Something that a model may be able to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Capability {
     /// Fill the gap between keyframes.
     Inbetween,
     /// Drive live characters.
     Live,
-    /// Follow a path.
+    /// Follow a path over the ground.
     Path,
-    /// Act out words.
+    /// Make motion of a text.
     Text,
-    /// Put a motion into words.
+    /// Describe a motion in words.
     Describe,
     /// Move several characters in one job.
     Agents,
 }
 
 impl Capability {
-    /// All of them.
+    /// Every capability once.
     pub const ALL: [Self; 6] = [
         Self::Inbetween,
         Self::Live,
@@ -32,7 +32,7 @@ impl Capability {
         Self::Agents,
     ];
 
-    /// Its name in a manifest and in messages.
+    /// The capability's name in a manifest and in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Inbetween => "inbetween",
@@ -51,7 +51,7 @@ impl fmt::Display for Capability {
     }
 }
 
-/// What a pack can do: the table `[capabilities]` of its manifest. What is left out it cannot do.
+/// What a pack can do: the table `[capabilities]` of its manifest. Missing entries are false.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Capabilities {
@@ -70,7 +70,7 @@ pub struct Capabilities {
 }
 
 impl Capabilities {
-    /// Whether the pack can do it.
+    /// Whether the pack has a capability.
     pub fn has(&self, capability: Capability) -> bool {
         match capability {
             Capability::Inbetween => self.inbetween,
@@ -82,7 +82,7 @@ impl Capabilities {
         }
     }
 
-    /// Everything that the pack can do.
+    /// All capabilities that the pack has.
     pub fn list(&self) -> impl Iterator<Item = Capability> {
         Capability::ALL
             .into_iter()

@@ -1,4 +1,4 @@
-//! Sizes of a pack: what a segment may hold, and how wide its numbers are.
+//! Sizes of a pack: the length of its segments, and the width of its numbers.
 
 /// Numbers of a pose feature a joint: position (3) and 6D rotation (6).
 pub const POSE_FEATURES: usize = crate::features::FEATURES_PER_JOINT;
@@ -9,12 +9,12 @@ pub const GLOBAL_ROOT: usize = 5;
 /// Numbers of a 6D rotation.
 pub const SIX_D: usize = 6;
 
-/// Sizes of a pack. Tensor shapes and request limits follow from these.
+/// Sizes of a pack. Tensor shapes and request limits follow from them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Dims {
-    /// Joints of the skeleton.
+    /// Number of joints of the skeleton.
     pub joints: usize,
-    /// Contact joints.
+    /// Number of contact joints.
     pub contacts: usize,
     /// Codebooks of a token.
     pub heads: usize,
@@ -30,8 +30,8 @@ pub struct Dims {
     pub context_frames: usize,
     /// Most target keyframes of a request.
     pub max_targets: usize,
-    /// Normal numbers from which the root stage draws one of the ways to the targets; 0 where it
-    /// knows the likeliest alone.
+    /// Normal random numbers by which the root stage chooses one of the ways to the targets. 0 if
+    /// it knows only the likeliest.
     pub root_choices: usize,
 }
 
@@ -41,12 +41,12 @@ impl Dims {
         self.min_tokens * self.frames_per_token
     }
 
-    /// Most frames of a segment, and the longest frame axis of a tensor.
+    /// Most frames of a segment: the longest frame axis of a tensor.
     pub fn max_frames(&self) -> usize {
         self.max_tokens * self.frames_per_token
     }
 
-    /// How many token counts there are to choose from.
+    /// Number of token counts to choose from.
     pub fn counts(&self) -> usize {
         self.max_tokens - self.min_tokens + 1
     }

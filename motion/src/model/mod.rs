@@ -1,8 +1,8 @@
-//! What characters and generators share: the body that a model animates, the tasks that it is
-//! given, what it answers.
+//! What characters and generators share: the body that a model animates, its tasks, and its
+//! answers.
 //!
 //! A model of any family takes [`Task`]s and gives [`Output`]s. Everything is in the segment frame:
-//! the origin under the last context root, +Z along its heading.
+//! the origin is under the last context root, with +Z along its heading.
 
 mod body;
 mod capability;

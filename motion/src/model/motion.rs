@@ -1,4 +1,4 @@
-//! What a generator answers, in the segment frame.
+//! The answers of a generator, in the segment frame.
 
 use super::GLOBAL_ROOT;
 
@@ -11,24 +11,24 @@ pub struct Motion {
     pub rotations: Vec<f32>,
     /// Contact probabilities, `[frames, contacts]`.
     pub contacts: Vec<f32>,
-    /// What the family's networks made on the way, where it has such steps.
+    /// What the family's networks made on the way, for families with such steps.
     pub trace: Option<Box<Trace>>,
 }
 
 impl Motion {
-    /// Frames that it holds.
+    /// Number of frames.
     pub fn frames(&self) -> usize {
         self.root.len() / GLOBAL_ROOT
     }
 
-    /// Adds the frames that follow. What there is of a trace stays.
+    /// Appends the frames that follow. A trace is unchanged.
     pub fn append(&mut self, mut more: Self) {
         self.root.append(&mut more.root);
         self.rotations.append(&mut more.rotations);
         self.contacts.append(&mut more.contacts);
     }
 
-    /// Whether all its numbers are finite.
+    /// Whether all numbers are finite.
     pub fn is_finite(&self) -> bool {
         let own = [&self.root, &self.rotations, &self.contacts];
         let traced = self.trace.as_deref();
@@ -42,31 +42,31 @@ impl Motion {
 /// What the stages of MotionBricks made on the way to a motion.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Trace {
-    /// Tokens of the segment.
+    /// Number of tokens of the segment.
     pub num_tokens: usize,
     /// Probability of each token count, from the pack's minimum on.
     pub count_probs: Vec<f32>,
-    /// r_g3, as the root stage gave it, before any guide: `[4 * num_tokens, 5]`.
+    /// r_g3 from the root stage, before any guide: `[4 * num_tokens, 5]`.
     pub root_r_g3: Vec<f32>,
     /// Pose tokens: `[num_tokens, heads]`.
     pub tokens: Vec<u32>,
 }
 
-/// What a job gives.
+/// The answer of a job.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Output {
-    /// Frames.
+    /// Frames of one character.
     Motion(Motion),
-    /// Frames of each of several characters.
+    /// Frames of several characters.
     Motions(Vec<Motion>),
-    /// Words.
+    /// A description in words.
     Text(String),
     /// Codes of audio.
     Audio(Vec<u32>),
 }
 
 impl Output {
-    /// The frames, where it is these of one character.
+    /// The frames, if these are frames of one character.
     pub fn into_motion(self) -> Option<Motion> {
         match self {
             Self::Motion(motion) => Some(motion),
@@ -74,7 +74,7 @@ impl Output {
         }
     }
 
-    /// Adds the part that follows, which is of the same kind; one of another takes its place.
+    /// Appends the part that follows. A part of another kind replaces the answer.
     pub fn append(&mut self, more: Self) {
         match (self, more) {
             (Self::Motion(motion), Self::Motion(more)) => motion.append(more),
@@ -90,8 +90,8 @@ impl Output {
     }
 }
 
-/// Whether all numbers are finite. Looks at each, without a way out in the middle, so several go at
-/// once.
+/// Whether all numbers are finite. Checks all of them without an early exit, which lets the
+/// compiler vectorise.
 pub fn all_finite(values: &[f32]) -> bool {
     values
         .iter()

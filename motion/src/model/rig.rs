@@ -1,4 +1,4 @@
-//! What a model animates.
+//! The body that a model animates, and how it plans.
 
 use std::sync::Arc;
 
@@ -10,45 +10,45 @@ use crate::feasibility::Limits;
 use crate::ik::{Leg, legs};
 use crate::stance::low_hips_m;
 
-/// The body that a pack animates, and the sizes of its segments: all that a character knows of its
-/// model.
+/// The body that a pack animates, and the sizes of its segments: everything that a character knows
+/// of its model.
 #[derive(Debug, Clone)]
 pub struct Rig {
-    /// The pack's name.
+    /// Name of the pack, or of the body.
     pub name: String,
-    /// Frames a second.
+    /// Frame rate, Hz.
     pub fps: f32,
-    /// Sizes of segments.
+    /// Lengths of segments, and widths of tensors.
     pub dims: Dims,
-    /// The skeleton that poses and frames are of.
+    /// The skeleton of poses and frames.
     pub skeleton: Arc<Skeleton>,
-    /// The skeleton's legs, whose feet are held still where they stand.
+    /// The skeleton's legs, whose standing feet are held.
     pub legs: Arc<[Leg]>,
-    /// Hips lower than this over the ground are those of one who sits or crouches, metres.
+    /// Hips lower than this over the ground belong to a seated or crouching pose, metres.
     pub low_hips_m: f32,
-    /// How its plans are asked for, where that is by paths; by keyframes otherwise.
+    /// How its plans are asked for by paths; none if they are asked for by keyframes.
     pub by_path: Option<ByPath>,
-    /// What the data of its pack does at most; none where the pack does not say.
+    /// The extremes of its pack's data; none if the pack has no such table.
     pub limits: Option<Arc<Limits>>,
 }
 
-/// What planning needs of a body that moves along paths, with no keyframes to go to.
+/// What planning needs of a body that moves along paths, without keyframes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ByPath {
-    /// Speed of a walk, m/s: a guess from its size.
+    /// Speed of a walk, m/s: estimated from its size.
     pub usual_speed_mps: f32,
-    /// Fastest path that it is asked to follow, m/s: a guess from its size.
+    /// Highest speed of a path, m/s: estimated from its size.
     pub max_speed_mps: f32,
     /// The words that its clips show.
     pub words: Vec<String>,
-    /// The pose to stand in: joint 0 as it faces +Z, others relative to their parents.
+    /// The pose to stand in: joint 0 facing +Z, others relative to their parents.
     pub neutral: Box<[Quat]>,
     /// Height of the root in that pose, metres.
     pub height_m: f32,
 }
 
 impl Rig {
-    /// The rig of a skeleton; legs and the height of low hips follow from it.
+    /// The rig of a skeleton. Legs and the height of low hips follow from it.
     pub fn new(name: &str, fps: f32, dims: Dims, skeleton: Skeleton) -> Self {
         Self {
             name: name.to_owned(),
@@ -62,7 +62,7 @@ impl Rig {
         }
     }
 
-    /// The pack's name.
+    /// Name of the pack, or of the body.
     pub fn name(&self) -> &str {
         &self.name
     }

@@ -1,5 +1,5 @@
-//! Roots that take the place of the predicted ones (root override: MotionBricks, section 7.3,
-//! figures 4 and 14).
+//! Roots that replace the predicted ones (root override: MotionBricks, section 7.3, figures 4 and
+//! 14).
 
 use glam::{Quat, Vec3};
 
@@ -8,21 +8,21 @@ use crate::interpolate::{hermite, knot_slope};
 use crate::root::{GlobalRoot, wrap_angle};
 use crate::rotation::yaw;
 
-/// What a frame's root is to be. What is left out is as the networks make it.
+/// The root of a frame as a request gives it. Missing parts stay as the networks make them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RootKey {
-    /// The frame of the segment.
+    /// Index of the segment's frame.
     pub frame: usize,
-    /// x and z, metres.
+    /// World x and z in the segment frame, metres.
     pub ground: Option<[f32; 2]>,
     /// Height, metres.
     pub height: Option<f32>,
-    /// Radians.
+    /// Heading, radians.
     pub heading: Option<f32>,
 }
 
 impl RootKey {
-    /// The whole root of a frame.
+    /// A key with all parts of a root.
     pub fn whole(frame: usize, root: GlobalRoot) -> Self {
         Self {
             frame,
@@ -33,12 +33,12 @@ impl RootKey {
     }
 }
 
-/// Roots that frames of a segment are to have.
+/// Roots that frames of a segment must have.
 ///
-/// The pose tokens are those of the predicted trajectory; what the decoder sees instead is that
-/// trajectory drawn through the keys. What a key lacks of it is spread over the frames between keys
-/// by a cubic curve for place, height and heading each. The curve begins at nothing in the last
-/// context frame. Behind the last key it stays.
+/// The pose tokens belong to the predicted trajectory. The decoder sees that trajectory bent
+/// through the keys instead. The difference to a key is spread over the frames between keys by a
+/// cubic curve each for place, height and heading. The curve is zero in the last context frame, and
+/// constant after the last key.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RootOverride {
     keys: Box<[RootKey]>,
@@ -46,7 +46,8 @@ pub struct RootOverride {
 }
 
 impl RootOverride {
-    /// Through `keys`, whose frames rise. Those up to the frame `last_context` change nothing.
+    /// An override through `keys`, whose frames increase. Keys up to frame `last_context` have no
+    /// effect.
     pub fn new(keys: impl IntoIterator<Item = RootKey>, last_context: usize) -> Self {
         let keys = keys.into_iter().filter(|key| key.frame > last_context);
         Self {
@@ -55,12 +56,12 @@ impl RootOverride {
         }
     }
 
-    /// The keys behind the context.
+    /// The keys after the context.
     pub fn keys(&self) -> &[RootKey] {
         &self.keys
     }
 
-    /// Draws roots, frames of [`GLOBAL_ROOT`] numbers, through the keys.
+    /// Bends roots, frames of [`GLOBAL_ROOT`] numbers, through the keys.
     pub fn draw(&self, roots: &mut [f32]) {
         let (roots, _) = roots.as_chunks_mut::<GLOBAL_ROOT>();
         let lacking = self.lacking(roots.len(), |frame| GlobalRoot::from_array(roots[frame]));
@@ -78,8 +79,8 @@ impl RootOverride {
         }
     }
 
-    /// Draws roots through the keys, and turns poses along: `rotations` holds `joints` rotations a
-    /// frame, of which the first has no parent. After it keys are met to rounding.
+    /// Bends roots through the keys, and turns poses along. `rotations` has `joints` rotations a
+    /// frame, of which the first has no parent. Afterwards the keys are met up to rounding.
     pub fn pin(&self, roots: &mut [GlobalRoot], rotations: &mut [Quat], joints: usize) {
         let lacking = self.lacking(roots.len(), |frame| roots[frame]);
         let poses = rotations.chunks_exact_mut(joints.max(1));
@@ -92,7 +93,7 @@ impl RootOverride {
         }
     }
 
-    /// What is lacking of the keys in all of `frames` roots.
+    /// The differences of `frames` roots to the keys.
     fn lacking(&self, frames: usize, root: impl Fn(usize) -> GlobalRoot) -> Lacking {
         let room = self.keys.len() + 1;
         let mut lacking = Lacking {
@@ -120,7 +121,7 @@ impl RootOverride {
     }
 }
 
-/// What roots lack, over the frames.
+/// Differences to the keys over the frames.
 struct Lacking {
     ground: Curve<2>,
     height: Curve<1>,
@@ -128,7 +129,7 @@ struct Lacking {
 }
 
 impl Lacking {
-    /// How a frame's root is moved and turned.
+    /// Offset and turn of a frame's root.
     fn at(&self, frame: usize) -> (Vec3, f32) {
         let [x, z] = self.ground.at(frame);
         let [y] = self.height.at(frame);
@@ -137,8 +138,7 @@ impl Lacking {
     }
 }
 
-/// A cubic curve through values at frames. It starts from nothing, at rest, and stays at its last
-/// value.
+/// A cubic curve through values at frames. It starts at zero, at rest, and keeps its last value.
 struct Curve<const N: usize> {
     knots: Vec<(usize, [f32; N])>,
 }
@@ -173,8 +173,8 @@ impl<const N: usize> Curve<N> {
         std::array::from_fn(|axis| hermite(t, span, (from[axis], leaving[axis]), (to[axis], arriving[axis])))
     }
 
-    /// The change a frame at a knot: that of the parabola through it and its neighbours, nothing at
-    /// both ends.
+    /// Slope a frame at a knot: that of the parabola through it and its neighbours, zero at both
+    /// ends.
     fn slope(&self, knot: usize) -> [f32; N] {
         let neighbours = knot
             .checked_sub(1)

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::root::heading_of;
 
-/// Roots that walk along +Z at 1 m/s, heads along `heading`.
+/// Roots that walk along +Z at 1 m/s, heading along `heading`.
 fn walk(frames: usize, heading: f32) -> Vec<GlobalRoot> {
     let place = |frame: usize| Vec3::new(0.0, 0.9, frame as f32 / 30.0);
     (0..frames)
@@ -25,7 +25,7 @@ fn aside(frame: usize, x: f32) -> RootKey {
     }
 }
 
-/// The walk drawn through keys.
+/// The walk bent through keys.
 fn drawn(keys: &[RootKey], frames: usize) -> Vec<GlobalRoot> {
     let mut roots = flat(&walk(frames, 0.3));
     RootOverride::new(keys.iter().copied(), 3).draw(&mut roots);
@@ -34,15 +34,15 @@ fn drawn(keys: &[RootKey], frames: usize) -> Vec<GlobalRoot> {
 }
 
 #[test]
-fn a_key_moves_what_it_gives_and_nothing_else() {
+fn a_key_moves_only_the_parts_that_it_gives() {
     let (made, free) = (drawn(&[aside(10, 0.4)], 24), walk(24, 0.3));
-    assert_eq!(made[..4], drawn(&[], 24)[..4], "the context stays");
+    assert_eq!(made[..4], drawn(&[], 24)[..4], "the context is unchanged");
     assert!((made[10].position.x - 0.4).abs() < 1e-6);
     // Half way in time is half of a curve that is at rest at both ends.
     assert!(made[7].position.x > 0.2 && made[6].position.x < 0.2);
     assert!(
         (made[23].position.x - 0.4).abs() < 1e-6,
-        "it stays behind the last key"
+        "it is constant after the last key"
     );
     for (made, free) in made.iter().zip(&free) {
         assert_eq!(
@@ -63,8 +63,8 @@ fn a_key_moves_what_it_gives_and_nothing_else() {
 }
 
 #[test]
-fn what_is_between_keys_of_one_part_does_not_pull_on_another() {
-    // Heights at 8 and 20; the key between them gives a place alone.
+fn keys_of_one_part_do_not_affect_another() {
+    // Heights at 8 and 20; the key between them gives only a place.
     let low = |frame| RootKey {
         frame,
         height: Some(0.6),
@@ -82,15 +82,16 @@ fn a_bend_leaves_and_arrives_without_a_kick() {
     let made = drawn(&[aside(20, 0.5), root(39)], 40);
     let step = |frame: usize| made[frame].position - made[frame - 1].position;
     let steps = (5..40).map(|frame| (step(frame) - step(frame - 1)).length());
-    // A cubic over 17 frames changes its speed by at most 6 m/17² in a frame for each metre.
+    // A cubic over 17 frames changes its speed by at most 6 m/17² a frame for each metre.
     let most = steps.fold(0.0, f32::max);
     assert!(most < 0.5 * 6.0 / (17.0 * 17.0) + 1e-4, "{most}");
     assert_eq!(made[39].position, free[39].position);
 }
 
 #[test]
-fn evenly_keyed_ways_have_an_even_speed() {
-    // A steady drift to the side, keyed every 8 frames: between keys it neither stops nor hurries.
+fn evenly_spaced_keys_give_an_even_speed() {
+    // A steady drift to the side, with a key every 8 frames: between keys it neither stops nor
+    // speeds up.
     let keys: Vec<RootKey> = (1..=7).map(|nth| aside(3 + 8 * nth, 0.08 * nth as f32)).collect();
     let made = drawn(&keys, 64);
     for frame in 12..=51 {
@@ -120,7 +121,7 @@ fn headings_turn_the_short_way() {
 }
 
 #[test]
-fn keys_in_the_context_and_behind_the_end_change_nothing() {
+fn keys_in_the_context_and_after_the_end_change_nothing() {
     assert_eq!(drawn(&[aside(0, 5.0), aside(3, 5.0)], 12), drawn(&[], 12));
     assert_eq!(drawn(&[aside(12, 5.0), aside(40, 5.0)], 12), drawn(&[], 12));
     RootOverride::new([aside(5, 1.0)], 3).draw(&mut []);
@@ -155,9 +156,9 @@ proptest! {
         }
         for (frame, root) in roots.iter().enumerate() {
             prop_assert!(wrap_angle(heading_of(rotations[2 * frame], Vec3::X) - root.heading).abs() < 1e-3);
-            prop_assert_eq!(rotations[2 * frame + 1], yaw(1.0), "parent-relative rotations stay");
+            prop_assert_eq!(rotations[2 * frame + 1], yaw(1.0), "parent-relative rotations are unchanged");
             let drawn = GlobalRoot::from_array(flat.as_chunks::<GLOBAL_ROOT>().0[frame]);
-            prop_assert!(drawn.position.abs_diff_eq(root.position, 1e-3), "both take the same way");
+            prop_assert!(drawn.position.abs_diff_eq(root.position, 1e-3), "both follow the same path");
         }
     }
 }

@@ -1,11 +1,11 @@
-//! What a generator is asked for, in the segment frame.
+//! The tasks of a generator, in the segment frame.
 
 use std::sync::Arc;
 
 use super::{Body, Dims, GLOBAL_ROOT, LOCAL_ROOT, RootOverride};
 use crate::root::wrap_angle;
 
-/// One keyframe as networks read it, in the segment frame.
+/// A keyframe as networks read it, in the segment frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct KeyTensors {
     /// Velocity x and z (m/s), angular velocity (rad/s), height (m).
@@ -16,14 +16,14 @@ pub struct KeyTensors {
     pub pose: Option<Box<[f32]>>,
 }
 
-/// A path that the root is drawn to (root interpolation, paper section 6.1 and figure 14).
+/// A path that pulls the root (root interpolation, paper section 6.1 and figure 14).
 ///
-/// It acts between the root stage and the pose stage, behind the context frames. A frame is moved
-/// by the ratios of what lies between r_g3 and the path. Frames beyond the path's end are moved as
-/// its last frame is.
+/// It acts between the root stage and the pose stage, on the frames after the context. A frame
+/// moves from r_g3 towards the path by the ratios. Frames beyond the path's end move like its last
+/// frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RootGuide {
-    /// `[frames][x, y, z, heading]` from the segment's first frame on: metres and radians, in the
+    /// `[frames][x, y, z, heading]` from the segment's first frame on, metres and radians, in the
     /// segment frame.
     pub path: Box<[[f32; 4]]>,
     /// 0 keeps r_g3's place on the ground, 1 takes the path's; up to 1.2.
@@ -37,7 +37,7 @@ pub struct RootGuide {
 impl RootGuide {
     /// Moves `roots`, frames of [`GLOBAL_ROOT`] numbers, from frame `first` on.
     pub fn apply(&self, roots: &mut [f32], first: usize) {
-        // Of the last frame on the path: offset in x, y and z, cosine and sine of the turn.
+        // For the last frame on the path: offset in x, y and z, cosine and sine of the turn.
         let mut shift = [0.0, 0.0, 0.0, 1.0, 0.0];
         for (frame, root) in roots.chunks_exact_mut(GLOBAL_ROOT).enumerate().skip(first) {
             let &mut [x, y, z, cos, sin] = root else { continue };
@@ -64,7 +64,7 @@ impl RootGuide {
 /// A pose between context and targets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GapPose {
-    /// Frame of the segment; one that the segment does not have is left out.
+    /// Index of the segment's frame. A pose beyond the segment's end is ignored.
     pub frame: usize,
     /// Pose feature, `joints * 9`, in the segment frame.
     pub pose: Box<[f32]>,
@@ -73,32 +73,32 @@ pub struct GapPose {
 /// Keyframes to meet, checked and in the segment frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeyframeTask {
-    /// The pack's number of context keyframes, the first frames of the segment.
+    /// The first frames of the segment: the pack's number of context keyframes.
     pub context: Vec<KeyTensors>,
-    /// One or more target keyframes, the last frames of the segment.
+    /// The last frames of the segment: one or more target keyframes.
     pub targets: Vec<KeyTensors>,
-    /// Frames of the segment, where the request fixes them.
+    /// Frames of the segment. `None`: the root stage chooses.
     pub frames: Option<usize>,
     /// Which token counts the root stage may choose, from the pack's minimum on; at least one.
     pub allowed_counts: Vec<bool>,
     /// Seed of all random choices.
     pub seed: u64,
-    /// 0 for the most likely choice, above 0 to sample: token count, pose tokens, and the root
-    /// trajectory where the pack's [`Dims::root_choices`] are not 0.
+    /// 0 for the most likely choice, above 0 to sample. It applies to the token count, the pose
+    /// tokens, and the root trajectory if the pack has [`Dims::root_choices`].
     pub temperature: f32,
-    /// Passes of the pose stage.
+    /// Number of passes of the pose stage.
     pub pose_steps: u32,
-    /// Where to draw the root, if anywhere.
+    /// The path that pulls the root, if any.
     pub root_guide: Option<RootGuide>,
-    /// Roots that the decoder gets in the place of the predicted ones, if any. The pose stage does
-    /// not see them.
+    /// Roots that the decoder gets instead of the predicted ones, if any. The pose stage does not
+    /// see them.
     pub root_override: Option<RootOverride>,
     /// Poses between context and targets.
     pub gap_poses: Vec<GapPose>,
 }
 
 impl KeyframeTask {
-    /// Frames of the segment, once its token count is known.
+    /// Frames of the segment, for a known token count.
     pub fn frames(&self, dims: &Dims, tokens: usize) -> usize {
         self.frames.unwrap_or(tokens * dims.frames_per_token)
     }
@@ -109,47 +109,47 @@ impl KeyframeTask {
     }
 }
 
-/// A path to follow, by a body of any skeleton, in the segment frame.
+/// A path to follow, for a body of any skeleton, in the segment frame.
 ///
-/// The answer has as many frames as the path. Its root is the network's own, not drawn to path or
-/// keyframes.
+/// The answer has as many frames as the path. Its root is the network's own, and not pulled to path
+/// or keyframes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathTask {
-    /// What is to move.
+    /// The body that moves.
     pub body: Arc<Body>,
-    /// The first frames: none to begin anywhere, or as many as the pack has context frames. A
-    /// keyframe counts where it has both a global root and a pose.
+    /// The first frames: none to begin anywhere, or the pack's number of context frames. A keyframe
+    /// counts only with both a global root and a pose.
     pub context: Vec<KeyTensors>,
-    /// The last frames, at most as many as the pack has targets; as the context.
+    /// The last frames, like the context: at most the pack's number of targets.
     pub targets: Vec<KeyTensors>,
-    /// `[frames][x, z, heading]`, metres and radians. It passes the roots of context and targets.
-    /// Frames are as many as a segment of the pack may have, whole tokens.
+    /// `[frames][x, z, heading]`, metres and radians. The roots of context and targets lie on it.
+    /// The number of frames must be allowed for a segment of the pack: whole tokens.
     pub path: Box<[[f32; 3]]>,
-    /// A weight for each word of the pack; all zero for no style.
+    /// A weight for each word of the pack; all zero without a style.
     pub style: Vec<f32>,
-    /// Steps of the sampler, from 1 to the pack's diffusion steps.
+    /// Number of the sampler's steps, 1 to the pack's diffusion steps.
     pub steps: u32,
-    /// 1 has the style as it was trained, more exaggerates it.
+    /// 1 shows the style as it was trained; more exaggerates it.
     pub guidance: f32,
     /// Seed of all random choices.
     pub seed: u64,
 }
 
-/// How tokens are chosen. What is left out is as the pack says.
+/// How tokens are sampled. Missing values come from the pack.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SamplingTask {
     /// 0 for the most likely choice, above 0 to sample.
     pub temperature: Option<f32>,
-    /// How many of the likeliest tokens may be chosen; 0 for all of them.
+    /// Number of the likeliest tokens to choose from; 0 for all.
     pub top_k: Option<u32>,
-    /// The likeliest tokens that may be chosen are together at least so likely; 1 for all of them.
+    /// The likeliest tokens to choose from have at least this probability together; 1 for all.
     pub top_p: Option<f32>,
-    /// What logits of the last tokens are weakened by; 1 for nothing.
+    /// Divisor for the logits of recent tokens; 1 for none.
     pub repetition: Option<f32>,
 }
 
 impl SamplingTask {
-    /// At that temperature, and as the pack says otherwise.
+    /// Sampling at this temperature, otherwise as the pack says.
     pub fn at(temperature: f32) -> Self {
         Self {
             temperature: Some(temperature),
@@ -158,79 +158,79 @@ impl SamplingTask {
     }
 }
 
-/// What sounds.
+/// A kind of sound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sound {
-    /// Music, for dances.
+    /// Music, to dance to.
     Music,
-    /// Speech, for gestures.
+    /// Speech, to gesture to.
     Speech,
 }
 
 /// Audio as the codes of a pack.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Audio {
-    /// What sounds.
+    /// The kind of sound.
     pub sound: Sound,
-    /// Its codes.
+    /// Codes of the pack's audio vocabulary.
     pub codes: Vec<u32>,
 }
 
-/// A second character of a task, and more.
+/// A further character of a task.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AgentTask {
-    /// What it is to do, in words.
+    /// What the character does, in words.
     pub text: String,
-    /// Frames that go before, as many as those of the first.
+    /// Frames before the motion, as many as those of the first character.
     pub context: Vec<KeyTensors>,
 }
 
-/// Words to act out.
+/// A text to make motion of.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PromptTask {
-    /// What to do, in words. Beside a context, targets or audio it may be empty.
+    /// What the character does, in words. May be empty together with a context, targets or audio.
     pub text: String,
-    /// Frames that go before, oldest first, in the segment frame; none to begin anywhere.
+    /// Frames before the motion, oldest first, in the segment frame. Empty to begin anywhere.
     pub context: Vec<KeyTensors>,
-    /// Frames that come after, oldest first, in the segment frame; none to end anywhere. Then
-    /// `frames` is those between.
+    /// Frames after the motion, oldest first, in the segment frame. Empty to end anywhere. With
+    /// targets, `frames` counts the frames between.
     pub targets: Vec<KeyTensors>,
-    /// What is to be danced or spoken to.
+    /// Sound that the motion goes with.
     pub audio: Option<Audio>,
-    /// Other characters of the same motion.
+    /// Further characters of the same motion.
     pub others: Vec<AgentTask>,
-    /// Frames to make, where the caller fixes them.
+    /// Number of frames to make. `None`: the model chooses.
     pub frames: Option<usize>,
     /// Seed of all random choices.
     pub seed: u64,
     /// How tokens are chosen.
     pub sampling: SamplingTask,
-    /// Whether frames are to leave while later ones are made. Else all leave together, for less
-    /// work.
+    /// Whether frames are handed out while later ones are made. Otherwise all come together, for
+    /// less work.
     pub in_parts: bool,
-    /// Steps of the pack's flow decoder: its frames are finer, and leave together. 0 for the plain
+    /// Steps of the pack's flow decoder, whose frames are finer and come together. 0 for the plain
     /// decoder.
     pub flow_steps: u32,
 }
 
-/// What a motion is to be put into.
+/// The form in which a motion is described.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Telling {
-    /// Words.
+    /// As a text.
     #[default]
     Words,
-    /// Codes of audio that goes with it.
+    /// As codes of sound that goes with it.
     Audio(Sound),
 }
 
-/// A motion to put into words.
+/// A motion to describe.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DescribeTask {
-    /// The motion's frames, in the frame of its first root.
+    /// The motion's frames, in the segment frame of its first root.
     pub frames: Vec<KeyTensors>,
-    /// Frames of other characters, as many as those of the first.
+    /// Frames of further characters, as many as those of the first.
     pub others: Vec<Vec<KeyTensors>>,
-    /// What to put it into.
+    /// The form of the description.
     pub into: Telling,
     /// Seed of all random choices.
     pub seed: u64,
@@ -238,21 +238,21 @@ pub struct DescribeTask {
     pub sampling: SamplingTask,
 }
 
-/// What one job asks of a generator.
+/// What a job asks of a generator.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Task {
     /// Fill the gap between context and target keyframes.
     Keyframes(KeyframeTask),
     /// Follow a path.
     Path(PathTask),
-    /// Act out words.
+    /// Make motion of a text.
     Prompt(PromptTask),
-    /// Put a motion into words.
+    /// Describe a motion.
     Describe(DescribeTask),
 }
 
 impl Task {
-    /// What a pack must be able to do for this.
+    /// The capability that a pack needs for this task.
     pub fn needs(&self) -> super::Capability {
         match self {
             Self::Keyframes(_) => super::Capability::Inbetween,

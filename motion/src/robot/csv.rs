@@ -1,6 +1,6 @@
-//! Motion of a robot as Unitree publishes it: CSV without a header, a frame a row. The root's `x y
-//! z` (metres) and `qx qy qz qw` come first, in ROS axes, then the angles of the hinges in their
-//! order, radians. The file knows no rate.
+//! Motion of a robot as Unitree publishes it: CSV without a header, a frame a row. First come the
+//! root's `x y z` (metres) and `qx qy qz qw`, in ROS axes, then the hinges' angles in their order,
+//! radians. The file has no frame rate.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::skeleton::Skeleton;
 
 /// Columns before the angles.
 pub const ROOT_COLUMNS: usize = 7;
-/// How far a rotation may be from unit length: six digits are written.
+/// Largest difference of a rotation from unit length: files have six digits.
 const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// Why a robot's CSV was not read or written.
@@ -25,52 +25,55 @@ pub enum CsvError {
     /// The skeleton has no hinges.
     #[error("the skeleton is no robot's: it has no hinges that columns could be angles of")]
     NoRobot,
-    /// A row with another number of columns.
-    #[error("line {line}: {found} columns; robot {robot} has {expected}: 7 of the root and {} angles", expected - ROOT_COLUMNS)]
+    /// A row has another number of columns.
+    #[error(
+        "line {line}: {found} columns; robot {robot} has {expected}: 7 of the root and {} angles",
+        expected - ROOT_COLUMNS
+    )]
     Columns {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// Its columns.
+        /// Number of columns in the row.
         found: usize,
-        /// The robot's.
+        /// Number of columns for the robot.
         expected: usize,
-        /// The robot's name.
+        /// Name of the robot.
         robot: String,
     },
-    /// A value that is no finite number.
+    /// A value is not a finite number.
     #[error("line {line}, column {column}: {found:?} is no finite number")]
     Number {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// Counted from 1.
+        /// Number of the column, from 1.
         column: usize,
-        /// What is there, or its beginning.
+        /// The value, or its beginning.
         found: String,
     },
-    /// A rotation of the root that is not of unit length.
+    /// The root's rotation is not of unit length.
     #[error("line {line}: the root's rotation, columns 4 to 7, has length {length}; allowed: 0.999 to 1.001")]
     Rotation {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// Its length.
+        /// Length of the rotation.
         length: f32,
     },
     /// More than [`MAX_FRAMES`] rows, or [`MAX_ROTATIONS`] rotations.
     #[error("line {line}: too many frames")]
     TooLong {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
     },
-    /// No rows, or a rate that is none.
+    /// There are no rows, or the rate is invalid.
     #[error(transparent)]
     Clip(#[from] ClipError),
 }
 
-/// Reads a CSV as a clip of `fps` frames a second (Unitree's have 30). Empty lines are passed over.
-/// Angles are taken as they are, also outside of the hinges' limits.
+/// Reads a CSV text as a clip at `fps` frames a second (Unitree's have 30). Empty lines are
+/// skipped. Angles are not limited.
 ///
 /// # Errors
-/// [`CsvError`], with the line that is wrong.
+/// [`CsvError`], with the line at fault.
 pub fn read_csv(text: &str, skeleton: &Arc<Skeleton>, fps: f32) -> Result<Clip, CsvError> {
     let robot = skeleton.robot.as_ref().ok_or(CsvError::NoRobot)?;
     let joints = skeleton.joint_count();
@@ -86,7 +89,7 @@ pub fn read_csv(text: &str, skeleton: &Arc<Skeleton>, fps: f32) -> Result<Clip, 
         read_row(line, text, robot, &mut row)?;
         let rotation = Quat::from_xyzw(row[3], row[4], row[5], row[6]);
         let length = rotation.length();
-        // NaN is none either.
+        // Rejects NaN too.
         if (length - 1.0).abs() > UNIT_TOLERANCE || length.is_nan() {
             return Err(CsvError::Rotation { line, length });
         }
@@ -121,11 +124,10 @@ fn read_row(line: usize, text: &str, robot: &Robot, row: &mut [f32]) -> Result<(
     Ok(())
 }
 
-/// Writes a clip as CSV, on the hinges and within their limits ([`Robot::fit`]), with six digits
-/// behind the point.
+/// Writes a clip as CSV, on the hinges and within their limits ([`Robot::fit`]), with six decimals.
 ///
 /// # Errors
-/// [`CsvError::NoRobot`].
+/// [`CsvError::NoRobot`] if the skeleton has no hinges.
 pub fn write_csv(clip: &Clip) -> Result<String, CsvError> {
     let robot = clip.skeleton.robot.as_ref().ok_or(CsvError::NoRobot)?;
     let mut fitted = Fitted::default();
@@ -136,7 +138,7 @@ pub fn write_csv(clip: &Clip) -> Result<String, CsvError> {
         pose.copy_from_slice(clip.rotations_at(frame));
         robot.fit(&mut pose, &mut fitted);
         let place = Convention::Ros.position_from_native(root).to_array();
-        // One who reads the columns as curves sees no jump to the other sign.
+        // So that readers who plot the columns see no jump of the sign.
         let rotation = align_sign(Convention::Ros.rotation_from_native(pose[0]), before);
         before = rotation;
         let numbers = place.into_iter().chain(rotation.to_array());

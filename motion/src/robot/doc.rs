@@ -7,28 +7,28 @@ use super::{Hinge, Link, Robot};
 use crate::rotation::from_wxyz;
 use crate::skeleton::Skeleton;
 
-/// How far an axis or a rotation may be from unit length.
+/// Largest difference of an axis or a rotation from unit length.
 const UNIT_TOLERANCE: f32 = 1e-3;
-/// Largest angle that a limit may be, radians either way.
+/// Largest value of a limit, radians either way.
 const MAX_LIMIT_RAD: f32 = 100.0;
 
-/// A robot as it is written: joints by name.
+/// A robot as written, with joints by name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotDoc {
-    /// The robot's name, as in its URDF.
+    /// Name of the robot, as in its URDF.
     pub name: String,
     /// The hinges, in the order of MuJoCo's `qpos`.
     pub hinges: Vec<HingeDoc>,
 }
 
-/// A hinge as it is written.
+/// A hinge as written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HingeDoc {
-    /// A joint of the skeleton.
+    /// Name of a joint of the skeleton.
     pub joint: String,
-    /// The axis in the joint's own frame, native axes, unit length.
+    /// The axis in the joint's own frame of reference, native axes, unit length.
     pub axis: Vec3,
     /// (w, x, y, z): the joint's rotation relative to its parent at angle 0, native axes.
     pub rest: [f32; 4],
@@ -36,11 +36,11 @@ pub struct HingeDoc {
     pub lower_rad: f32,
     /// Largest angle, radians.
     pub upper_rad: f32,
-    /// The fastest that it turns, radians a second.
+    /// Highest turning rate, rad/s.
     pub max_speed_rad_per_s: f32,
 }
 
-/// Why a robot was refused. `hinge` is the place of the hinge at fault.
+/// Why a robot was refused. `hinge` is the index of the hinge at fault.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {
@@ -50,44 +50,44 @@ pub enum RobotError {
     /// No hinges.
     #[error("robot.hinges is empty; allowed: at least one hinge")]
     Empty,
-    /// A name that is no joint's.
+    /// The skeleton has no joint of this name.
     #[error("robot.hinges[{hinge}].joint is {joint:?}; allowed: a joint of the skeleton")]
     UnknownJoint {
         #[allow(missing_docs)]
         hinge: usize,
-        /// The name.
+        /// The unknown name.
         joint: String,
     },
-    /// The root joint, which floats freely.
+    /// The joint is the root, which floats freely.
     #[error(
         "robot.hinges[{hinge}].joint is {joint:?}, the root, which floats; allowed: a joint that has a parent"
     )]
     Root {
         #[allow(missing_docs)]
         hinge: usize,
-        /// The root's name.
+        /// Name of the root.
         joint: String,
     },
-    /// A joint with two hinges.
+    /// The joint has two hinges.
     #[error(
         "robot.hinges[{hinge}].joint is {joint:?}, as that of a hinge before it; allowed: each joint once"
     )]
     Twice {
         #[allow(missing_docs)]
         hinge: usize,
-        /// The joint's name.
+        /// Name of the joint.
         joint: String,
     },
-    /// A hinge that comes before one that it hangs from.
+    /// A hinge comes before one above it.
     #[error(
         "robot.hinges[{hinge}].joint is {joint:?}, which comes before {above:?} that it hangs from; allowed: parents first"
     )]
     Order {
         #[allow(missing_docs)]
         hinge: usize,
-        /// The joint's name.
+        /// Name of the joint.
         joint: String,
-        /// The name of the joint above it.
+        /// Name of the joint above it.
         above: String,
     },
     /// A vector or quaternion that is not of unit length.
@@ -97,7 +97,7 @@ pub enum RobotError {
         hinge: usize,
         /// `axis` or `rest`.
         field: &'static str,
-        /// Its length.
+        /// Length of the vector or quaternion.
         length: f32,
     },
     /// A limit out of range.
@@ -107,18 +107,18 @@ pub enum RobotError {
         hinge: usize,
         /// `lower_rad`, `upper_rad` or `max_speed_rad_per_s`.
         field: &'static str,
-        /// What it is.
+        /// The value that it has.
         found: f32,
-        /// What it may be.
+        /// The values that are allowed.
         allowed: String,
     },
 }
 
 impl RobotDoc {
-    /// Checks the robot and finds its joints in `skeleton`.
+    /// Checks the robot, and finds its joints in `skeleton`.
     ///
     /// # Errors
-    /// [`RobotError`] for the first value that is not accepted; its text names field and range.
+    /// [`RobotError`] for the first value that is not accepted, with field and range.
     pub fn on(&self, skeleton: &Skeleton) -> Result<Robot, RobotError> {
         if self.name.is_empty() {
             return Err(RobotError::Name);
@@ -185,7 +185,7 @@ fn joint_of(hinge: usize, name: &str, skeleton: &Skeleton) -> Result<usize, Robo
     }
 }
 
-/// A hinge comes behind all that it hangs from.
+/// Checks that every hinge comes after those above it.
 fn check_order(hinges: &[Hinge], links: &[Link], skeleton: &Skeleton) -> Result<(), RobotError> {
     for (nth, hinge) in hinges.iter().enumerate() {
         let mut above = links[hinge.joint].parent;

@@ -1,13 +1,13 @@
 //! Robots: joints that are hinges with limits, and MuJoCo's `qpos`.
 //!
 //! A robot is a [`Skeleton`] whose joints turn about one axis each, or not at all. The rotation of
-//! a hinge joint relative to its parent is `rest * R(axis, angle)`; a joint without a hinge turns
-//! with its parent; the root joint floats freely. Axes and rests are in native axes, angles in
+//! a hinge joint relative to its parent is `rest * R(axis, angle)`. A joint without a hinge turns
+//! with its parent. The root joint floats freely. Axes and rests are in native axes; angles are in
 //! radians, positive about the axis as in the robot's URDF.
 //!
-//! [`Robot::fit`] brings any pose onto the hinges and into their limits and says what that took.
-//! `qpos` is MuJoCo's: the root's place (x, y, z in ROS axes, metres), its rotation (w, x, y, z),
-//! then the hinges' angles in their order.
+//! [`Robot::fit`] brings any pose onto the hinges and into their limits, and reports the error.
+//! `qpos` is MuJoCo's: the root's position (x, y, z in ROS axes, metres), its rotation (w, x, y,
+//! z), then the hinges' angles in their order.
 
 mod csv;
 mod doc;
@@ -27,9 +27,9 @@ use crate::rotation::{from_wxyz, to_wxyz};
 pub use csv::{CsvError, ROOT_COLUMNS, read_csv, write_csv};
 pub use doc::{HingeDoc, RobotDoc, RobotError};
 
-/// Numbers of a `qpos` before the angles: the root's place and rotation.
+/// Numbers of a `qpos` before the angles: the root's position and rotation.
 pub const ROOT_QPOS: usize = 7;
-/// An angle that is no farther outside of its limits, radians, is within them but for rounding.
+/// Angles up to this far outside of their limits count as within them, radians: rounding.
 pub const LIMIT_TOLERANCE_RAD: f32 = 1e-4;
 
 /// A joint that turns about one axis.
@@ -37,7 +37,7 @@ pub const LIMIT_TOLERANCE_RAD: f32 = 1e-4;
 pub struct Hinge {
     /// Index of the joint in the skeleton.
     pub joint: usize,
-    /// The axis in the joint's own frame, unit length.
+    /// The axis in the joint's own frame of reference, unit length.
     pub axis: Vec3,
     /// The joint's rotation relative to its parent at angle 0.
     pub rest: Quat,
@@ -45,7 +45,7 @@ pub struct Hinge {
     pub lower_rad: f32,
     /// Largest angle, radians.
     pub upper_rad: f32,
-    /// The fastest that the hinge turns, radians a second.
+    /// Highest turning rate, rad/s.
     pub max_speed_rad_per_s: f32,
 }
 
@@ -56,8 +56,8 @@ impl Hinge {
         self.rest * Quat::from_axis_angle(self.axis, angle)
     }
 
-    /// The angle at which the hinge comes nearest to a rotation relative to the joint's parent, as
-    /// it is nearest to the middle of the limits: in (-π, π] about it.
+    /// The angle at which the hinge comes nearest to a rotation relative to the joint's parent. It
+    /// is within half a turn of the middle of the limits.
     #[inline]
     pub fn angle_of(&self, local: Quat) -> f32 {
         let turn = self.rest.conjugate() * local;
@@ -72,13 +72,13 @@ impl Hinge {
         angle.clamp(self.lower_rad, self.upper_rad)
     }
 
-    /// Whether the hinge could turn all the way round.
+    /// Whether the hinge can turn all the way round.
     pub fn is_endless(&self) -> bool {
         self.upper_rad - self.lower_rad >= TAU
     }
 }
 
-/// What hangs from what, and by which hinge.
+/// A joint's parent and hinge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Link {
     parent: Option<usize>,
@@ -94,27 +94,26 @@ struct Link {
 pub struct Robot {
     name: String,
     hinges: Vec<Hinge>,
-    /// One a joint.
+    /// One for each joint.
     links: Vec<Link>,
 }
 
-/// A pose on the hinges, and what it took to bring it there. To be used again: nothing is allocated
-/// for a second pose.
+/// Result of bringing a pose onto the hinges. Reuse it: a second pose allocates nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fitted {
     /// Angles of the hinges, radians, each within its limits.
     pub angles: Vec<f32>,
-    /// The largest turn in the world, of any joint, between the pose as it was and as it is,
-    /// radians.
+    /// Largest turn of any joint in the world between the pose before and after, radians.
     pub residual_rad: f32,
-    /// Hinges that were asked for more than their limits by more than [`LIMIT_TOLERANCE_RAD`].
+    /// Number of hinges that were asked for more than their limits by more than
+    /// [`LIMIT_TOLERANCE_RAD`].
     pub clamped: usize,
-    /// What each joint's rotation in the world lacks, in the joint's own frame.
+    /// Error of each joint's rotation in the world, in the joint's own frame of reference.
     lacking: Vec<Quat>,
 }
 
 impl Fitted {
-    /// Forgets the pose, but keeps the room.
+    /// Clears the result, but keeps its memory.
     pub fn clear(&mut self) {
         self.angles.clear();
         self.lacking.clear();
@@ -123,23 +122,22 @@ impl Fitted {
 }
 
 impl Robot {
-    /// The robot's name, as in its URDF.
+    /// Name of the robot, as in its URDF.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The hinges, in the order of `qpos`; those nearer to the root come before those that hang
-    /// from them.
+    /// The hinges, in the order of `qpos`. Those nearer to the root come first.
     pub fn hinges(&self) -> &[Hinge] {
         &self.hinges
     }
 
-    /// Index of the hinge of a joint; none of the root and of joints that are fixed.
+    /// Index of a joint's hinge; none for the root and for fixed joints.
     pub fn hinge_of(&self, joint: usize) -> Option<usize> {
         self.links.get(joint)?.hinge
     }
 
-    /// Numbers of a `qpos`.
+    /// Length of a `qpos`.
     pub fn qpos_len(&self) -> usize {
         ROOT_QPOS + self.hinges.len()
     }
@@ -147,12 +145,12 @@ impl Robot {
     /// Brings a pose (joint 0 in the world, others parent-relative) onto the hinges and into their
     /// limits.
     ///
-    /// From the root outwards each hinge turns as near as it can to where the pose has its joint in
-    /// the world, so that a hinge makes up for what those above it lack. A pose that is on the
-    /// hinges already stays as it is, up to rounding.
+    /// From the root outwards, each hinge turns as near as it can to its joint's rotation in the
+    /// world. So a hinge corrects the errors of those above it. A pose that is already on the
+    /// hinges is unchanged, up to rounding.
     ///
     /// # Panics
-    /// Where the pose has fewer rotations than the skeleton has joints.
+    /// If the pose has fewer rotations than the skeleton has joints.
     pub fn fit(&self, rotations: &mut [Quat], fitted: &mut Fitted) {
         fitted.angles.resize(self.hinges.len(), 0.0);
         fitted.lacking.resize(self.links.len(), Quat::IDENTITY);
@@ -185,11 +183,11 @@ impl Robot {
         fitted.residual_rad = 2.0 * most_sin_half.min(1.0).asin();
     }
 
-    /// The pose of some angles, one a hinge, and a rotation of the root: joint 0 in the world,
-    /// others parent-relative.
+    /// The pose for angles, one a hinge, and a rotation of the root: joint 0 in the world, others
+    /// parent-relative.
     ///
     /// # Panics
-    /// Where there are fewer angles than hinges, or `out` is shorter than the skeleton.
+    /// If there are fewer angles than hinges, or `out` is shorter than the skeleton.
     pub fn pose(&self, root: Quat, angles: &[f32], out: &mut [Quat]) {
         for (joint, link) in self.links.iter().enumerate() {
             out[joint] = match (link.parent, link.hinge) {
@@ -200,10 +198,11 @@ impl Robot {
         }
     }
 
-    /// Writes a `qpos`: the root's place (native axes, metres) and rotation, and the angles.
+    /// Writes a `qpos`: the root's position (native axes, metres) and rotation, and the angles.
     ///
     /// # Panics
-    /// Where there are not [`Robot::qpos_len`] numbers or as many angles as hinges.
+    /// If `out` does not have [`Robot::qpos_len`] numbers, or the number of angles differs from
+    /// that of hinges.
     pub fn write_qpos(&self, root: Vec3, rotation: Quat, angles: &[f32], qpos: &mut [f32]) {
         qpos[..3].copy_from_slice(&Convention::Ros.position_from_native(root).to_array());
         let rotation = Convention::Ros.rotation_from_native(rotation);
@@ -211,11 +210,11 @@ impl Robot {
         qpos[ROOT_QPOS..].copy_from_slice(angles);
     }
 
-    /// Reads a `qpos`: the root's place (native axes, metres) and its rotation, of the length that
-    /// it is given in, and the angles. Values are not checked.
+    /// Reads a `qpos`: the root's position (native axes, metres), its rotation without normalising
+    /// it, and the angles. Values are not checked.
     ///
     /// # Panics
-    /// Where there are fewer than [`Robot::qpos_len`] numbers.
+    /// If there are fewer than [`Robot::qpos_len`] numbers.
     pub fn read_qpos<'a>(&self, qpos: &'a [f32]) -> (Vec3, Quat, &'a [f32]) {
         let root = Convention::Ros.position_to_native(Vec3::new(qpos[0], qpos[1], qpos[2]));
         let rotation = from_wxyz([qpos[3], qpos[4], qpos[5], qpos[6]]);

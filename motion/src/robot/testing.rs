@@ -1,4 +1,4 @@
-//! The G1, for tests.
+//! The G1 robot, for tests.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::RobotDoc;
 use crate::skeleton::Skeleton;
 
-/// The two tables of a `pack.toml`.
+/// The two tables of a `pack.toml` that it needs.
 #[derive(Deserialize)]
 pub(crate) struct Tables {
     pub(crate) skeleton: Skeleton,

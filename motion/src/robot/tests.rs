@@ -12,7 +12,7 @@ use crate::rotation::angle_between;
 use crate::rotation::tests::any_quat;
 use crate::skeleton::{Joint, Skeleton};
 
-/// A frame of a G1 that dances (Unitree's retargeted LaFAN1).
+/// A frame of a dancing G1 (Unitree's retargeted LaFAN1).
 const ROW: &str = "-0.454012,1.290769,0.706152,-0.050104,-0.006376,0.791350,-0.609274,-0.762612,-0.170397,0.194791,0.920348,-0.193344,0.205975,-0.318028,-0.071232,-0.256859,2.105103,-0.176397,0.079349,0.056391,-0.104017,0.265327,0.457306,0.453763,0.112765,-0.484084,0.565661,-0.123619,0.028122,0.593701,-0.581201,0.626666,0.498754,-0.922128,0.094379,0.246345";
 
 fn robot(skeleton: &Skeleton) -> &Robot {
@@ -32,7 +32,7 @@ fn shares() -> impl Strategy<Value = Vec<f32>> {
     proptest::collection::vec(0.0_f32..=1.0, 29)
 }
 
-/// Places and rotations of a pose in the world.
+/// Positions and rotations of a pose in the world.
 fn world(skeleton: &Skeleton, root: Vec3, pose: &[Quat]) -> (Vec<Vec3>, Vec<Quat>) {
     let mut places = vec![Vec3::ZERO; skeleton.joint_count()];
     let mut turns = vec![Quat::IDENTITY; skeleton.joint_count()];
@@ -41,9 +41,9 @@ fn world(skeleton: &Skeleton, root: Vec3, pose: &[Quat]) -> (Vec<Vec3>, Vec<Quat
 }
 
 #[test]
-fn a_frame_of_the_data_stands_as_the_urdf_has_it() {
-    // Places of joints and the X axes of their links, by forward kinematics of the URDF in another
-    // program.
+fn a_frame_of_the_data_agrees_with_the_urdf() {
+    // Positions of joints and the X axes of their links, by forward kinematics of the URDF in
+    // another program.
     let expected = [
         (
             "left_knee",
@@ -101,7 +101,7 @@ fn a_csv_comes_back_digit_by_digit() {
         |text: &str| -> Vec<f32> { text.split([',', '\n']).filter_map(|n| n.parse().ok()).collect() };
     let (read, back) = (numbers(&text), numbers(&written));
     assert_eq!(read.len(), back.len());
-    // The sign of a rotation is free, and none jumps between rows.
+    // The sign of a rotation is free, but does not jump between rows.
     let sign = if read[6] < 0.0 { -1.0 } else { 1.0 };
     for (at, (a, b)) in read.iter().zip(&back).enumerate() {
         let turns = (3..7).contains(&(at % 36));
@@ -112,9 +112,9 @@ fn a_csv_comes_back_digit_by_digit() {
 }
 
 #[test]
-fn what_is_wrong_with_a_csv_is_told_by_line_and_column() {
+fn csv_errors_name_line_and_column() {
     let skeleton = g1();
-    let told = |text: &str| read_csv(text, &skeleton, 30.0).unwrap_err().to_string();
+    let message = |text: &str| read_csv(text, &skeleton, 30.0).unwrap_err().to_string();
     let cases = [
         (
             format!("{ROW}\n\n{ROW},0.1\n"),
@@ -136,7 +136,7 @@ fn what_is_wrong_with_a_csv_is_told_by_line_and_column() {
         (String::new(), "at least one frame"),
     ];
     for (text, want) in cases {
-        let error = told(&text);
+        let error = message(&text);
         assert!(error.contains(want), "{error}");
     }
     let human = crate::testing::biped();
@@ -147,7 +147,7 @@ fn what_is_wrong_with_a_csv_is_told_by_line_and_column() {
 #[test]
 fn angles_outside_are_kept_when_read_and_held_at_the_limit_when_written() {
     let skeleton = g1();
-    // A left knee that is bent the wrong way, by 0.5 rad.
+    // A left knee that is bent the wrong way by 0.5 rad.
     let clip = read_csv(&ROW.replace("0.920348", "-0.5"), &skeleton, 30.0).unwrap();
     let knee = robot(&skeleton).hinges()[3];
     let angle = knee.angle_of(clip.rotations_at(0)[knee.joint]);
@@ -156,7 +156,7 @@ fn angles_outside_are_kept_when_read_and_held_at_the_limit_when_written() {
     assert_eq!(written.split(',').nth(10), Some("-0.087267"));
 }
 
-/// A pelvis, a hinge with rest and limits beyond half a turn, and a fixed end.
+/// A pelvis, a hinge with a rest and limits beyond half a turn, and a fixed end.
 fn crane(lower: f32, upper: f32) -> Skeleton {
     let joint = |name: &str, parent| Joint {
         name: name.to_owned(),
@@ -206,18 +206,18 @@ fn a_pose_comes_to_the_nearest_angle_within_the_limits() {
     // The gap from 4.45 to 4.98 (-1.3): the nearer limit.
     near(fit(&shoulder, 4.55), (4.45, 1, 0.1));
     near(fit(&shoulder, 4.9), (-1.3, 1, 4.9831853 - 4.9));
-    // Rounding is no violation.
+    // Rounding is not a violation.
     near(fit(&shoulder, 4.45 + 5e-5), (4.45, 0, 5e-5));
     assert!(crane(-4.0, 4.0).robot.unwrap().hinges()[0].is_endless());
 }
 
 #[test]
-fn what_no_hinge_can_do_is_told() {
+fn the_residual_reports_what_no_hinge_can_do() {
     let skeleton = crane(-1.0, 1.0);
     let robot = robot(&skeleton);
     let mut fitted = Fitted::default();
-    // 0.3 rad about the hinge, then 0.2 rad across it; the hook turns with the arm, whatever it was
-    // to do.
+    // 0.3 rad about the hinge, then 0.2 rad across it. The hook turns with the arm, whatever its
+    // own target.
     let across = robot.hinges()[0].rotation(0.3) * Quat::from_rotation_y(0.2);
     let mut pose = [Quat::from_rotation_y(2.0), across, Quat::IDENTITY];
     robot.fit(&mut pose, &mut fitted);
@@ -231,11 +231,11 @@ fn what_no_hinge_can_do_is_told() {
 }
 
 #[test]
-fn a_hinge_makes_up_for_what_those_above_it_lack() {
+fn a_hinge_corrects_the_errors_of_those_above_it() {
     let skeleton = g1();
     let robot = robot(&skeleton);
     let joint = |name: &str| skeleton.joint_index(name).unwrap();
-    // The whole bow is asked of the waist's first hinge, which can only turn left and right.
+    // The first hinge of the waist, which only turns left and right, gets the whole bow.
     let mut pose = vec![Quat::IDENTITY; skeleton.joint_count()];
     robot.pose(Quat::IDENTITY, &[0.0; 29], &mut pose);
     pose[joint("waist_yaw")] = Quat::from_rotation_x(0.4);
@@ -320,7 +320,7 @@ fn every_mistake_of_a_robot_names_field_and_range() {
     assert_eq!(
         skeleton.with_robot(&back).unwrap().robot.unwrap(),
         made,
-        "written and read is the same"
+        "unchanged by writing and reading"
     );
 }
 
@@ -360,7 +360,7 @@ proptest! {
         }
         prop_assert!(fitted.residual_rad <= PI + 1e-5);
         prop_assert_eq!(pose[0], root);
-        // The angles say the pose, and a second time nothing is to be done.
+        // The angles give the pose, and fitting again changes nothing.
         let mut said = pose.clone();
         robot.pose(root, &fitted.angles, &mut said);
         prop_assert_eq!(&said, &pose);
@@ -386,7 +386,7 @@ proptest! {
     }
 
     #[test]
-    fn a_fit_never_says_less_than_it_took(turns in proptest::collection::vec([-0.2_f32..0.2, -0.2_f32..0.2, -0.2_f32..0.2], 34)) {
+    fn a_fit_never_reports_less_than_its_error(turns in proptest::collection::vec([-0.2_f32..0.2, -0.2_f32..0.2, -0.2_f32..0.2], 34)) {
         let skeleton = g1();
         let robot = robot(&skeleton);
         let mut pose = vec![Quat::IDENTITY; 34];
@@ -405,7 +405,7 @@ proptest! {
 
 #[test]
 fn a_quarter_turn_of_the_robot_by_hand() {
-    // Facing left: about MuJoCo's Z, by a quarter turn.
+    // Facing left: a quarter turn about MuJoCo's Z.
     let skeleton = g1();
     let mut qpos = [0.0; 36];
     robot(&skeleton).write_qpos(

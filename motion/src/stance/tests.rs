@@ -10,7 +10,7 @@ fn posed(root: Vec3, rotations: &[Quat]) -> Posed<'_> {
     Posed { root, rotations }
 }
 
-/// The transition with the pose that it starts from before it.
+/// The transition, with its starting pose in front.
 fn with_start(from: Posed<'_>, motion: &Motion) -> (Vec<Vec3>, Vec<Quat>) {
     (
         [&[from.root], &motion.roots[..]].concat(),
@@ -102,7 +102,7 @@ fn picking_up_from_a_table() {
 }
 
 #[test]
-fn feet_that_are_apart_step_one_after_the_other() {
+fn distant_feet_step_one_after_the_other() {
     let (skeleton, stand) = (person(), standing());
     let legs = legs(&skeleton);
     let to = UP + Vec3::new(0.0, 0.0, 0.3);
@@ -123,7 +123,7 @@ fn feet_that_are_apart_step_one_after_the_other() {
 }
 
 #[test]
-fn odd_input() {
+fn invalid_input() {
     let (skeleton, stand) = (person(), standing());
     let legs = legs(&skeleton);
     let good = posed(UP, &stand);
@@ -156,8 +156,8 @@ proptest! {
         prop_assert!(stretch(&skeleton, &rotations) < 1e-5);
         prop_assert!(rotations.chunks_exact(JOINTS).collect::<Vec<_>>().windows(2)
             .all(|w| w[0].iter().zip(w[1]).all(|(a, b)| a.dot(*b) >= 0.0)));
-        // As fast as the way demands: twice (least jerk) what the joint that goes furthest needs,
-        // steps and lean besides.
+        // As fast as the distance requires: twice (least jerk) what the farthest joint needs, plus
+        // steps and lean.
         let (a, b) = (positions(&skeleton, UP, &from), positions(&skeleton, to_root, &to));
         let way = a.iter().zip(&b).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
         let most = (6.0 * way + 0.1 + 4.0 * lean) / count as f32 + 6.0 * motion.short_m;

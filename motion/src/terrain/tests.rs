@@ -6,7 +6,7 @@ use crate::ik::{FootLock, legs, lock_feet};
 
 type Frames = (Vec<Vec3>, Vec<Quat>, Vec<u8>);
 
-/// A walk whose feet stand.
+/// A walk whose feet stand in contact.
 fn flat(frames: usize) -> Frames {
     let (skeleton, mut motion) = (person(), walk(frames));
     lock_feet(
@@ -53,7 +53,7 @@ fn lifts_of(motion: &Frames, known: &[Lift], ground: impl FnMut(f32, f32) -> f32
     out
 }
 
-/// A ledge across the way.
+/// A ledge across the path.
 fn ledge(z: f32, height: f32) -> impl Fn(f32, f32) -> f32 + Copy {
     move |_, at| if at > z { height } else { 0.0 }
 }
@@ -74,7 +74,7 @@ fn level_ground_changes_nothing() {
     assert_eq!(
         lifted(&before, |_, _| f32::NAN),
         (before, 0.0),
-        "no ground: as it was"
+        "without ground: unchanged"
     );
 }
 
@@ -95,8 +95,8 @@ fn a_ledge_is_climbed_and_left_step_by_step() {
             let flat = track(&skeleton, &before.0, &before.1, foot + 1);
             for frame in 0..120_usize {
                 let planted = |f: usize| after.2[f] & bits == bits;
-                // The toes go over the ground as they went over the flat one, or higher, but for
-                // corners next to contacts.
+                // The toes have at least their height over the flat ground, except for corners next
+                // to contacts.
                 let near = (frame.saturating_sub(6)..(frame + 7).min(120)).any(|f| after.2[f] & bits != 0);
                 let over = toes[frame].y - ground(0.0, toes[frame].z) - (flat[frame].y - clearance).min(0.0);
                 assert!(near || over > clearance - 0.01, "{height}: frame {frame}, {over}");
@@ -140,10 +140,10 @@ fn a_slope_and_stairs() {
 }
 
 #[test]
-fn what_was_shown_stays_and_goes_on_without_a_jump() {
+fn shown_lifts_are_kept_and_continued_without_a_jump() {
     let motion = flat(120);
     let all = lifts_of(&motion, &[], ledge(2.1, 0.3));
-    // Nothing has changed: the same again, wherever it is cut.
+    // With nothing changed the result is the same, wherever it is cut.
     for cut in [1, 17, 40, 58, 61, 90, 119, 120] {
         let again = lifts_of(&motion, &all[..cut], ledge(2.1, 0.3));
         assert_eq!(again[..cut], all[..cut]);
@@ -154,7 +154,7 @@ fn what_was_shown_stays_and_goes_on_without_a_jump() {
             );
         }
     }
-    // The ground changes under the walk: feet that are planted stay until they leave it.
+    // If the ground changes during the walk, planted feet stay until they leave it.
     let cut = 50;
     let changed = lifts_of(&motion, &all[..cut], |_, _| 0.2);
     assert_eq!(changed[..cut], all[..cut]);
@@ -175,9 +175,8 @@ fn what_was_shown_stays_and_goes_on_without_a_jump() {
     assert_eq!(changed[119].feet_m[..2], [0.2; 2]);
 }
 
-/// Lifts as they are shown where plans come every 9 frames and nothing but the frames that are
-/// known stays: of `motion`, with `ahead` frames of each plan and the last `behind` that were
-/// shown.
+/// Lifts as they are shown if plans come every 9 frames and only known frames are kept: of
+/// `motion`, with `ahead` frames of each plan and the last `behind` that were shown.
 fn replanned(motion: &Frames, behind: usize, ahead: usize, ground: impl Fn(f32, f32) -> f32) -> Vec<Lift> {
     let frames = motion.0.len();
     let mut shown: Vec<Lift> = Vec::new();
@@ -213,7 +212,7 @@ fn plans_that_come_often_do_not_add_up() {
             assert!(off < 0.02, "{behind} known: {lift:?}");
         }
     }
-    // With steps the swing goes on as it began, the more so the more of it is known.
+    // With steps, a swing continues as it began, the better the more of it is known.
     let motion = flat(200);
     let all = lifts_of(&motion, &[], step);
     let walked = replanned(&motion, 30, 60, step);
@@ -226,7 +225,7 @@ fn plans_that_come_often_do_not_add_up() {
 }
 
 #[test]
-fn a_foot_that_comes_down_sooner_than_it_was_going_to_does_not_jump() {
+fn a_foot_that_comes_down_sooner_than_planned_does_not_jump() {
     let motion = flat(120);
     let mut most_left = 0.0_f32;
     for (nth, bits) in [0b11, 0b1100].into_iter().enumerate() {
@@ -235,7 +234,7 @@ fn a_foot_that_comes_down_sooner_than_it_was_going_to_does_not_jump() {
             let all = lifts_of(&motion, &[], ground);
             let lands = |f: &usize| motion.2[f - 1] & bits == 0 && motion.2[*f] & bits != 0;
             for land in (20..110).filter(lands) {
-                // The plan that comes two frames before has the foot down at once.
+                // The plan that arrives two frames before has the foot down at once.
                 let cut = land - 2;
                 let mut sooner = motion.clone();
                 sooner.2[cut..land]
@@ -288,7 +287,7 @@ fn without_legs_or_contacts() {
 }
 
 #[test]
-fn odd_input() {
+fn invalid_input() {
     let skeleton = person();
     let legs = legs(&skeleton);
     let (mut root, mut pose) = (Vec3::Y * STAND_M, standing());
@@ -332,7 +331,7 @@ fn odd_input() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
-    fn any_ground_is_walked_without_stretching_or_leaving_reach(
+    fn any_ground_is_walked_within_reach(
         heights in proptest::collection::vec(-0.15f32..0.15, 12), cut in 0usize..100, shift in 0.0f32..0.5,
     ) {
         let skeleton = person();
@@ -352,7 +351,7 @@ proptest! {
             prop_assert!((w[1].root_m - w[0].root_m).abs() < 0.04);
         }
         for lift in &all {
-            // Root and feet stay within what the ground is, and a swing's clearance.
+            // Root and feet stay within the heights of the ground and a swing's clearance.
             let (low, high) = (shift - 0.075 - 1e-4, shift + 0.075 + 1e-4);
             prop_assert!(lift.feet_m[..2].iter().all(|&f| f > low && f < high + 0.051 + 0.08), "{lift:?}");
             prop_assert!(lift.root_m < high + 0.07 && lift.root_m > low - 0.2);

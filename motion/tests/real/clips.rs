@@ -1,4 +1,4 @@
-//! The BVH reader and writer.
+//! The BVH reader and writer on real clips.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,11 +9,10 @@ use troupe_motion::inspect::{Limits, inspect};
 
 use crate::{data_folder, folder_or_default};
 
-/// The most clips that one run reads, evenly spread over the folder; the example `check_bvh` reads
-/// all.
+/// The most clips that one run reads, evenly spread over the folder.
 const MAX_CLIPS: usize = 150;
 
-/// All BVH files below `folder`, by name; none where it is not a folder.
+/// All BVH files below `folder`, by name. Empty if it is not a folder.
 fn find_clips(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut clips = Vec::new();
     if !folder.is_dir() {
@@ -38,7 +37,7 @@ fn find_clips(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(clips)
 }
 
-/// What is wrong with one clip, if anything.
+/// The problem of one clip, if it has one.
 fn check(path: &Path) -> Result<(), String> {
     let text = std::fs::read_to_string(path).map_err(|e| e.to_string())?;
     let file = bvh::parse(&text).map_err(|e| e.to_string())?;
@@ -54,7 +53,7 @@ fn check(path: &Path) -> Result<(), String> {
         }
     }
     let clip = file.to_clip(&BvhOptions::default()).map_err(|e| e.to_string())?;
-    // Bandai-Namco's placing root, moving or not, is never the pelvis.
+    // Bandai-Namco's placing root is never the pelvis, moving or not.
     let (placing, root) = (&file.joints()[0].name, &clip.skeleton.joints[0].name);
     if placing == "joint_Root" && root != "Hips" {
         return Err(format!("the root is {root}"));
@@ -62,7 +61,7 @@ fn check(path: &Path) -> Result<(), String> {
     if let Some(issue) = inspect(&clip, &Limits::default()).first() {
         return Err(issue.to_string());
     }
-    // Written from the clip and put back onto its skeleton, every joint is where it was.
+    // Written from the clip and put back onto its skeleton, every joint is in its place.
     let written = BvhFile::from_clip(&clip, &BvhWriteOptions::default()).map_err(|e| e.to_string())?;
     let skeleton = Arc::clone(&clip.skeleton);
     let back = written
@@ -81,7 +80,7 @@ fn check(path: &Path) -> Result<(), String> {
 }
 
 #[test]
-fn clips_are_found_where_there_are_any() {
+fn clips_are_found_in_folders() {
     assert!(folder_or_default(None).ends_with("target/data/bandai-namco"));
     let folder = folder_or_default(Some("not/there".into()));
     assert_eq!(folder, Path::new("not/there"));
@@ -95,12 +94,12 @@ fn clips_are_found_where_there_are_any() {
     assert_eq!(
         find_clips(&clip).unwrap(),
         Vec::<PathBuf>::new(),
-        "a file is no folder"
+        "a file is not a folder"
     );
 }
 
 #[test]
-fn real_clips_load_or_are_named() {
+fn real_clips_load() {
     let folder = data_folder();
     let clips = find_clips(&folder).unwrap();
     if clips.is_empty() {

@@ -1,11 +1,11 @@
-//! Gaits: measured twice, here and by other code.
+//! Gaits: measured here and by other code.
 
 use troupe_motion::Clip;
 use troupe_motion::gait::{ClosedCycle, CycleOptions, StandOptions, Way, find_cycles, find_stand};
 
 use crate::{data_folder, read};
 
-/// A clip by its name, where it is at hand.
+/// The clip of this name, if it is present.
 fn clip(name: &str) -> Option<Clip> {
     let path = data_folder().join(format!("{name}.bvh"));
     let clip = read(&path);
@@ -17,8 +17,8 @@ fn clip(name: &str) -> Option<Clip> {
 
 #[test]
 fn speeds_and_periods_agree_with_others() {
-    // Name, forward and left (m/s), period (frames), root height (m); from smoothed root speeds and
-    // foot distances.
+    // Name, forward and left speed (m/s), period (frames), root height (m); from smoothed root
+    // speeds and foot distances.
     let known = [
         ("dataset-1_walk_normal_001", 1.25, -0.07, 32.0, 0.90),
         ("dataset-1_walk_sad_001", 0.55, -0.01, 50.0, 0.92),
@@ -32,19 +32,19 @@ fn speeds_and_periods_agree_with_others() {
     for (name, forward, left, period, height) in known {
         let Some(clip) = clip(name) else { return };
         let found = find_cycles(&clip, &CycleOptions::default()).unwrap()[0];
-        let told = format!("{name}: {found:?}");
+        let what = format!("{name}: {found:?}");
         assert!(
             (found.forward_mps - forward).abs() < 0.08 * forward.abs().max(1.0),
-            "{told}"
+            "{what}"
         );
-        assert!((found.left_mps - left).abs() < 0.1, "{told}");
-        assert!((found.frames as f32 - period).abs() <= 2.0, "{told}");
+        assert!((found.left_mps - left).abs() < 0.1, "{what}");
+        assert!((found.frames as f32 - period).abs() <= 2.0, "{what}");
         assert!(
             (found.height_m - height).abs() < 0.02 && found.closure_m < 0.06,
-            "{told}"
+            "{what}"
         );
         let closed = ClosedCycle::new(&clip, &found);
-        assert!((closed.height_m() - found.height_m).abs() < 0.005, "{told}");
+        assert!((closed.height_m() - found.height_m).abs() < 0.005, "{what}");
     }
 }
 
@@ -66,7 +66,7 @@ fn a_turn_in_a_walk_is_found() {
 }
 
 #[test]
-fn who_waves_stands_before_or_after() {
+fn a_waving_person_stands_before_or_after() {
     let Some(clip) = clip("dataset-2_raise-up-right-hand_normal_065") else {
         return;
     };
@@ -78,12 +78,12 @@ fn who_waves_stands_before_or_after() {
 }
 
 #[test]
-fn a_short_clip_says_why_it_has_no_cycle() {
+fn a_short_clip_has_no_cycle() {
     let Some(clip) = clip("dataset-1_walk_normal_002") else {
         return;
     };
-    let told = find_cycles(&clip, &CycleOptions::default())
+    let what = find_cycles(&clip, &CycleOptions::default())
         .unwrap_err()
         .to_string();
-    assert!(told.contains("left strikes are too few"), "{told}");
+    assert!(what.contains("left strikes are too few"), "{what}");
 }

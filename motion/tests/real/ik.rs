@@ -33,7 +33,7 @@ fn example() -> Clip {
     read(&in_repository("examples/walk.bvh")).unwrap()
 }
 
-/// Clips of motion capture that are at hand, by their names.
+/// The clips of motion capture with these names that are present.
 fn captured(names: &[&'static str]) -> Vec<(&'static str, Clip)> {
     let folder = data_folder();
     let found: Vec<_> = names
@@ -62,7 +62,7 @@ fn clip_of(skeleton: &Arc<Skeleton>, roots: Vec<Vec3>, rotations: Vec<Quat>) -> 
     Clip::new(Arc::clone(skeleton), 30.0, roots, rotations).unwrap()
 }
 
-/// A made motion behind the pose that it starts from.
+/// A constructed motion after the pose that it starts from.
 fn after(skeleton: &Arc<Skeleton>, from: Posed<'_>, motion: &Motion) -> Clip {
     clip_of(
         skeleton,
@@ -81,8 +81,8 @@ fn acceleration(clip: &Clip, share: f64) -> f64 {
     joint_acceleration_percentile_mps2(&motion, 0..clip.frames(), clip.fps, share).unwrap()
 }
 
-/// The farthest that a foot in contact moves over the ground in a frame, millimetres: by its toe
-/// while that is in contact, by its ankle while only that is.
+/// Farthest that a foot in contact moves over the ground in a frame, millimetres: its toe while
+/// that is in contact, otherwise its ankle.
 fn slide_mm(clip: &Clip, contacts: &[u8]) -> f32 {
     let (motion, params) = (
         WorldMotion::from_clip(clip),
@@ -116,9 +116,9 @@ fn locked(clip: &Clip) -> (Clip, Vec<u8>, Locked) {
     (made, contacts, locked)
 }
 
-/// Locks the feet of a clip, prints the figures and checks what must hold of any.
+/// Locks the feet of a clip, prints the figures, and checks what must hold for every clip.
 fn check_lock(name: &str, clip: &Clip) {
-    let (made, contacts, told) = locked(clip);
+    let (made, contacts, report) = locked(clip);
     let [skates, high, most] = [
         [skate_mm(clip), skate_mm(&made)],
         [acceleration(clip, 0.999), acceleration(&made, 0.999)],
@@ -126,7 +126,7 @@ fn check_lock(name: &str, clip: &Clip) {
     ];
     println!(
         "{name}: skate {:.2} -> {:.2} mm/frame, worst slide in contact {:.1} -> {:.3} mm, acceleration p99.9 {:.0} -> {:.0}, \
-         max {:.0} -> {:.0} m/s2, {told:?}",
+         max {:.0} -> {:.0} m/s2, {report:?}",
         skates[0],
         skates[1],
         slide_mm(clip, &contacts),
@@ -136,7 +136,7 @@ fn check_lock(name: &str, clip: &Clip) {
         most[0],
         most[1]
     );
-    if told.max_short_m < 1e-4 && told.max_offset_m < 0.249 {
+    if report.max_short_m < 1e-4 && report.max_offset_m < 0.249 {
         assert!(slide_mm(&made, &contacts) < 0.1, "{name}");
     }
     assert!(skates[1] < skates[0], "{name}");
@@ -178,7 +178,7 @@ fn feet_of_real_walks_stand() {
     }
 }
 
-/// The pose of a clip's first frame, at the origin's height.
+/// The pose of a clip's first frame, at the origin, with its height.
 fn posed(clip: &Clip) -> Posed<'_> {
     Posed {
         root: clip.root_positions[0],
@@ -255,8 +255,8 @@ fn seats_tables_and_falls_from_a_real_stand() {
     }
 }
 
-/// Walks a clip over a ledge half way, prints the figures and answers them: short (m), acceleration
-/// p99.5 against flat.
+/// Walks a clip over a ledge half way, and prints and returns the figures: short (m), and 99.5th
+/// percentile of the acceleration relative to flat.
 fn over_a_ledge(name: &str, clip: &Clip, height: f32) -> (f32, f64) {
     let (flat, contacts, _) = locked(clip);
     let mut made = flat.clone();

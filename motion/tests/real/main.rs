@@ -1,6 +1,6 @@
-//! Real motion capture, where there is any: the BVH files below the folder that TROUPE_DATA names,
-//! else below `target/data/bandai-namco`, where `make test` unpacks them. Where there are none, a
-//! test says so and passes; the small motions of the unit tests remain.
+//! Real motion capture, if it is present: the BVH files below the folder that TROUPE_DATA names,
+//! otherwise below `target/data/bandai-namco`, where `make test` unpacks them. Without them, a test
+//! says so and passes; the small motions of the unit tests remain.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -21,13 +21,12 @@ fn in_repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// Where clips are looked for: the folder that was `asked` for, else the one that `make test`
-/// fills.
+/// The folder of clips: `asked`, otherwise the one that `make test` fills.
 fn folder_or_default(asked: Option<OsString>) -> PathBuf {
     asked.map_or_else(|| in_repository("target/data/bandai-namco"), PathBuf::from)
 }
 
-/// Where clips are looked for.
+/// The folder of clips.
 fn data_folder() -> PathBuf {
     folder_or_default(std::env::var_os("TROUPE_DATA"))
 }
@@ -42,7 +41,7 @@ fn skeleton() -> Arc<Skeleton> {
     Arc::new(toml::from_str::<Manifest>(&text).unwrap().skeleton)
 }
 
-/// A BVH file on that skeleton, where it is at hand.
+/// A BVH file on that skeleton, if it is present.
 fn read(path: &Path) -> Option<Clip> {
     let text = std::fs::read_to_string(path).ok()?;
     let file = bvh::parse(&text).unwrap();

@@ -6,8 +6,8 @@ use troupe_proto::v1::drive_response::Message;
 use super::ApiError;
 use crate::service::ServiceError;
 use troupe_character::live::CommandOutcome;
-use troupe_live::session::cell::End;
-use troupe_live::session::drive::{Closing, Departure, Said};
+use troupe_live::session::End;
+use troupe_live::session::stream::{Closing, Departure, Said};
 use troupe_live::session::{CommandResult, Resumed, SessionError, SessionProblem, Stepped};
 use troupe_live::world::ObjectsChanged;
 

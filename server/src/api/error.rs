@@ -2,10 +2,11 @@
 //! body, MMCP code and metric label.
 //!
 //! The layers below have errors of their own. Their rows of the table ([`row`]) are in a file for
-//! each domain: [`batch`], [`world`], [`session`]. The rows of the edge itself are here. [`form`]
-//! makes answers from them, and [`mmcp`] the answers of that protocol.
+//! each domain: [`edge`], [`batch`], [`world`], [`session`]. The rows of the API itself are here.
+//! [`form`] makes answers from them, and [`mmcp`] the answers of that protocol.
 
 mod batch;
+mod edge;
 mod form;
 mod mmcp;
 mod row;
@@ -14,32 +15,25 @@ mod world;
 
 use std::time::Duration;
 
-use super::head::MAX_HEAD_BYTES;
-use super::tokens::TokenError;
-use crate::clients::{Exhausted, Role};
 use crate::mmcp::Fault;
 use crate::service::ServiceError;
 use row::{
-    FORBIDDEN, FULL, HEADERS, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, NOT_NOW, Row, TOO_LARGE, TOO_LATE,
-    Tabled, UNAUTHENTICATED, UNAVAILABLE, UNIMPLEMENTED, WRONG_TYPE,
+    FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE,
+    UNIMPLEMENTED, WRONG_TYPE,
 };
 use troupe_batch::SubmitError;
 use troupe_character::FieldError;
+use troupe_edge::EdgeError;
+use troupe_edge::clients::Exhausted;
 use troupe_engine::EngineError;
 use troupe_live::session::SessionError;
 use troupe_live::world::WorldError;
 
-pub(super) use form::{CodeLabel, is_grpc};
+pub(super) use form::CodeLabel;
 pub use form::{ErrorBody, ErrorDetail};
 
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
-
-/// When to try again if room for a connection, a request or a ticket may be free at any time.
-const RETRY_AFTER: Duration = Duration::from_secs(1);
-
-/// Form of the Authorization header.
-const BEARER: &str = "Bearer and a key";
 
 /// An error that a caller sees.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -48,7 +42,10 @@ pub enum ApiError {
     /// A request was read, but not served.
     #[error("{}", message(.0))]
     Service(Box<ServiceError>),
-    /// The edge itself does not accept a value.
+    /// The edge turns the request away.
+    #[error(transparent)]
+    Edge(#[from] EdgeError),
+    /// The API itself does not accept a value.
     #[error(transparent)]
     Field(#[from] FieldError),
     /// A request of the Motion Model Context Protocol is not accepted.
@@ -76,17 +73,6 @@ pub enum ApiError {
         /// Most bytes of a body.
         limit_bytes: usize,
     },
-    /// Headers are over the limit.
-    #[error(
-        "the headers take {found_bytes} bytes, 32 for each included; allowed: at most {MAX_HEAD_BYTES} bytes"
-    )]
-    HeadersTooLarge {
-        /// Bytes of the headers, and 32 for each.
-        found_bytes: usize,
-    },
-    /// A client, an address or all clients have too many bytes or streams.
-    #[error(transparent)]
-    Exhausted(#[from] Exhausted),
     /// The Content-Type is not JSON. Web pages of other sites can send such bodies without a
     /// preflight request.
     #[error("Content-Type is {found:?}; allowed: application/json")]
@@ -94,52 +80,6 @@ pub enum ApiError {
         /// The Content-Type, cut.
         found: String,
     },
-    /// The request comes from a web page of another site, or is for another host.
-    #[error("{header} {found:?} is not allowed; allowed: {allowed}")]
-    NotAllowed {
-        /// Name of the header.
-        header: &'static str,
-        /// The header's value.
-        found: String,
-        /// The values that the server accepts.
-        allowed: &'static str,
-    },
-    /// A call has no key.
-    #[error("Authorization is missing, and the server asks for a key; allowed: {BEARER}")]
-    NoKey,
-    /// The server does not know the key.
-    #[error("Authorization has a key that the server does not know; allowed: {BEARER}")]
-    UnknownKey,
-    /// The token is not valid.
-    #[error("Authorization has a token that is not valid: {0}")]
-    Token(TokenError),
-    /// The ticket is used, too old or unknown.
-    #[error(
-        "the ticket is unknown, used or too old; allowed: a ticket of POST /v1/tickets, once and within 30 s"
-    )]
-    UnknownTicket,
-    /// A client has too many tickets.
-    #[error("{whose} has no room for another ticket; allowed: {most} unused ones")]
-    TooManyTickets {
-        /// The client or all clients.
-        whose: &'static str,
-        /// Most unused tickets.
-        most: usize,
-    },
-    /// A ticket was requested from a server without keys.
-    #[error("the server asks for no keys, so a stream needs no ticket")]
-    NoTickets,
-    /// The key's role does not allow the call.
-    #[error("the key's role is {}; allowed: {}", role.name(), needed.and_above())]
-    RoleTooLow {
-        /// Role of the key.
-        role: Role,
-        /// Lowest role for the call.
-        needed: Role,
-    },
-    /// The connection is beyond the limit.
-    #[error("the server has no room for another connection; try again in a moment")]
-    NoConnection,
     /// There is no such path or gRPC method.
     #[error("there is no {0}")]
     UnknownRoute(String),
@@ -152,7 +92,7 @@ pub enum ApiError {
     /// The server does not support a feature of gRPC, such as a compression.
     #[error("{0}")]
     Unimplemented(String),
-    /// The edge itself failed.
+    /// The API itself failed.
     #[error("{0}")]
     Internal(String),
 }
@@ -162,6 +102,7 @@ impl ApiError {
     pub(super) fn row(&self) -> Row<'_> {
         match self {
             Self::Service(error) => error.row(),
+            Self::Edge(error) => error.row(),
             Self::Field(error) => error.row(),
             Self::Mmcp(fault) => fault.row(),
             Self::Malformed { message, field } => Row {
@@ -177,54 +118,10 @@ impl ApiError {
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
                 .allowed(format!("at most {limit_bytes} bytes")),
-            Self::HeadersTooLarge { .. } => HEADERS
-                .because("HEADERS_TOO_LARGE")
-                .field("headers")
-                .allowed(format!("at most {MAX_HEAD_BYTES} bytes")),
-            Self::Exhausted(error) => {
-                let row = FULL.because("CLIENT_LIMIT").allowed(error.allowed.as_str());
-                match error.never {
-                    true => row,
-                    false => row.retry_after(RETRY_AFTER),
-                }
-            }
             Self::WrongType { .. } => WRONG_TYPE
                 .because("UNSUPPORTED_MEDIA_TYPE")
                 .field("Content-Type")
                 .allowed("application/json"),
-            Self::NotAllowed { header, allowed, .. } => {
-                FORBIDDEN.because("NOT_ALLOWED").field(header).allowed(*allowed)
-            }
-            Self::NoKey | Self::UnknownKey => {
-                let reason = match self {
-                    Self::NoKey => "KEY_MISSING",
-                    _ => "KEY_UNKNOWN",
-                };
-                UNAUTHENTICATED
-                    .because(reason)
-                    .field("Authorization")
-                    .allowed(BEARER)
-            }
-            Self::Token(_) => UNAUTHENTICATED
-                .because("TOKEN_INVALID")
-                .field("Authorization")
-                .allowed(BEARER),
-            Self::UnknownTicket => UNAUTHENTICATED
-                .because("TICKET_UNKNOWN")
-                .field("ticket")
-                .allowed("a ticket of POST /v1/tickets, once and within 30 s"),
-            Self::TooManyTickets { most, .. } => FULL
-                .because("TOO_MANY_TICKETS")
-                .allowed(format!("{most} unused ones"))
-                .retry_after(RETRY_AFTER),
-            Self::NoTickets => NOT_NOW.because("NO_KEYS"),
-            Self::RoleTooLow { needed, .. } => FORBIDDEN
-                .because("ROLE_TOO_LOW")
-                .field("Authorization")
-                .allowed(needed.and_above()),
-            Self::NoConnection => UNAVAILABLE
-                .because("TOO_MANY_CONNECTIONS")
-                .retry_after(RETRY_AFTER),
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),
@@ -262,6 +159,12 @@ fn message(error: &ServiceError) -> String {
             "the server is broken: an engine has stopped".to_owned()
         }
         error => error.to_string(),
+    }
+}
+
+impl From<Exhausted> for ApiError {
+    fn from(error: Exhausted) -> Self {
+        EdgeError::from(error).into()
     }
 }
 

@@ -7,6 +7,7 @@ pub(super) mod parts;
 pub(super) mod scenes;
 pub(super) mod sessions;
 mod site;
+mod tickets;
 mod viewer;
 
 use std::sync::Arc;
@@ -30,10 +31,11 @@ use super::error::ApiError;
 use super::ours::Ours;
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
-use super::{ApiLimits, openapi, tickets, ws};
+use super::{ApiLimits, openapi, ws};
 use crate::service::Service;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
+use troupe_edge::is_grpc;
 
 /// The routes of remote procedures, with their documentation.
 fn rpcs() -> OpenApiRouter<Arc<Service>> {
@@ -84,8 +86,8 @@ pub fn document() -> OpenApi {
     document
 }
 
-/// The HTTP routes.
-pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
+/// The HTTP routes. `site` is the folder of the documentation.
+pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits, site: &std::path::Path) -> Router {
     let body = BodyLimits {
         bytes: limits.message_bytes,
         shapes: Arc::new(Shapes::new(limits)),
@@ -108,7 +110,7 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
         .config(utoipa_swagger_ui::Config::from("/openapi.json").validator_url("none"));
     api.merge(operations)
         .merge(docs)
-        .merge(site::router())
+        .merge(site::router(site))
         .merge(viewer::router())
 }
 

@@ -12,7 +12,7 @@ use super::error::ApiError;
 const ROUTES: [&str; 2] = ["/capabilities", "/generate"];
 
 /// Whether a path is one of the protocol's.
-pub(super) fn is_route(path: &str) -> bool {
+fn is_route(path: &str) -> bool {
     ROUTES.contains(&path)
 }
 
@@ -31,7 +31,7 @@ async fn envelope(request: Request, next: Next) -> Response {
 }
 
 /// An error in the protocol's form; other answers as they are.
-pub(super) fn in_envelope(response: Response) -> Response {
+fn in_envelope(response: Response) -> Response {
     let error = response.extensions().get::<ApiError>().cloned();
     match error {
         Some(error) => error.in_envelope(response),

@@ -7,8 +7,8 @@ use http::request::Parts;
 use tonic::Status;
 
 use super::error::ApiError;
-use crate::clients::Identity;
 use crate::service::Service;
+use troupe_edge::clients::Identity;
 
 /// An extractor of HTTP handlers.
 pub(super) struct Ours(pub(super) Arc<Service>);

@@ -22,10 +22,11 @@ use super::answers;
 use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
 use super::ours::Ours;
-use crate::clients::Client;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_base::turns::Turns;
-use troupe_live::session::drive::{Outgoing, Outlet, StreamPermit, outbox};
+use troupe_edge::clients::Client;
+use troupe_live::session::StreamPermit;
+use troupe_live::session::stream::{Outgoing, Outlet, outbox};
 
 /// How long a client may take to read what is left once its stream has ended.
 const FAREWELL: Duration = Duration::from_secs(2);

@@ -11,8 +11,8 @@ use confique::Layer as _;
 use http::Uri;
 
 use super::{ConfigError, Options, removed};
-use crate::api::Role;
 use crate::health::{HealthTls, READY};
+use troupe_edge::clients::Role;
 use troupe_engine::EngineChoice;
 
 type Layer = <Options as confique::Config>::Layer;

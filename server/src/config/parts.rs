@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Config;
-use crate::api::{ApiLimits, Guard};
-use crate::clients::{Share, Shares};
+use crate::api::ApiLimits;
 use crate::inbetween::RequestLimits;
 use crate::traces::TraceOptions;
 use troupe_batch::scheduler::Limits;
+use troupe_edge::clients::{Share, Shares};
+use troupe_edge::guard::Guard;
+use troupe_edge::port::{ConnectionLimits, TlsFiles};
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
@@ -123,6 +125,26 @@ impl Config {
     /// Most connections of one address: half of `all`, as of streams and memory.
     pub fn connections_of_address(&self, all: usize) -> usize {
         self.fixed.max_connections_per_address.unwrap_or((all / 2).max(1))
+    }
+
+    /// Timeouts of connections, and the calls that each may have.
+    pub fn connection_limits(&self) -> ConnectionLimits {
+        ConnectionLimits {
+            request: self.request_timeout(),
+            idle: self.fixed.idle_timeout,
+            keepalive: self.fixed.keepalive,
+            drain: self.drain_timeout(),
+            max_calls: self.fixed.max_calls_per_connection,
+        }
+    }
+
+    /// The files of TLS. None: the server speaks no TLS.
+    pub fn tls_files(&self) -> Option<TlsFiles> {
+        Some(TlsFiles {
+            certificate: self.tls_certificate.clone()?,
+            key: self.tls_key.clone()?,
+            client_ca: self.tls_client_ca.clone(),
+        })
     }
 
     /// The web pages and host names that a server on `address` answers.

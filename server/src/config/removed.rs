@@ -5,7 +5,8 @@ use std::path::Path;
 use super::ConfigError;
 
 /// Each option with what replaced it.
-pub(super) const REMOVED: [(&str, &str); 19] = [
+pub(super) const REMOVED: [(&str, &str); 21] = [
+    ("allow_anonymous", "set without_keys to anyone"),
     ("drive_stall_timeout_ms", "always 30000"),
     ("idle_timeout_ms", "always 300000"),
     ("keepalive_ms", "always 20000"),
@@ -23,6 +24,7 @@ pub(super) const REMOVED: [(&str, &str); 19] = [
     ("max_streams_per_client", "a quarter of max_streams"),
     ("max_tenants", "always 256"),
     ("onnx_runtime", "set ORT_DYLIB_PATH in the environment"),
+    ("one_time_key", "set without_keys to one-time-key"),
     ("session_ttl_ms", "60000, or the session's own ttl_ms"),
     ("snapshot_interval_ms", "always 250"),
     ("spin", "always false"),

@@ -24,7 +24,7 @@ pub use describe::prepare_describe;
 pub use feasible::{NotFeasible, refuse, refuse_frames, refuse_keyframes};
 pub use finish::{finish, finish_judged};
 pub use parts::{PartWriter, write_description};
-pub use path::{MAX_PATH_POINTS, PathPlan};
+pub use path::{MAX_PATH_POINTS, path_judge, prepare_path, refuse_path};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
 pub use prompt::{MAX_GENERATED_FRAMES, Prepared, prepare_prompt};
 pub use root::GivenRoot;

@@ -1,7 +1,11 @@
 use std::path::Path as FilePath;
 
 use super::*;
+use troupe_character::post::roots;
+use troupe_character::take::speed_mps;
+use troupe_motion::model::{Motion, PathTask};
 use troupe_motion::rotation::six_d;
+use troupe_motion::{GlobalRoot, Vec3};
 
 /// The trained pack's manifest and bodies; its network is not looked at.
 fn pack() -> Pack {
@@ -28,7 +32,7 @@ fn straight(seconds: f32) -> v1::PathGoal {
 }
 
 fn plan(goal: &v1::PathGoal) -> Result<PathPlan, FieldError> {
-    PathPlan::new(goal, &[], 5, &pack())
+    prepare_path(goal, &[], 5, &pack())
 }
 
 /// The neutral pose along the task's path.
@@ -49,10 +53,13 @@ fn follow(task: &PathTask) -> Motion {
 /// All frames of a plan, made by [`follow`]: world x, z and heading.
 fn walked(plan: &mut PathPlan) -> (Vec<[f32; 3]>, Vec<PathTask>) {
     let (mut frames, mut tasks) = (Vec::new(), Vec::new());
-    while let Some((task, frame)) = plan.next() {
-        let (fresh, is_last) = plan.take(&follow(&task), &frame);
-        frames.extend(roots(&fresh.root).map(|root| flat(frame.to_world_root(root))));
-        assert_eq!(is_last, plan.next().is_none());
+    while let Some((task, frame)) = plan.next_task() {
+        let (fresh, is_last) = plan.receive(&follow(&task), &frame);
+        frames.extend(roots(&fresh.root).map(|root| {
+            let root = frame.to_world_root(root);
+            [root.position.x, root.position.z, root.heading]
+        }));
+        assert_eq!(is_last, plan.next_task().is_none());
         tasks.push(task);
     }
     (frames, tasks)
@@ -113,13 +120,13 @@ fn it_leads_over_from_the_past_and_ends_at_the_targets() {
         body: "human".into(),
         ..straight(4.0)
     };
-    let mut plan = PathPlan::new(&goal, &past, 5, &pack()).unwrap();
+    let mut plan = prepare_path(&goal, &past, 5, &pack()).unwrap();
     let (frames, tasks) = walked(&mut plan);
     assert_eq!(frames.len(), 120);
     assert_eq!(tasks[0].context.len(), 4);
     let last = tasks.last().unwrap();
     assert_eq!((last.targets.len(), last.path.len()), (2, 4 + 120 - 64));
-    let steps = frames.windows(2).map(|pair| speed(pair, 30.0));
+    let steps = frames.windows(2).map(|pair| speed_mps(pair, 30.0));
     assert!(steps.fold(0.0, f32::max) < 6.0);
     let [first, middle, end] = [frames[0], frames[60], frames[119]];
     assert!((first[0] - 1.0).abs() < 0.05, "{first:?}");
@@ -129,7 +136,7 @@ fn it_leads_over_from_the_past_and_ends_at_the_targets() {
         "{end:?}"
     );
 
-    let far = PathPlan::new(
+    let far = prepare_path(
         &straight(2.0),
         &[key(6.0, 0.0), key(6.0, 0.0), key(6.0, 0.0), key(6.0, 0.0)],
         5,

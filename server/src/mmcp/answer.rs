@@ -2,14 +2,14 @@
 
 use serde::Serialize;
 use serde_json::{Map, Value};
+use troupe_character::take::{Made, Note, trajectory};
 use troupe_motion::Quat;
 use troupe_motion::glb::GlbError;
 use troupe_motion::gltf::{GltfMotion, write_gltf};
 
-use super::finish::Made;
+use super::asked::Asked;
 use super::model::VERSION;
-use super::take::{Note, Take};
-use super::trajectory::{Trajectory, trajectory};
+use super::trajectory::Wire;
 
 /// The name of the protocol's extension.
 const EXTENSION: &str = "MMCP_motion";
@@ -25,7 +25,7 @@ struct Extension<'a> {
     notes: Vec<Note>,
 }
 
-/// What is told of a sample.
+/// What a client reads of a sample beside its channels.
 #[derive(Debug, Serialize)]
 struct Sample {
     name: String,
@@ -33,18 +33,19 @@ struct Sample {
     chunk_boundaries: Vec<usize>,
     #[serde(skip_serializing_if = "Map::is_empty")]
     foot_contacts: Map<String, Value>,
-    trajectory: Trajectory,
+    trajectory: Wire,
 }
 
-/// The document of a take's samples.
+/// The document of a request's samples.
 ///
 /// # Errors
-/// [`GlbError`] where it cannot be written.
-pub fn write(take: &Take, samples: &[Made]) -> Result<Vec<u8>, GlbError> {
-    let skeleton = &take.model.rig().skeleton;
-    let contacts = take.model.contact_joints();
-    let mut notes = take.notes.clone();
-    let (mut told, mut motions) = (Vec::new(), Vec::new());
+/// [`GlbError`] for numbers that JSON cannot hold.
+pub fn write(asked: &Asked, samples: &[Made]) -> Result<Vec<u8>, GlbError> {
+    let skeleton = &asked.model.rig().skeleton;
+    let (clock, is_loop) = (&asked.take.clock, asked.take.is_loop);
+    let contacts = asked.model.contact_joints();
+    let mut notes = asked.notes.clone();
+    let (mut listed, mut motions) = (Vec::new(), Vec::new());
     for (nth, made) in samples.iter().enumerate() {
         let name = format!("sample_{nth}");
         for note in &made.notes {
@@ -52,7 +53,7 @@ pub fn write(take: &Take, samples: &[Made]) -> Result<Vec<u8>, GlbError> {
                 notes.push(note.clone());
             }
         }
-        told.push(Sample {
+        listed.push(Sample {
             name: name.clone(),
             num_frames: made.track.len(),
             chunk_boundaries: made.boundaries.clone(),
@@ -64,38 +65,33 @@ pub fn write(take: &Take, samples: &[Made]) -> Result<Vec<u8>, GlbError> {
                     (joint.clone(), flags.collect())
                 })
                 .collect(),
-            trajectory: trajectory(&made.track, skeleton, take.clock.fps, take.is_loop),
+            trajectory: Wire::new(trajectory(&made.track, skeleton, clock.fps, is_loop), is_loop),
         });
         motions.push(GltfMotion {
             name,
             roots: made.track.roots.clone(),
-            rotations: ordered(take, made),
+            rotations: ordered(asked, made),
         });
     }
     let extension = Extension {
         version: VERSION,
-        model: &take.model.id,
-        fps: take.clock.fps,
-        samples: told,
+        model: &asked.model.id,
+        fps: clock.fps,
+        samples: listed,
         notes,
     };
     let extension = serde_json::to_value(extension).map_err(|error| GlbError::Json(error.to_string()))?;
-    write_gltf(
-        &take.joints.rest,
-        take.clock.fps,
-        &motions,
-        (EXTENSION, extension),
-    )
+    write_gltf(&asked.joints.rest, clock.fps, &motions, (EXTENSION, extension))
 }
 
 /// Rotations in the request's order of joints.
-fn ordered(take: &Take, made: &Made) -> Vec<Quat> {
+fn ordered(asked: &Asked, made: &Made) -> Vec<Quat> {
     let frames = 0..made.track.len();
     frames
         .flat_map(|frame| {
             let pose = made.track.pose(frame);
-            let wire = |&joint: &usize| take.joints.axes.to_wire(joint, pose[joint]);
-            take.joints.order.iter().map(wire)
+            let wire = |&joint: &usize| asked.joints.axes.to_wire(joint, pose[joint]);
+            asked.joints.order.iter().map(wire)
         })
         .collect()
 }

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde_json::Value;
+use troupe_character::take::{Clock, Look, Note, Part, Prompt, Take};
 
+use super::asked::Asked;
 use super::constraints::{self, Scope};
 use super::fault::{Code, Fault};
 use super::limits::{
@@ -14,7 +16,6 @@ use super::model::Model;
 use super::schema::{
     ENGLISH, Guidance, MotionReference, Options, Request, Text, Unconditioned, check_version, read, take_type,
 };
-use super::take::{Clock, Look, Note, Part, Prompt, Take};
 use super::{reference, skeleton};
 use crate::inbetween::check_words;
 use troupe_base::echo::cut;
@@ -44,7 +45,7 @@ enum Segment {
 ///
 /// # Errors
 /// [`Fault`] for the first thing that is not accepted.
-pub fn check(value: Value, models: &[Model]) -> Result<Take, Fault> {
+pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
     if let Some(version) = value.get("protocol_version").and_then(Value::as_str)
         && super::schema::major(version).is_some()
     {
@@ -78,12 +79,10 @@ pub fn check(value: Value, models: &[Model]) -> Result<Take, Fault> {
     let look = look(&options, model, &mut notes)?;
     let native = |frame: usize| clock.native(frame).round() as usize;
     let parts = parts(&segments, &lengths, (&clock, model), &mut notes)?;
-    Ok(Take {
-        model: model.clone(),
-        joints: Arc::new(joints),
+    let take = Take {
+        subject: model.subject(),
         parts,
         wanted,
-        samples: options.num_samples.unwrap_or(1) as usize,
         seed: seed(options.seed, &mut notes),
         frames: clock.native_frames(),
         clock,
@@ -91,6 +90,12 @@ pub fn check(value: Value, models: &[Model]) -> Result<Take, Fault> {
         transition: native(options.transition_frames.unwrap_or(TRANSITION_FRAMES) as usize),
         is_loop: options.is_loop.unwrap_or(false),
         look,
+    };
+    Ok(Asked {
+        model: model.clone(),
+        joints: Arc::new(joints),
+        take: Arc::new(take),
+        samples: options.num_samples.unwrap_or(1) as usize,
         notes,
     })
 }

@@ -3,17 +3,16 @@
 use std::collections::{BTreeMap, HashMap};
 
 use serde_json::Value;
+use troupe_character::take::{Clock, Effector, Ground, Knot, PoseKey, Wanted};
 use troupe_motion::{Quat, Vec3};
 
 use super::fault::{Code, Fault};
-use super::ground::Ground;
 use super::limits::{
     MAX_CONSTRAINTS, MAX_GROUND_POINTS, MAX_HEIGHT_M, MAX_PLACE_M, MAX_POINTS, MAX_SPEED_MPS,
 };
 use super::model::Model;
 use super::schema::{EffectorTarget, FillMode, GroundHeight, PoseKeyframe, RootPath, read, take_type};
 use super::skeleton::rotation;
-use super::take::{Clock, Effector, Knot, PoseKey, Wanted};
 
 /// The types that the protocol knows.
 const TYPES: [&str; 4] = ["root_path", "effector_target", "pose_keyframe", "ground_height"];

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::Serialize;
 use serde_json::{Value, json};
 use troupe_character::style::StyleTable;
+use troupe_character::take::{Follower, Subject};
 use troupe_motion::fk::local_from_world_rotations;
 use troupe_motion::model::{Body, Capability, Rig};
 use troupe_motion::{Quat, Vec3};
@@ -105,6 +106,23 @@ impl Model {
     pub fn max_reference_frames(&self) -> usize {
         let language = self.loaded.pack.language();
         language.map_or(MAX_REFERENCE_FRAMES, |language| language.max_frames())
+    }
+
+    /// What a take of it animates.
+    pub fn subject(&self) -> Subject {
+        let pack = &self.loaded.pack;
+        let (rest, rest_height_m) = self.rest();
+        let body = self.body().filter(|_| self.follows());
+        Subject {
+            rig: self.rig().clone(),
+            rest,
+            rest_height_m,
+            follower: body.map(|body| Follower {
+                body: body.clone(),
+                words: pack.words.as_slice().into(),
+                steps: pack.sampler().map_or(1, |steps| steps.default),
+            }),
+        }
     }
 
     /// Words that it found itself, as far as a prompt of it may go.

@@ -3,11 +3,11 @@
 //! A model that puts motion into words reads one, and acts out the words.
 
 use std::collections::{HashMap, HashSet};
-use std::sync::Arc;
 
 use troupe_character::keyframe::{Checked, KeyWriter};
+use troupe_character::take::MotionFrames;
 use troupe_motion::clip::Clip;
-use troupe_motion::model::{DescribeTask, KeyTensors, Task};
+use troupe_motion::model::{DescribeTask, Task};
 use troupe_motion::{Quat, SegmentFrame};
 
 use super::constraints::world;
@@ -19,14 +19,11 @@ use super::skeleton;
 use crate::inbetween::check_description;
 use troupe_base::echo::cut;
 
-/// A motion to go by: its frames, of the model.
-pub type Frames = Arc<[KeyTensors]>;
-
 /// Checks the motion of a segment, the one with this place in the request.
 ///
 /// # Errors
 /// [`Fault`] for the first thing that is not accepted.
-pub fn check(place: &str, given: &MotionReference, model: &Model) -> Result<Frames, Fault> {
+pub fn check(place: &str, given: &MotionReference, model: &Model) -> Result<MotionFrames, Fault> {
     check_form(place, given, model)?;
     if let Some(own) = &given.skeleton {
         skeleton::check(own, model).map_err(|mut fault| {
@@ -148,7 +145,7 @@ fn clip(place: &str, given: &MotionReference, joints: &[usize], model: &Model) -
 }
 
 /// The frames as the model reads them, in the frame of the first.
-fn keyframes(clip: &Clip, model: &Model) -> Frames {
+fn keyframes(clip: &Clip, model: &Model) -> MotionFrames {
     let rig = model.rig();
     let key = |frame: usize| {
         let rotations = clip.rotations_at(frame).to_vec();

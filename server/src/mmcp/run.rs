@@ -7,20 +7,17 @@ use serde::Deserialize;
 use serde_json::Value;
 use troupe_character::FieldError;
 use troupe_character::post::NonFinite;
+use troupe_character::take::{Made, Making};
 use troupe_motion::model::{Output, Task};
 use troupe_proto::rpc;
 
 use super::answer;
+use super::asked::Asked;
 use super::check::check;
 use super::fault::{Code, Fault};
-use super::finish::{Made, finish};
-use super::follow::Follow;
 use super::limits::MAX_BATCH;
 use super::model::models;
 use super::schema::check_version;
-use super::take::{Note, Prompt, Take};
-use super::track::Track;
-use super::walk::Walk;
 use crate::service::{Service, ServiceError};
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::RequestContext;
@@ -98,7 +95,7 @@ pub async fn generate(service: &Service, body: Body) -> Result<Reply, Failure> {
             None => Err(WorkerStopped.into()),
         };
     }
-    let takes: Vec<Result<Take, Failure>> = batch(value)?
+    let takes: Vec<Result<Asked, Failure>> = batch(value)?
         .into_iter()
         .map(|item| check(item?, &models).map_err(Failure::from))
         .collect();
@@ -156,51 +153,11 @@ fn batch(mut value: Value) -> Result<Vec<Result<Value, Fault>>, Fault> {
 
 /// One sample on its way.
 struct Job {
+    /// Place of its request.
     take: usize,
-    chain: Chain,
+    making: Making,
     /// Why it went no further.
     failure: Option<Failure>,
-}
-
-enum Chain {
-    Walk(Box<Walk>),
-    Follow(Box<Follow>),
-}
-
-impl Chain {
-    fn of(take: &Take, sample: usize) -> Self {
-        match take.model.follows() && take.parts.iter().all(|part| part.prompt == Prompt::Free) {
-            true => Self::Follow(Box::new(Follow::new(take, sample))),
-            false => Self::Walk(Box::new(Walk::new(take, sample))),
-        }
-    }
-
-    fn ask(&mut self) -> Result<Option<Task>, Failure> {
-        match self {
-            Self::Walk(walk) => Ok(walk.ask()),
-            Self::Follow(follow) => follow.ask().map_err(|error| not_a_path(&error).into()),
-        }
-    }
-
-    fn take(&mut self, made: &Output) -> Result<(), NonFinite> {
-        match (self, made) {
-            (Self::Walk(walk), Output::Motion(motion)) => walk.take(motion),
-            (Self::Walk(walk), Output::Text(text)) => {
-                walk.hear(text);
-                Ok(())
-            }
-            (Self::Follow(follow), Output::Motion(motion)) => follow.take(motion),
-            // No task of theirs has such an answer.
-            (_, Output::Text(_) | Output::Motions(_) | Output::Audio(_)) => Err(NonFinite),
-        }
-    }
-
-    fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
-        match self {
-            Self::Walk(walk) => walk.done(),
-            Self::Follow(follow) => follow.done(),
-        }
-    }
 }
 
 /// A path that the model does not take, in the words of the request.
@@ -219,7 +176,7 @@ fn not_a_path(error: &FieldError) -> Fault {
 /// The documents of takes, in their order.
 async fn serve(
     service: &Service,
-    takes: Vec<Result<Take, Failure>>,
+    takes: Vec<Result<Asked, Failure>>,
     arrived: Instant,
 ) -> Vec<Result<Vec<u8>, Failure>> {
     let mut packs: Vec<Arc<LoadedPack>> = Vec::new();
@@ -250,10 +207,10 @@ async fn serve(
 async fn group(
     service: &Service,
     loaded: &Arc<LoadedPack>,
-    takes: &Arc<Vec<Result<Take, Failure>>>,
+    takes: &Arc<Vec<Result<Asked, Failure>>>,
     arrived: Instant,
 ) -> Vec<(usize, Result<Vec<u8>, Failure>)> {
-    let of_pack = |take: &Take| Arc::ptr_eq(&take.model.loaded, loaded);
+    let of_pack = |take: &Asked| Arc::ptr_eq(&take.model.loaded, loaded);
     let own: Vec<usize> = (0..takes.len())
         .filter(|&index| takes[index].as_ref().is_ok_and(of_pack))
         .collect();
@@ -285,7 +242,7 @@ async fn group(
 async fn make(
     service: &Service,
     loaded: &LoadedPack,
-    takes: &Arc<Vec<Result<Take, Failure>>>,
+    takes: &Arc<Vec<Result<Asked, Failure>>>,
     own: &[usize],
     (samples, arrived): (usize, Instant),
 ) -> Result<Vec<Job>, Failure> {
@@ -304,10 +261,12 @@ async fn make(
             trace_served(&trace, asked, &served);
         }
         let answers: Vec<(usize, Output)> = places.into_iter().zip(served.outputs).collect();
+        let shared = takes.clone();
         let stepped = offload(samples, INLINE_SAMPLES, move || {
             for (place, made) in answers {
                 let job: &mut Job = &mut jobs[place];
-                job.failure = job.chain.take(&made).err().map(Failure::from);
+                let made = fitted(made, &shared[job.take]);
+                job.failure = job.making.receive(&made).err().map(Failure::from);
             }
             let tasks = step(&mut jobs);
             (jobs, tasks)
@@ -317,14 +276,22 @@ async fn make(
     Ok(jobs)
 }
 
-fn begin(takes: &[Result<Take, Failure>], own: &[usize]) -> (Vec<Job>, Vec<(usize, Task)>) {
+/// What a generator made; words that it found as far as a prompt of the model may go.
+fn fitted(made: Output, asked: &Result<Asked, Failure>) -> Output {
+    match (made, asked) {
+        (Output::Text(text), Ok(asked)) => Output::Text(asked.model.fitting(&text)),
+        (made, _) => made,
+    }
+}
+
+fn begin(takes: &[Result<Asked, Failure>], own: &[usize]) -> (Vec<Job>, Vec<(usize, Task)>) {
     let mut jobs = Vec::new();
     for &index in own {
         let Ok(take) = &takes[index] else { continue };
         for sample in 0..take.samples {
             jobs.push(Job {
                 take: index,
-                chain: Chain::of(take, sample),
+                making: Making::new(&take.take, sample),
                 failure: None,
             });
         }
@@ -340,9 +307,9 @@ fn step(jobs: &mut [Job]) -> Vec<(usize, Task)> {
         if job.failure.is_some() {
             continue;
         }
-        match job.chain.ask() {
+        match job.making.next_task() {
             Ok(task) => tasks.extend(task.map(|task| (place, task))),
-            Err(failure) => job.failure = Some(failure),
+            Err(error) => job.failure = Some(not_a_path(&error).into()),
         }
     }
     tasks
@@ -350,22 +317,20 @@ fn step(jobs: &mut [Job]) -> Vec<(usize, Task)> {
 
 /// Finishes all jobs, and writes the document of each take.
 fn documents(
-    takes: &[Result<Take, Failure>],
+    takes: &[Result<Asked, Failure>],
     own: &[usize],
     jobs: Vec<Job>,
 ) -> Vec<Result<Vec<u8>, Failure>> {
     let mut samples: Vec<Result<Vec<Made>, Failure>> = takes.iter().map(|_| Ok(Vec::new())).collect();
-    for Job { take, chain, failure } in jobs {
-        let made = match (&takes[take], failure) {
-            (_, Some(failure)) => Err(failure),
-            (Err(failure), _) => Err(failure.clone()),
-            (Ok(of), None) => {
-                let (track, boundaries, notes) = chain.done();
-                match track.len() == of.frames {
-                    true => Ok(finish(of, track, boundaries, notes)),
-                    false => Err(NonFinite.into()),
-                }
-            }
+    for Job {
+        take,
+        making,
+        failure,
+    } in jobs
+    {
+        let made = match failure {
+            Some(failure) => Err(failure),
+            None => making.finish().map_err(Failure::from),
         };
         match (&mut samples[take], made) {
             (Ok(samples), Ok(made)) => samples.push(made),

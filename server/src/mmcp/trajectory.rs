@@ -1,26 +1,12 @@
-//! The way that a motion travels, without the sway of its steps: what a client takes out to play it
-//! in place.
+//! The way of a motion as the protocol has it.
 
 use serde::Serialize;
 use serde_json::{Value, json};
-use troupe_motion::root::wrap_angle;
+use troupe_character::take::{Shape, Trajectory};
 
-use super::track::Track;
-use troupe_motion::Skeleton;
-
-/// The root's way is averaged over so many seconds, about a stride.
-const STRIDE_S: f32 = 1.0;
-/// One who ends and stays this near to where it began is still, metres.
-const STILL_M: f32 = 0.15;
-/// How far from a line the way of one who goes straight is at most: metres, and a share of its
-/// length.
-const LINE: (f32, f32) = (0.03, 0.03);
-/// Turns of less than this are none, radians.
-const STEADY_RAD: f32 = 0.07;
-
-/// The protocol's form of it.
+/// The field `trajectory` of a sample.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Trajectory {
+pub struct Wire {
     model: &'static str,
     #[serde(rename = "loop")]
     is_loop: bool,
@@ -32,147 +18,57 @@ pub struct Trajectory {
     yaw: Vec<f32>,
 }
 
-/// The trajectory of a motion.
-pub fn trajectory(track: &Track, skeleton: &Skeleton, fps: f32, is_loop: bool) -> Trajectory {
-    let places: Vec<[f32; 2]> = track.roots.iter().map(|root| [root.x, root.z]).collect();
-    let mut headings = Vec::with_capacity(track.len());
-    for frame in 0..track.len() {
-        let heading = track.root(frame, skeleton).heading;
-        let before = headings.last().copied().unwrap_or(heading);
-        headings.push(before + wrap_angle(heading - before));
-    }
-    let half = (STRIDE_S * fps / 2.0).round() as usize;
-    let smooth: Vec<[f32; 2]> = {
-        let axis = |axis: usize| {
-            averaged(
-                &places.iter().map(|place| place[axis]).collect::<Vec<_>>(),
-                half,
-                is_loop,
-            )
+impl Wire {
+    /// The way of a motion, which may be a loop.
+    pub fn new(way: Trajectory, is_loop: bool) -> Self {
+        let (model, params) = match way.shape {
+            Shape::Still => ("still", json!({})),
+            Shape::Line {
+                heading_deg,
+                speed_mps,
+            } => ("line", json!({"heading_deg": heading_deg, "speed": speed_mps})),
+            Shape::Path { speed_mps } => ("path", json!({"speed": speed_mps})),
         };
-        axis(0).into_iter().zip(axis(1)).map(|(x, z)| [x, z]).collect()
-    };
-    let (model, params, position) = shaped(smooth, fps);
-    let turned = averaged(&headings, half, is_loop);
-    let first = turned.first().copied().unwrap_or(0.0);
-    let yaw: Vec<f32> = turned.iter().map(|turn| turn - first).collect();
-    let steady = yaw.iter().all(|turn| turn.abs() < STEADY_RAD);
-    Trajectory {
-        model,
-        is_loop,
-        params,
-        heading: if steady { "fixed" } else { "averaged" },
-        yaw: if steady { vec![0.0; yaw.len()] } else { yaw },
-        position,
-    }
-}
-
-/// Means over up to `half` frames on either side: fewer at the ends of a motion, the same motion
-/// again at those of a loop.
-fn averaged(values: &[f32], half: usize, is_loop: bool) -> Vec<f32> {
-    let count = values.len();
-    let (Some(first), Some(last)) = (values.first(), values.last()) else {
-        return Vec::new();
-    };
-    let travel = last - first;
-    let period = count.saturating_sub(1).max(1) as i64;
-    let at = |frame: i64| {
-        let turns = frame.div_euclid(period);
-        values[(frame.rem_euclid(period) as usize).min(count - 1)] + travel * turns as f32
-    };
-    let mean = |frame: usize| {
-        let reach = if is_loop {
-            half
-        } else {
-            half.min(frame).min(count - 1 - frame)
-        } as i64;
-        let frame = frame as i64;
-        let sum: f32 = (frame - reach..=frame + reach)
-            .map(|frame| {
-                if is_loop {
-                    at(frame)
-                } else {
-                    values[frame as usize]
-                }
-            })
-            .sum();
-        sum / (2 * reach + 1) as f32
-    };
-    (0..count).map(mean).collect()
-}
-
-/// The simplest shape that a way has.
-fn shaped(way: Vec<[f32; 2]>, fps: f32) -> (&'static str, Value, Vec<[f32; 2]>) {
-    let (Some(&first), Some(&last)) = (way.first(), way.last()) else {
-        return ("still", json!({}), way);
-    };
-    let away = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    if way.iter().all(|place| away(*place, first) < STILL_M) {
-        let count = way.len();
-        return ("still", json!({}), vec![first; count]);
-    }
-    let length = away(first, last);
-    let seconds = (way.len() - 1) as f32 / fps;
-    if length > STILL_M {
-        let along = [(last[0] - first[0]) / length, (last[1] - first[1]) / length];
-        let across =
-            |place: &[f32; 2]| ((place[0] - first[0]) * along[1] - (place[1] - first[1]) * along[0]).abs();
-        if way.iter().all(|place| across(place) <= LINE.0 + LINE.1 * length) {
-            let on = |place: &[f32; 2]| {
-                let share = (place[0] - first[0]) * along[0] + (place[1] - first[1]) * along[1];
-                [first[0] + share * along[0], first[1] + share * along[1]]
-            };
-            let heading = along[0].atan2(along[1]).to_degrees();
-            let params = json!({"heading_deg": heading, "speed": length / seconds});
-            return ("line", params, way.iter().map(on).collect());
+        Self {
+            model,
+            is_loop,
+            params,
+            heading: if way.is_steady { "fixed" } else { "averaged" },
+            position: way.places,
+            yaw: way.yaw,
         }
     }
-    let gone: f32 = way.windows(2).map(|pair| away(pair[0], pair[1])).sum();
-    ("path", json!({"speed": gone / seconds}), way)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use troupe_motion::{Joint, Quat, Vec3};
 
-    fn skeleton() -> Skeleton {
-        let joint = Joint {
-            name: "hips".to_owned(),
-            parent: None,
-            offset_m: Vec3::ZERO,
+    #[test]
+    fn shapes_have_the_protocols_names() {
+        let written = |shape, is_steady| {
+            let way = Trajectory {
+                shape,
+                is_steady,
+                places: vec![[0.0, 1.0]],
+                yaw: vec![0.0],
+            };
+            serde_json::to_value(Wire::new(way, true)).unwrap()
         };
-        Skeleton::new(vec![joint], Vec3::X, 0.0, None).unwrap()
-    }
-
-    fn along(frames: usize, at: impl Fn(f32) -> (Vec3, f32), is_loop: bool) -> Trajectory {
-        let mut track = Track::default();
-        for frame in 0..frames {
-            let (root, heading) = at(frame as f32 / 30.0);
-            track.push(root, &[Quat::from_rotation_y(heading)], 0);
-        }
-        trajectory(&track, &skeleton(), 30.0, is_loop)
-    }
-
-    #[test]
-    fn the_sway_of_steps_is_not_travel() {
-        let sway = |t: f32| 0.03 * (t * std::f32::consts::TAU).sin();
-        let line = along(121, |t| (Vec3::new(sway(t), 0.9, 1.2 * t), sway(t)), true);
-        assert_eq!((line.model, line.heading), ("line", "fixed"));
-        assert!(line.position.iter().all(|place| place[0].abs() < 5e-3));
-        let travel = line.position[120][1] - line.position[0][1];
-        assert!(
-            (travel - 4.8).abs() < 1e-3,
-            "a loop closes on its travel: {travel}"
+        let line = Shape::Line {
+            heading_deg: 90.0,
+            speed_mps: 1.5,
+        };
+        assert_eq!(
+            written(line, true),
+            json!({"model": "line", "loop": true, "params": {"heading_deg": 90.0, "speed": 1.5}, "heading": "fixed",
+                   "position": [[0.0, 1.0]], "yaw": [0.0]})
         );
-    }
-
-    #[test]
-    fn shapes_are_told() {
-        assert_eq!(along(60, |t| (Vec3::X * 0.01 * t, 0.0), false).model, "still");
-        let round = along(120, |t| (Vec3::new(t.cos(), 0.9, t.sin()), -t), false);
-        assert_eq!((round.model, round.heading), ("path", "averaged"));
-        assert!((round.yaw[119] + 119.0 / 30.0).abs() < 0.02, "{}", round.yaw[119]);
-        assert_eq!(along(1, |_| (Vec3::ZERO, 0.0), false).position.len(), 1);
+        assert_eq!(written(Shape::Still, true)["params"], json!({}));
+        let path = written(Shape::Path { speed_mps: 1.0 }, false);
+        assert_eq!(
+            (&path["model"], &path["heading"]),
+            (&json!("path"), &json!("averaged"))
+        );
     }
 }

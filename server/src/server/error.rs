@@ -2,11 +2,12 @@
 
 use std::net::SocketAddr;
 
-use super::TlsError;
-use crate::api::{KeysError, TokensError};
 use crate::traces::TracesError;
 use troupe_character::document::DocumentError;
 use troupe_character::style::StyleError;
+use troupe_edge::keys::KeysError;
+use troupe_edge::port::{TlsError, TooFewFiles};
+use troupe_edge::tokens::TokensError;
 use troupe_engine::EngineError;
 use troupe_engine::pack::PackError;
 use troupe_live::records::RecordsError;
@@ -51,25 +52,15 @@ pub enum StartError {
     /// Certificates that cannot be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
-    /// A server that strangers could use.
+    /// Others could use the server, and no option allows it.
     #[error(
-        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of the \
-         options keys, jwks, one_time_key and allow_anonymous"
+        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of \
+         keys, jwks and without_keys = one-time-key or anyone"
     )]
     Anonymous(SocketAddr),
     /// More connections than the system gives files for.
-    #[error(
-        "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
-         higher limit"
-    )]
-    Files {
-        /// Connections that are asked for.
-        asked: usize,
-        /// The limit of open files.
-        files: u64,
-        /// Connections that fit into it.
-        room: usize,
-    },
+    #[error(transparent)]
+    Files(#[from] TooFewFiles),
     /// The state of sessions cannot be kept, and was asked to be.
     #[error(transparent)]
     Records(#[from] RecordsError),

@@ -7,8 +7,8 @@ use tokio::net::TcpListener;
 
 use super::{Around, PackSource, ServerHandle, StartError, keeping, serve_on};
 use crate::api;
-use crate::clients::Clients;
 use crate::config::Config;
+use troupe_edge::clients::Clients;
 use troupe_live::session::{Executor, TimeSource};
 
 /// [`super::serve_packs`], with characters on the thread of the caller.
@@ -36,14 +36,16 @@ impl ServerHandle {
     /// [`StartError::Internal`] where they cannot be made.
     pub fn routes(&self, config: &Config) -> Result<Router, StartError> {
         let clients = Arc::new(Clients::new(config.shares(), self.service.telemetry()));
-        api::router(
+        let routes = api::routes(
             &self.service,
             &self.health,
             &clients,
             &config.api_limits(),
             config.guard(self.address),
             self.access.credentials.clone(),
+            &config.docs,
         )
-        .map_err(|error| StartError::Internal(error.to_string()))
+        .map_err(|error| StartError::Internal(error.to_string()))?;
+        Ok(routes.all)
     }
 }

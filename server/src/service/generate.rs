@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use troupe_character::post::check_finite;
+use troupe_character::take::PathPlan;
 use troupe_character::{FieldError, Path};
 use troupe_motion::SegmentFrame;
 use troupe_motion::feasibility::Judge;
@@ -14,7 +15,9 @@ use troupe_proto::v1::generate_request::Goal;
 
 use super::streamed::{Pieces, Streamed};
 use super::{Service, ServiceError};
-use crate::inbetween::{PartWriter, PathPlan, Prepared, no_sampling, prepare_prompt, refuse_frames};
+use crate::inbetween::{
+    PartWriter, Prepared, no_sampling, path_judge, prepare_path, prepare_prompt, refuse_frames, refuse_path,
+};
 use troupe_batch::{Batcher, Piece};
 use troupe_live::packs::LoadedPack;
 
@@ -86,7 +89,7 @@ impl Generation {
         // What is not finite must not become the past of the next.
         check_finite(motion)?;
         self.writer.move_to(way.frame);
-        let (fresh, is_last) = way.plan.take(motion, &way.frame);
+        let (fresh, is_last) = way.plan.receive(motion, &way.frame);
         let parts = self.writer.write(Output::Motion(fresh), is_last)?;
         if way.strict {
             parts
@@ -94,7 +97,7 @@ impl Generation {
                 .filter_map(|part| part.feasibility.as_ref())
                 .try_for_each(refuse_frames)?;
         }
-        if let Some((task, frame)) = way.plan.next() {
+        if let Some((task, frame)) = way.plan.next_task() {
             way.frame = frame;
             self.pieces.ask_on(&way.batcher, task.into(), way.timeout)?;
         }
@@ -133,12 +136,12 @@ impl Service {
     ) -> Result<Wanted, ServiceError> {
         loaded.require(Capability::Path, "pack")?;
         no_sampling(request)?;
-        let mut plan = PathPlan::new(goal, &request.past, request.seed, &loaded.pack)?;
+        let mut plan = prepare_path(goal, &request.past, request.seed, &loaded.pack)?;
         if goal.strict {
-            plan.refuse()?;
+            refuse_path(&plan)?;
         }
-        let judge = plan.judge();
-        let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
+        let judge = path_judge(&plan);
+        let (task, frame) = plan.next_task().ok_or(ServiceError::Starting)?;
         Ok(Wanted {
             task: task.into(),
             rig: plan.body.rig.clone(),

@@ -175,7 +175,7 @@ async fn what_cannot_be_acted_out_names_the_field() {
             "r",
             in_pack("tiny-vermo"),
             "perform.pack",
-            "its joints are others than the session's",
+            "its joints differ from the session's",
         ),
         (
             "r",

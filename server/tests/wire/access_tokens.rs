@@ -10,7 +10,9 @@ use ring::rand::SystemRandom;
 use ring::signature::{ECDSA_P256_SHA256_FIXED_SIGNING, EcdsaKeyPair, Ed25519KeyPair, KeyPair as _};
 use serde_json::{Value, json};
 use tokio::time::timeout;
-use troupe_server::api::{ErrorBody, Role, keys};
+use troupe_edge::clients::Role;
+use troupe_edge::keys;
+use troupe_server::api::ErrorBody;
 
 use crate::common::TestServer;
 

@@ -8,8 +8,10 @@ use tokio_tungstenite::connect_async;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tonic::Code;
 use tonic_types::StatusExt as _;
+use troupe_edge::clients::Role;
+use troupe_edge::keys;
 use troupe_proto::v1;
-use troupe_server::api::{ErrorBody, Role, keys};
+use troupe_server::api::ErrorBody;
 
 use crate::common::{TestServer, request};
 

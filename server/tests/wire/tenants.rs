@@ -9,10 +9,11 @@ use serde_json::{Value, json};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Request;
 use tonic::metadata::MetadataValue;
+use troupe_edge::clients::Role;
+use troupe_edge::keys;
 use troupe_proto::v1;
 use troupe_proto::v1::drive_request::Message as Ask;
 use troupe_proto::v1::drive_response::Message as Say;
-use troupe_server::api::{Role, keys};
 use troupe_server::config::Config;
 
 use crate::common::TestServer;

@@ -1,4 +1,4 @@
-//! What comes back for good requests.
+//! Answers to valid requests.
 
 use std::f32::consts::PI;
 
@@ -158,7 +158,7 @@ async fn intermediates_and_positions_fit_the_frames() {
         "{farthest}"
     );
 
-    // 30 frames take eight tokens.
+    // 30 frames are eight tokens of four frames.
     let parts = answer.intermediates.unwrap();
     let heads = pack.description().heads as usize;
     assert_eq!(parts.predicted_frame_count, 32);
@@ -171,8 +171,8 @@ async fn intermediates_and_positions_fit_the_frames() {
 
 #[tokio::test]
 async fn a_turned_and_moved_request_gives_the_turned_and_moved_answer() {
-    // In f32: what is moved is off by a rounding, and in bf16 that may tip the choice between two
-    // codes that are as good as equally likely.
+    // On the CPU, in f32: moving the clip rounds its numbers, and in bf16 that may change the
+    // choice between two codes that are almost equally likely.
     let server = Server::start_with(|config| config.engine = EngineChoice::Cpu).await;
     let (client, pack) = server.client().await;
     let clip = walk(&pack);
@@ -216,7 +216,7 @@ async fn characters_of_one_request_come_back_in_order() {
         (answers.pack.as_str(), answers.pack_version.as_str()),
         (pack.name(), &*pack.description().version)
     );
-    // Parts that ran on two workers at the same time add up to more than the whole took.
+    // Two workers may run parts of a request at once, so their time may exceed the total.
     assert!(answers.timing.total_us > 0 && answers.timing.inference_us > 0);
     for (i, (answer, gap)) in answers.characters.iter().zip(&gaps).enumerate() {
         assert_eq!(answer.id, format!("walker {i}"));
@@ -226,7 +226,7 @@ async fn characters_of_one_request_come_back_in_order() {
 }
 
 #[tokio::test]
-async fn any_part_of_a_keyframe_will_do() {
+async fn any_part_of_a_keyframe_is_enough() {
     let server = shared();
     let pack = server.pack().await;
     let clip = walk(&pack);
@@ -299,7 +299,7 @@ async fn feet_that_stand_are_held_still_unless_they_are_left_free() {
         let joints = pack.skeleton().joint_count();
         let feet = &pack.skeleton().contacts.as_ref().unwrap().joints;
         let stands = |frame: usize, nth: usize| answer.contacts[frame * feet.len() + nth] >= 0.5;
-        // A heel may turn over a toe that is held.
+        // Toes only, every second joint: a heel may turn over a toe that is held still.
         let toes: Vec<usize> = (0..feet.len()).filter(|nth| nth % 2 == 1).collect();
         let steps = (5..50).flat_map(|frame| toes.iter().map(move |&nth| (frame, nth)));
         let slid: f32 = steps
@@ -314,5 +314,5 @@ async fn feet_that_stand_are_held_still_unless_they_are_left_free() {
         roots.push(answer.clip.root_positions);
     }
     assert!(slides[1] > 0.01 && slides[0] < 0.3 * slides[1], "{slides:?} m");
-    assert_eq!(roots[0], roots[1], "roots keep their way");
+    assert_eq!(roots[0], roots[1], "the roots are the same");
 }

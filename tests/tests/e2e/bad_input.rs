@@ -1,5 +1,5 @@
-//! Bad input: each kind, in gRPC and HTTP, gets the right code and names the field and what it may
-//! be.
+//! Bad input: for each kind, over gRPC and HTTP, the error has the right code and names the field
+//! and its allowed values.
 
 use bytes::{Buf as _, BufMut as _};
 use prost::Message as _;
@@ -10,10 +10,10 @@ use troupe_client::{ClientError, InBetween, SegmentLength};
 use troupe_proto::v1;
 
 use crate::motion::{character, request, walk};
-use crate::server::{Told, shared};
+use crate::server::{ErrorAnswer, shared};
 
-/// One kind of bad input: what it is, how it comes about, the field at fault, and what is told of
-/// the allowed values.
+/// One kind of bad input: its name, a change that spoils a good request, and the field and the
+/// allowed values that the error must name.
 struct Case {
     what: &'static str,
     spoil: fn(&mut v1::InBetweenRequest),
@@ -256,9 +256,9 @@ async fn spoilt(spoil: impl Fn(&mut v1::InBetweenRequest)) -> v1::InBetweenReque
     request
 }
 
-/// What is told of a request over gRPC.
-async fn by_grpc(request: v1::InBetweenRequest) -> Told {
-    Told::from_status(
+/// The error of a bad request over gRPC.
+async fn by_grpc(request: v1::InBetweenRequest) -> ErrorAnswer {
+    ErrorAnswer::from_status(
         &shared()
             .rpc()
             .await
@@ -268,26 +268,35 @@ async fn by_grpc(request: v1::InBetweenRequest) -> Told {
     )
 }
 
-fn check(way: &str, case: &Case, told: &Told) {
+fn check(way: &str, case: &Case, error: &ErrorAnswer) {
     let what = case.what;
     assert_eq!(
-        told.field.as_deref(),
+        error.field.as_deref(),
         Some(case.field),
-        "{what} over {way}: {told:?}"
+        "{what} over {way}: {error:?}"
     );
     assert!(
-        told.allowed.as_deref().unwrap_or_default().contains(case.allowed),
-        "{what} over {way}: {told:?}"
+        error
+            .allowed
+            .as_deref()
+            .unwrap_or_default()
+            .contains(case.allowed),
+        "{what} over {way}: {error:?}"
     );
-    assert!(told.message.contains(case.field), "{what} over {way}: {told:?}");
+    assert!(error.message.contains(case.field), "{what} over {way}: {error:?}");
 }
 
 #[tokio::test]
 async fn every_bad_value_is_named_over_grpc() {
     for case in &CASES {
-        let told = by_grpc(spoilt(case.spoil).await).await;
-        assert_eq!(told.grpc, Some(Code::InvalidArgument), "{}: {told:?}", case.what);
-        check("gRPC", case, &told);
+        let error = by_grpc(spoilt(case.spoil).await).await;
+        assert_eq!(
+            error.grpc,
+            Some(Code::InvalidArgument),
+            "{}: {error:?}",
+            case.what
+        );
+        check("gRPC", case, &error);
     }
 }
 
@@ -296,19 +305,19 @@ async fn every_bad_value_is_named_over_http() {
     for case in &CASES {
         let mut body = serde_json::to_value(spoilt(case.spoil).await).unwrap();
         nulls_to_infinity(&mut body);
-        let told = shared().post_text(body.to_string()).await.expect_err(case.what);
-        assert_eq!(told.http, Some(400), "{}: {told:?}", case.what);
-        check("HTTP", case, &told);
+        let error = shared().post_text(body.to_string()).await.expect_err(case.what);
+        assert_eq!(error.http, Some(400), "{}: {error:?}", case.what);
+        check("HTTP", case, &error);
     }
 }
 
-/// JSON has no NaN and no infinity, and writers put null for them. A number too great for 32 bits
-/// is how such values get in all the same.
+/// JSON has no NaN and no infinity; writers write null instead. A number too large for 32 bits
+/// still reaches the server as infinity.
 fn nulls_to_infinity(value: &mut Value) {
     match value {
         Value::Null => *value = 1e39.into(),
         Value::Array(items) => items.iter_mut().for_each(nulls_to_infinity),
-        // A switch that was left out is null too, and holds no number.
+        // `hold_feet` is null too if it is not set, but it is no number.
         Value::Object(entries) => {
             let numbers = entries.iter_mut().filter(|(name, _)| *name != "hold_feet");
             numbers.for_each(|(_, value)| nulls_to_infinity(value));
@@ -318,7 +327,7 @@ fn nulls_to_infinity(value: &mut Value) {
 }
 
 #[tokio::test]
-async fn the_client_library_tells_field_and_range() {
+async fn the_client_library_names_field_and_range() {
     let (client, pack) = shared().client().await;
     let gap = InBetween::from_clip(&walk(&pack), 40, 66)
         .unwrap()
@@ -333,7 +342,7 @@ async fn the_client_library_tells_field_and_range() {
     assert_eq!(violation.field, "characters[0].frame_count");
     assert_eq!(violation.allowed.as_deref(), Some("12 to 64"));
 
-    let error = client.pack("nobody").await.expect_err("no such pack");
+    let error = client.pack("missing").await.expect_err("no such pack");
     assert!(
         matches!(&error, ClientError::Refused(refusal) if refusal.code == Code::NotFound),
         "{error:?}"
@@ -344,17 +353,17 @@ async fn the_client_library_tells_field_and_range() {
 #[tokio::test]
 async fn an_unknown_pack_is_not_found() {
     let known = shared().pack().await.name().to_owned();
-    let request = spoilt(|r| r.pack = "nobody".to_owned()).await;
-    let told = by_grpc(request.clone()).await;
-    assert_eq!(told.grpc, Some(Code::NotFound), "{told:?}");
+    let request = spoilt(|r| r.pack = "missing".to_owned()).await;
+    let error = by_grpc(request.clone()).await;
+    assert_eq!(error.grpc, Some(Code::NotFound), "{error:?}");
     let by_http = shared().post(&request).await.expect_err("no such pack");
     assert_eq!(by_http.http, Some(404), "{by_http:?}");
-    for told in [told, by_http] {
-        assert_eq!(told.field.as_deref(), Some("pack"), "{told:?}");
-        assert!(told.message.contains("nobody"), "{told:?}");
+    for error in [error, by_http] {
+        assert_eq!(error.field.as_deref(), Some("pack"), "{error:?}");
+        assert!(error.message.contains("missing"), "{error:?}");
         assert!(
-            told.allowed.as_deref().unwrap_or_default().contains(&known),
-            "{told:?}"
+            error.allowed.as_deref().unwrap_or_default().contains(&known),
+            "{error:?}"
         );
     }
 }
@@ -371,8 +380,8 @@ async fn an_oversized_request_is_refused_with_the_limit() {
     body.push_str(&" ".repeat(LIMIT));
     let by_http = shared().post_text(body).await.expect_err("a body over the limit");
     assert_eq!(by_http.http, Some(413), "{by_http:?}");
-    for told in [by_grpc, by_http] {
-        assert_eq!(told.allowed, Some(format!("at most {LIMIT} bytes")), "{told:?}");
+    for error in [by_grpc, by_http] {
+        assert_eq!(error.allowed, Some(format!("at most {LIMIT} bytes")), "{error:?}");
     }
 }
 
@@ -393,7 +402,7 @@ async fn a_truncated_grpc_message_is_invalid() {
     }
 }
 
-/// Sends bytes as they are.
+/// Sends bytes without encoding them.
 #[derive(Default)]
 struct RawCodec;
 
@@ -433,12 +442,12 @@ impl Decoder for RawCodec {
 }
 
 #[tokio::test]
-async fn bodies_that_are_no_request_are_told_apart_over_http() {
+async fn bodies_that_are_no_request_have_different_errors_over_http() {
     let whole = serde_json::to_string(&good().await).unwrap();
     let nan = whole.replacen("\"rotations\":[", "\"rotations\":[NaN,", 1);
     let text = whole.replacen("\"seed\":0", "\"seed\":\"seven\"", 1);
     let unknown = whole.replacen("\"seed\":", "\"sede\":", 1);
-    for (what, body, told_of) in [
+    for (what, body, expected) in [
         ("half a body", &whole[..whole.len() / 2], "EOF"),
         ("no body", "", "EOF"),
         ("not JSON", "frames, please", "line 1"),
@@ -446,8 +455,8 @@ async fn bodies_that_are_no_request_are_told_apart_over_http() {
         ("text for a number", &text, "seven"),
         ("an unknown field", &unknown, "sede"),
     ] {
-        let told = shared().post_text(body.to_owned()).await.expect_err(what);
-        assert_eq!(told.http, Some(400), "{what}: {told:?}");
-        assert!(told.message.contains(told_of), "{what}: {told:?}");
+        let error = shared().post_text(body.to_owned()).await.expect_err(what);
+        assert_eq!(error.http, Some(400), "{what}: {error:?}");
+        assert!(error.message.contains(expected), "{what}: {error:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Concurrent callers share inference calls, and get what each would get alone.
+//! Concurrent callers share inference calls, and each gets the same answer as alone.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::server::Server;
 
 const CALLERS: usize = 64;
 
-/// Sum and count of a histogram, over all its labels.
+/// Sum and count of a histogram of `/metrics`, over all its labels.
 async fn histogram(server: &Server, name: &str) -> [f64; 2] {
     let text = reqwest::get(server.path("/metrics"))
         .await
@@ -35,8 +35,8 @@ async fn fill(rpc: &mut crate::server::Rpc, character: v1::Character) -> v1::Fra
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn callers_at_the_same_time_get_what_one_alone_gets() {
-    // A server of its own, so that no other test's requests are counted.
+async fn callers_at_the_same_time_get_the_same_as_alone() {
+    // A server of its own: the shared one also counts the requests of other tests.
     let server = Server::start().await;
     let pack = Client::connect(server.url())
         .await
@@ -83,7 +83,7 @@ async fn callers_at_the_same_time_get_what_one_alone_gets() {
     let mean = (all - sum) / (batches - count);
     println!("mean batch size over the burst: {mean:.1}");
     assert_eq!((all - sum).round() as usize, CALLERS);
-    // An engine's usual batch is at least 8.
+    // The default batch limit of every engine is at least 8.
     assert!(mean > 4.0, "mean batch size {mean}");
     server.stop().await;
 }

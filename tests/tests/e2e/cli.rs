@@ -1,5 +1,6 @@
-//! The command line, end to end: the very code of the `troupe` binary against a running server.
+//! The command line, end to end: the code of the `troupe` binary against a running server.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -7,13 +8,13 @@ use serde_json::Value;
 use troupe_client::Pack;
 use troupe_motion::bvh::{self, BvhFile, BvhOptions, BvhWriteOptions};
 use troupe_motion::clip::Clip;
-use troupe_tests::walk::Walk;
 
 use crate::motion::{difference, walk};
 use crate::real;
 use crate::server::shared;
+use crate::walk::Walk;
 
-/// A folder of this test's own, removed with it.
+/// A folder for one test. Dropping it removes the folder.
 pub struct Folder(PathBuf);
 
 impl Folder {
@@ -47,16 +48,22 @@ fn read_clip(path: &Path, pack: &Pack) -> Clip {
 }
 
 /// Runs `troupe` with the shared server's address in its environment.
-pub async fn troupe<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
+pub async fn troupe<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
     troupe_at(shared().url(), arguments).await
 }
 
 /// Runs `troupe` with the address of a server in its environment.
-pub async fn troupe_at<S: AsRef<std::ffi::OsStr>>(
+pub async fn troupe_at<S: AsRef<OsStr>>(url: &str, arguments: impl IntoIterator<Item = S>) -> Output {
+    run(env!("CARGO_BIN_EXE_troupe-under-test"), url, arguments).await
+}
+
+/// Runs a program with the address of a server in its environment.
+pub async fn run<S: AsRef<OsStr>>(
+    program: &str,
     url: &str,
     arguments: impl IntoIterator<Item = S>,
 ) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-under-test"));
+    let mut command = Command::new(program);
     command
         .args(arguments)
         .env("TROUPE_SERVER", url)
@@ -71,7 +78,7 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What a successful command printed.
+/// The standard output of a command that must have succeeded.
 pub fn printed(output: &Output) -> String {
     assert!(
         output.status.success(),
@@ -82,13 +89,13 @@ pub fn printed(output: &Output) -> String {
     text(&output.stdout)
 }
 
-/// Checks the exit code of a failed command, and that it told all of `told` on standard error and
-/// nothing on standard output.
-pub fn failed(output: &Output, code: i32, told: &[&str]) {
+/// Checks the exit code of a failed command. Its standard error must contain all of `expected`, and
+/// its standard output must be empty.
+pub fn failed(output: &Output, code: i32, expected: &[&str]) {
     let errors = text(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{errors}");
-    for told in told {
-        assert!(errors.contains(told), "`{told}` is not in: {errors}");
+    for part in expected {
+        assert!(errors.contains(part), "`{part}` is not in: {errors}");
     }
     assert_eq!(text(&output.stdout), "");
 }
@@ -143,7 +150,7 @@ async fn a_filled_gap_keeps_the_rest_of_the_clip() {
 }
 
 #[tokio::test]
-async fn the_gap_alone_in_the_models_own_time() {
+async fn the_gap_alone_with_a_length_from_the_model() {
     let folder = Folder::new("gap");
     let pack = shared().pack().await;
     let (source, out) = (
@@ -171,7 +178,7 @@ async fn the_gap_alone_in_the_models_own_time() {
 }
 
 #[tokio::test]
-async fn glb_opens_and_holds_the_whole_motion() {
+async fn glb_files_are_valid_and_have_the_whole_motion() {
     let folder = Folder::new("glb");
     let pack = shared().pack().await;
     let (source, out) = (
@@ -179,7 +186,11 @@ async fn glb_opens_and_holds_the_whole_motion() {
         folder.file("filled.glb"),
     );
     let output = troupe(with(gap_arguments(&source, 60, 95, &out), &["--quiet"])).await;
-    assert_eq!(printed(&output) + &text(&output.stderr), "", "quiet is quiet");
+    assert_eq!(
+        printed(&output) + &text(&output.stderr),
+        "",
+        "--quiet prints nothing"
+    );
 
     let (document, buffers) = read_glb(&out);
     let names = document
@@ -231,13 +242,13 @@ async fn a_clip_at_another_rate_is_resampled() {
 }
 
 #[tokio::test]
-async fn bad_input_is_told_with_exit_code_2() {
+async fn bad_input_gives_exit_code_2() {
     let folder = Folder::new("bad");
     let pack = shared().pack().await;
     let source = folder.write_clip("walk.bvh", &walk(&pack));
     let out = folder.file("out.bvh");
     let fill = |from, to| gap_arguments(&source, from, to, &out);
-    // From 60 the segment starts at 57: 12 frames end at 68, 64 frames at 120.
+    // A gap from 60 starts its segment at 57: 12 frames end at 68, 64 frames at 120.
     failed(&troupe(fill(60, 67)).await, 2, &["12 to 64", "68 to 120"]);
     failed(&troupe(fill(60, 121)).await, 2, &["12 to 64", "68 to 120"]);
     failed(&troupe(fill(60, 300)).await, 2, &["to 300", "0 to 299"]);
@@ -279,7 +290,7 @@ async fn bad_input_is_told_with_exit_code_2() {
 }
 
 #[tokio::test]
-async fn a_refusal_is_told_with_exit_code_4() {
+async fn a_refused_call_gives_exit_code_4() {
     let folder = Folder::new("refused");
     let pack = shared().pack().await;
     let source = folder.write_clip("walk.bvh", &walk(&pack));
@@ -299,12 +310,12 @@ async fn a_refusal_is_told_with_exit_code_4() {
         4,
         &["characters[0].frame_count", "12 to 64"],
     );
-    failed(&troupe(fill(&["--pack", "nobody"])).await, 4, &["nobody"]);
-    failed(&troupe(["packs", "nobody"]).await, 4, &["nobody"]);
+    failed(&troupe(fill(&["--pack", "missing"])).await, 4, &["missing"]);
+    failed(&troupe(["packs", "missing"]).await, 4, &["missing"]);
 }
 
 #[tokio::test]
-async fn no_server_is_told_with_exit_code_3() {
+async fn a_missing_server_gives_exit_code_3() {
     let port = std::net::TcpListener::bind("127.0.0.1:0")
         .unwrap()
         .local_addr()
@@ -313,7 +324,7 @@ async fn no_server_is_told_with_exit_code_3() {
     let url = format!("http://127.0.0.1:{port}");
     failed(&troupe(["packs", "--server", &url]).await, 3, &[&url]);
 
-    // Someone listens, but never says a word.
+    // This port accepts connections, but never answers.
     let silent = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}", silent.local_addr().unwrap());
     failed(
@@ -346,124 +357,6 @@ async fn packs_are_listed_and_described() {
 }
 
 #[tokio::test]
-async fn an_evaluation_measures_every_gap_and_says_what_it_skipped() {
-    let folder = Folder::new("eval");
-    let pack = shared().pack().await;
-    let straight = Walk {
-        frames: 120,
-        ..Walk::default()
-    }
-    .on(pack.skeleton());
-    let curve = Walk {
-        frames: 120,
-        turn_rps: -0.8,
-        heading: 1.0,
-        ..Walk::default()
-    }
-    .on(pack.skeleton());
-    folder.write_clip("straight.bvh", &straight);
-    folder.write_clip("curve.bvh", &curve);
-    folder.write_clip("short.bvh", &straight.slice(0..15).unwrap());
-    std::fs::write(folder.file("broken.bvh"), "HIERARCHY").unwrap();
-    std::fs::write(
-        folder.file("split.txt"),
-        "straight\ncurve.bvh\nshort\nbroken\nmissing\n",
-    )
-    .unwrap();
-
-    let path = |name: &str| folder.file(name).to_str().unwrap().to_owned();
-    let arguments = [
-        "eval",
-        "--data",
-        &path(""),
-        "--split",
-        &path("split.txt"),
-        "--gaps",
-        "15,45",
-    ];
-    let options = ["--stride", "20", "--seeds", "3", "--diversity-windows", "4"];
-    let json = ["--json", &path("eval.json")];
-    let said = printed(&troupe(arguments.iter().chain(&options).chain(&json)).await);
-    for told in [
-        "Gap of 15 frames, 12 windows of 2 clips; diversity of 4, 3 takes each",
-        "Gap of 45 frames, 8 windows",
-        "ground truth",
-        "linear/slerp",
-        "FID, MMD and latent diversity are not measured: no evaluator was given",
-        "Skipped clips: 3",
-    ] {
-        assert!(said.contains(told), "`{told}` is not in:\n{said}");
-    }
-
-    let json: Value = serde_json::from_str(&std::fs::read_to_string(path("eval.json")).unwrap()).unwrap();
-    let gap = &json["gaps"][0];
-    assert_eq!((&gap["gap_frames"], &gap["windows"]), (&15.into(), &12.into()));
-    assert_eq!(gap["ground_truth"]["l2p_m"], 0.0);
-    assert_eq!(gap["ground_truth"]["reaching_success"], 1.0);
-    assert_eq!(gap["interpolation"]["target_keyframe_error_m"], 0.0);
-    for figure in [
-        "l2p_m",
-        "l2q",
-        "npss",
-        "foot_skate_m_per_frame",
-        "joint_jitter_mps2",
-        "root_jitter_mps2",
-    ] {
-        assert!(gap["pack"][figure].as_f64().unwrap() > 0.0, "{figure}: {gap}");
-    }
-    let metrics = &gap["metrics"];
-    for (method, figure) in [
-        ("interpolation", "l2p_m"),
-        ("pack", "npss"),
-        ("pack", "joint_diversity_m"),
-    ] {
-        let of = |end: &str| metrics[method][figure][end].as_f64().unwrap();
-        assert!(
-            of("low") > 0.0 && of("low") <= of("mean") && of("mean") <= of("high"),
-            "{figure}: {metrics}"
-        );
-    }
-    let (mean, alone) = (&metrics["pack"]["npss"]["mean"], &gap["pack"]["npss"]);
-    assert!(
-        (mean.as_f64().unwrap() - alone.as_f64().unwrap()).abs() < 1e-9,
-        "{mean} {alone}"
-    );
-    assert_eq!(metrics["ground_truth"]["reached"]["mean"], 1.0);
-    assert_eq!(metrics["interpolation"]["joint_diversity_m"]["mean"], 0.0);
-    assert_eq!(metrics["pack"]["fid"], Value::Null);
-    let skipped = json["skipped"].as_array().unwrap();
-    let reason = |name: &str| {
-        skipped
-            .iter()
-            .find(|s| s["clip"] == name)
-            .map(|s| s["reason"].to_string())
-    };
-    assert!(reason("short").unwrap().contains("15 frames"));
-    assert!(reason("broken").is_some() && reason("missing").is_some());
-
-    // The same evaluation once more finds the same.
-    let again = arguments.iter().chain(&options).chain(&["-q"]);
-    assert_eq!(printed(&troupe(again).await), said);
-}
-
-#[tokio::test]
-async fn an_evaluation_without_usable_clips_fails() {
-    let folder = Folder::new("eval-none");
-    let path = folder.0.to_str().unwrap();
-    failed(
-        &troupe(["eval", "--data", path]).await,
-        2,
-        &["no clip can be used"],
-    );
-    failed(
-        &troupe(["eval", "--data", path, "--gaps", "60"]).await,
-        2,
-        &["--gaps: 60", "7 to 59"],
-    );
-    failed(&troupe(["eval", "--data", "/nowhere"]).await, 2, &["/nowhere"]);
-}
-
-#[tokio::test]
 async fn a_picture_is_drawn() {
     let folder = Folder::new("draw");
     let pack = shared().pack().await;
@@ -472,7 +365,7 @@ async fn a_picture_is_drawn() {
         folder.file("picture.png"),
     );
     let mut arguments = gap_arguments(&source, 60, 106, &out);
-    arguments[0] = "draw".to_owned();
+    arguments[0] = "film".to_owned();
     printed(&troupe(with(arguments, &["--width", "800"])).await);
     let png = std::fs::read(&out).unwrap();
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");

@@ -1,11 +1,11 @@
-//! Crowds that are stepped and recorded.
+//! Steps and records crowds for other tests.
 
 use troupe_client::{Crowd, Locomotion, Pack, Rate, Recording, SessionOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::conventions::Convention;
 
-/// Adds characters to a crowd, steps them together by `parts` of so many frames, records what each
-/// does and closes the crowd. `intent`: what to do in a part, by its index and the character's.
+/// Adds characters to a crowd, steps them together, records each and closes the crowd. `parts` has
+/// the frames of each step; `intent` gives the intent for the index of a part and of a character.
 pub async fn perform(
     mut crowd: Crowd,
     pack: &Pack,

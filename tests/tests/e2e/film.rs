@@ -1,4 +1,4 @@
-//! Paths through a scene: characters that use its objects, driven and filmed by the command line.
+//! `troupe drive` and `troupe film` along paths through a scene, with characters that use objects.
 
 use serde_json::Value;
 use troupe_proto::v1;
@@ -8,14 +8,14 @@ use crate::server::shared;
 
 const OBJECTS: [&str; 5] = ["cup", "greeter", "seat", "shrine", "sign"];
 
-/// A file of the examples.
+/// The path of a TOML file in `examples/`, without its ending.
 fn example(name: &str) -> String {
     format!("{}/../examples/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Puts the courtyard of the examples onto the server under another name, with definitions of other
-/// names, so that tests do not meet. Answers the scene's name; none where the pack is not the one
-/// that the examples are for.
+/// Puts the courtyard of the examples onto the server. Scene and definitions get the prefix `test`,
+/// so that tests do not share them. Returns the name of the scene, or `None` if the pack is not
+/// `human`, which the examples need.
 async fn courtyard(test: &str) -> Option<String> {
     let (client, pack) = shared().client().await;
     if pack.name() != "human" {
@@ -44,12 +44,12 @@ async fn courtyard(test: &str) -> Option<String> {
     Some(format!("{test}-courtyard"))
 }
 
-/// Drives along a path of the examples and answers the events, each with its name.
+/// Drives along a path of the examples and returns the events, each with its name.
 async fn events(path: &str, scene: &str) -> Vec<(String, Value)> {
     let path = example(&format!("paths/{path}"));
     let output = troupe(["drive", "--json", "--path", &path, "--scene", scene]).await;
-    let told: Value = serde_json::from_str(&printed(&output)).unwrap();
-    let events = told["events"].as_array().unwrap().iter();
+    let summary: Value = serde_json::from_str(&printed(&output)).unwrap();
+    let events = summary["events"].as_array().unwrap().iter();
     let named = events.map(|event| {
         let kind = event["event"].as_object().unwrap().keys().next().unwrap();
         (kind.clone(), event.clone())
@@ -66,7 +66,7 @@ fn time_s(event: &(String, Value)) -> f64 {
 }
 
 #[tokio::test]
-async fn a_bow_is_the_same_each_time_and_tells_what_happens() {
+async fn a_bow_has_the_same_events_each_time() {
     let Some(scene) = courtyard("bow").await else {
         return;
     };
@@ -78,7 +78,7 @@ async fn a_bow_is_the_same_each_time_and_tells_what_happens() {
 }
 
 #[tokio::test]
-async fn who_sits_stays_as_long_as_the_path_says() {
+async fn a_character_sits_as_long_as_the_path_says() {
     let Some(scene) = courtyard("sit").await else {
         return;
     };
@@ -95,7 +95,7 @@ async fn who_sits_stays_as_long_as_the_path_says() {
 }
 
 #[tokio::test]
-async fn a_cup_is_carried_and_filmed_on_its_way() {
+async fn a_cup_is_carried_and_filmed() {
     let Some(scene) = courtyard("film").await else {
         return;
     };
@@ -112,10 +112,11 @@ async fn a_cup_is_carried_and_filmed_on_its_way() {
             .concat(),
         )
     };
-    let told = printed(&film("2", "6").await);
+    let events = printed(&film("2", "6").await);
     let at = |what: &str| {
-        told.find(what)
-            .unwrap_or_else(|| panic!("no `{what}` in:\n{told}"))
+        events
+            .find(what)
+            .unwrap_or_else(|| panic!("no `{what}` in:\n{events}"))
     };
     let order = [
         "started cup-2",
@@ -124,11 +125,11 @@ async fn a_cup_is_carried_and_filmed_on_its_way() {
         "done with cup-2",
     ]
     .map(at);
-    assert!(order.is_sorted(), "{told}");
+    assert!(order.is_sorted(), "{events}");
     let png = std::fs::read(&out).unwrap();
     assert!(png.starts_with(b"\x89PNG") && png.len() > 20_000, "{}", png.len());
 
-    // It stands on the table again, elsewhere.
+    // The cup is on the table again, at another place.
     let (client, _) = shared().client().await;
     let now = client
         .scene(&scene, troupe_motion::conventions::Convention::Native)
@@ -141,7 +142,7 @@ async fn a_cup_is_carried_and_filmed_on_its_way() {
 }
 
 #[tokio::test]
-async fn what_cannot_be_used_or_shown_is_told() {
+async fn missing_objects_scenes_and_frames_are_errors() {
     let Some(scene) = courtyard("wrong").await else {
         return;
     };

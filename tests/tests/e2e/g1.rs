@@ -1,4 +1,4 @@
-//! The pack of the Unitree G1 that ships, served beside the one for people.
+//! The shipped pack of the Unitree G1, on a server beside the pack of people.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use troupe_proto::v1::session_event::Kind;
 
 use crate::server::Server;
 
-/// Angles are 32-bit floats, and limits are kept in them.
+/// Rounding of angles and limits in 32-bit floats, radians.
 const ROUNDING_RAD: f32 = 1e-5;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -66,7 +66,7 @@ async fn g1() -> (Server, Client) {
     (server, client)
 }
 
-/// Heights of the pelvis in the next frames, and whether the skill came to its end in them.
+/// Heights of the pelvis in the next frames, metres, and whether the skill ended in them.
 async fn heights(session: &mut Session, frames: u32) -> (Vec<f32>, bool) {
     let came = session.step(frames).await.unwrap();
     let heights = came.iter().map(|frame| frame.root.y).collect();

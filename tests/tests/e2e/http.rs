@@ -1,4 +1,4 @@
-//! Everything beside in-betweening: packs, health, metrics, reflection, the API's own description.
+//! Calls besides in-betweening: packs, health, metrics, reflection and the OpenAPI description.
 
 use serde_json::Value;
 use tonic_health::pb::HealthCheckRequest;
@@ -24,7 +24,7 @@ async fn get_json(path: &str) -> Value {
 }
 
 #[tokio::test]
-async fn it_is_alive_and_ready() {
+async fn the_server_is_alive_and_ready() {
     assert_eq!(get("/healthz").await.0, 200);
     assert_eq!(get("/readyz").await.0, 200);
     assert_eq!(get("/nothing/here").await.0, 404);
@@ -83,8 +83,8 @@ async fn packs_are_the_same_over_http() {
     let one = get_json(&format!("/v1/packs/{}", of.name)).await;
     assert_eq!(one["content_hash"], of.content_hash);
     assert_eq!(one["joints"].as_array().unwrap().len(), of.joints.len());
-    let (status, text) = get("/v1/packs/nobody").await;
-    assert!(status == 404 && text.contains("nobody"), "{status}: {text}");
+    let (status, text) = get("/v1/packs/missing").await;
+    assert!(status == 404 && text.contains("missing"), "{status}: {text}");
 }
 
 #[tokio::test]
@@ -106,7 +106,7 @@ async fn the_api_description_is_complete() {
         let responses = &api["paths"][path][method]["responses"];
         assert!(responses["200"].is_object(), "{method} {path}: {responses}");
     }
-    // Every reference leads somewhere, and the request is described to its leaves.
+    // Every reference resolves, and the description of the request is complete.
     let mut found = 0;
     each_reference(&api, &mut |reference| {
         found += 1;
@@ -142,7 +142,7 @@ fn each_reference(value: &Value, visit: &mut impl FnMut(&str)) {
 }
 
 #[tokio::test]
-async fn metrics_tell_of_requests_and_batches() {
+async fn metrics_count_requests_and_batches() {
     let server = shared();
     let pack = server.pack().await;
     server.post(&request([character(&pack)])).await.unwrap();

@@ -1,5 +1,5 @@
-//! Live characters through the client library: stepped, in crowds, on streams, and by the command
-//! line.
+//! Live characters through the client library (steps, crowds, streams) and through `troupe drive`
+//! and `troupe film`.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ use crate::crowd;
 use crate::motion::difference;
 use crate::server::{Server, shared};
 
-/// A short dance: steps of some frames, each with what to do.
+/// A short dance: the frames and the intent of each of its parts. `nth` turns its directions.
 fn dance(nth: usize) -> [(u32, Locomotion); 4] {
     let way = |heading: f32, speed: f32| Vec3::new(heading.sin(), 0.0, heading.cos()) * speed;
     let turn = nth as f32 * 0.4;
@@ -39,7 +39,7 @@ fn options(nth: usize) -> SessionOptions {
         .at(Vec3::new(nth as f32, 0.0, -0.5), 0.3 * nth as f32)
 }
 
-/// A session does a dance.
+/// Steps a session through a dance and records it.
 async fn perform(session: &mut Session, dance: &[(u32, Locomotion)]) -> Clip {
     let mut recording = Recording::of(session);
     for (frames, intent) in dance {
@@ -50,7 +50,7 @@ async fn perform(session: &mut Session, dance: &[(u32, Locomotion)]) -> Clip {
     recording.into_clip().unwrap()
 }
 
-/// A new session does a dance and is closed.
+/// Opens a session, steps it through a dance and closes it.
 async fn solo(client: &Client, pack: &Pack, options: &SessionOptions, dance: &[(u32, Locomotion)]) -> Clip {
     let mut session = client.session(pack, options).await.unwrap();
     let clip = perform(&mut session, dance).await;
@@ -58,7 +58,7 @@ async fn solo(client: &Client, pack: &Pack, options: &SessionOptions, dance: &[(
     clip
 }
 
-/// Frames that are the same to the last bit.
+/// Asserts that the frames are the same to the last bit.
 fn assert_same(a: &Clip, b: &Clip) {
     assert_eq!(a.frames(), b.frames());
     for frame in 0..a.frames() {
@@ -69,10 +69,10 @@ fn assert_same(a: &Clip, b: &Clip) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_crowd_moves_as_each_of_it_would_alone() {
+async fn each_character_of_a_crowd_moves_as_alone() {
     const CROWD: usize = 20;
     let (client, pack) = shared().client().await;
-    // Over several requests.
+    // Fewer than the crowd, so that a step takes several requests.
     let crowd_options = CrowdOptions {
         per_request: 8,
         ..CrowdOptions::default()
@@ -89,7 +89,7 @@ async fn a_crowd_moves_as_each_of_it_would_alone() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_walker_gets_somewhere_and_stands_again() {
+async fn a_character_walks_ahead_and_then_stands() {
     let (client, pack) = shared().client().await;
     let mut session = client.session(&pack, &SessionOptions::new()).await.unwrap();
     session.step(15).await.unwrap();
@@ -145,7 +145,7 @@ async fn commands_out_of_order_are_harmless() {
     let statuses = results.iter().map(v1::CommandResult::status).collect::<Vec<_>>();
     assert_eq!(statuses, [Accepted, Accepted, Late, Repeated, Late]);
 
-    // It moves as if only the newest had ever come.
+    // The character moves as if only the newest command had come.
     let mut recording = Recording::of(&session);
     session
         .step(45)
@@ -157,7 +157,7 @@ async fn commands_out_of_order_are_harmless() {
     let direct = solo(&client, &pack, &options(1), &[(45, Locomotion::walk(Vec3::X))]).await;
     assert_same(&moved, &direct);
 
-    // The library's own next command is newer than all of them once it has looked.
+    // After `info` the library's next command is newer than all of them.
     session.info().await.unwrap();
     session.stand();
     session.send().await.unwrap();
@@ -166,7 +166,7 @@ async fn commands_out_of_order_are_harmless() {
 }
 
 #[tokio::test]
-async fn a_session_that_nobody_touches_expires() {
+async fn a_session_without_calls_expires() {
     let (client, pack) = shared().client().await;
     let lives = SessionOptions::new().ttl(Duration::from_secs(1));
     let mut session = client.session(&pack, &lives).await.unwrap();
@@ -183,7 +183,7 @@ async fn a_session_that_nobody_touches_expires() {
     assert_eq!((fault.member, fault.left), (members[0], true));
     assert_eq!(fault.problem.kind, ProblemKind::SessionExpired);
     assert!(step.get(members[1]).is_some());
-    let unknown = client.resume_session("nobody").await.map(|_| ()).unwrap_err();
+    let unknown = client.resume_session("missing").await.map(|_| ()).unwrap_err();
     assert_eq!(
         unknown.session_problem().unwrap().kind,
         ProblemKind::UnknownSession
@@ -192,7 +192,7 @@ async fn a_session_that_nobody_touches_expires() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn conventions_encodings_and_rates_tell_of_the_same_motion() {
+async fn conventions_encodings_and_rates_give_the_same_motion() {
     let (client, pack) = shared().client().await;
     let dance = [(40, Locomotion::walk(Vec3::new(0.5, 0.0, 1.0)).facing(0.4))];
     let native = solo(&client, &pack, &options(0), &dance).await;
@@ -215,8 +215,8 @@ async fn conventions_encodings_and_rates_tell_of_the_same_motion() {
             let unit = convention.units_per_metre();
             assert!(hips.distance(frames.last().unwrap().root) < 1e-3 * unit);
             let clip = recording.into_clip().unwrap();
-            // Beside the encoding's own error, what conversion there and back rounds may move a
-            // plan a little.
+            // Besides the error of the encoding, converting commands there and back rounds them,
+            // which may change a plan a little.
             assert_near(
                 &clip,
                 &native,
@@ -226,7 +226,7 @@ async fn conventions_encodings_and_rates_tell_of_the_same_motion() {
             session.close().await.unwrap();
         }
     }
-    // At 60 Hz every second frame is one of the 30.
+    // At 60 Hz every second frame is one of those at 30 Hz.
     let mut session = client.session(&pack, &options(0)).await.unwrap();
     session.set_frame_options(FrameOptions {
         rate: Rate::Hz60,
@@ -254,7 +254,7 @@ fn assert_near(a: &Clip, b: &Clip, metres: f32, radians: f32) {
     );
 }
 
-/// A stream with new sessions on it, all of which have arrived.
+/// A stream with new sessions, after the server has attached them all.
 async fn stream(client: &Client, pack: &Pack, count: usize) -> Drive {
     let sessions = client
         .open_sessions(pack, &(0..count).map(options).collect::<Vec<_>>())
@@ -262,18 +262,18 @@ async fn stream(client: &Client, pack: &Pack, count: usize) -> Drive {
         .unwrap();
     let mut drive = client.drive(DriveOptions::default()).await.unwrap();
     drive.attach(sessions).await.unwrap();
-    let mut here = 0;
-    while here < count {
+    let mut attached = 0;
+    while attached < count {
         let update = drive.next().await.unwrap().unwrap();
         for event in update.events {
             assert!(matches!(event, DriveEvent::Attached { .. }), "{event:?}");
-            here += 1;
+            attached += 1;
         }
     }
     drive
 }
 
-/// Takes the ticks of a time and returns their numbers.
+/// Reads a stream for a time and returns the numbers of its ticks.
 async fn watch(drive: &mut Drive, time: Duration) -> Vec<u64> {
     let until = tokio::time::Instant::now() + time;
     let mut numbers = Vec::new();
@@ -284,7 +284,7 @@ async fn watch(drive: &mut Drive, time: Duration) -> Vec<u64> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_stream_moves_who_is_on_it() {
+async fn a_stream_moves_its_sessions() {
     let (client, pack) = shared().client().await;
     let mut drive = stream(&client, &pack, 3).await;
     let ids = drive.sessions().map(|s| s.id().to_owned()).collect::<Vec<_>>();
@@ -293,7 +293,7 @@ async fn a_stream_moves_who_is_on_it() {
     }
     let numbers = watch(&mut drive, Duration::from_secs(3)).await;
     assert!(numbers.is_sorted() && numbers.len() > 30, "{numbers:?}");
-    // Who is on a stream is in its hands.
+    // No other connection can step a session that is on a stream.
     let mut other = client.resume_session(&ids[0]).await.unwrap();
     let busy = other.step(1).await.map(|_| ()).unwrap_err();
     assert_eq!(busy.session_problem().unwrap().kind, ProblemKind::SessionBusy);
@@ -321,13 +321,13 @@ async fn a_stream_moves_who_is_on_it() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_client_that_dies_mid_stream_disturbs_nobody() {
+async fn a_client_that_dies_mid_stream_disturbs_no_other() {
     let server = shared();
     let (client, pack) = server.client().await;
     let mut stays = stream(&client, &pack, 2).await;
     let mut ids = Vec::new();
     for _ in 0..3 {
-        // A connection of its own, so that all of it goes at once.
+        // A connection of its own, so that dropping it closes everything at once.
         let dying = Client::connect(server.url()).await.unwrap();
         let mut drive = stream(&dying, &pack, 2).await;
         ids.extend(drive.sessions().map(|s| s.id().to_owned()));
@@ -343,7 +343,7 @@ async fn a_client_that_dies_mid_stream_disturbs_nobody() {
         before.len(),
         after.len()
     );
-    // The sessions are free again, and can be taken up.
+    // The sessions are free again, and other clients can resume them.
     for id in ids {
         let mut session = client.resume_session(&id).await.unwrap();
         let freed = async {
@@ -354,7 +354,7 @@ async fn a_client_that_dies_mid_stream_disturbs_nobody() {
         };
         tokio::time::timeout(Duration::from_secs(10), freed)
             .await
-            .expect("it is let go of");
+            .expect("the stream has freed the session");
         session.close().await.unwrap();
     }
     for session in stays.close().await.unwrap() {
@@ -363,7 +363,7 @@ async fn a_client_that_dies_mid_stream_disturbs_nobody() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_stopping_server_says_so_on_its_streams() {
+async fn a_stopping_server_gives_its_streams_a_reason() {
     let server = Server::start_with(|config| config.drain_timeout_ms = 5_000).await;
     let (client, pack) = server.client().await;
     let mut drive = stream(&client, &pack, 1).await;
@@ -388,7 +388,7 @@ async fn a_stopping_server_says_so_on_its_streams() {
     stopping.await.unwrap();
 }
 
-/// A path of the repository.
+/// The file of a path in `examples/paths`.
 fn path(name: &str) -> String {
     format!("{}/../examples/paths/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
@@ -410,15 +410,15 @@ async fn a_square_ends_where_it_began_and_is_the_same_each_time() {
             out.to_str().unwrap(),
         ])
         .await;
-        let told: Value = serde_json::from_str(&printed(&output)).unwrap();
-        let number = |key: &str| told[key].as_f64().unwrap();
-        assert!(number("end_to_last_waypoint_m") < 0.6, "{told:#}");
-        assert!((13.0..19.0).contains(&number("distance_m")), "{told:#}");
-        assert!((0.9..1.45).contains(&number("mean_speed_mps")), "{told:#}");
+        let summary: Value = serde_json::from_str(&printed(&output)).unwrap();
+        let number = |key: &str| summary[key].as_f64().unwrap();
+        assert!(number("end_to_last_waypoint_m") < 0.6, "{summary:#}");
+        assert!((13.0..19.0).contains(&number("distance_m")), "{summary:#}");
+        assert!((0.9..1.45).contains(&number("mean_speed_mps")), "{summary:#}");
         assert_eq!(
             (
-                told["stats"]["underruns"].as_u64(),
-                told["stats"]["failed_plans"].as_u64()
+                summary["stats"]["underruns"].as_u64(),
+                summary["stats"]["failed_plans"].as_u64()
             ),
             (Some(0), Some(0))
         );
@@ -453,7 +453,7 @@ async fn paths_without_a_scene_are_filmed() {
 }
 
 #[tokio::test]
-async fn mistakes_of_a_drive_are_told() {
+async fn mistakes_of_a_drive_are_errors() {
     let folder = Folder::new("drive-mistakes");
     let file = folder.file("wrong.toml");
     std::fs::write(&file, "[[command]]\ntime_s = 0\nspeed = 99\n").unwrap();

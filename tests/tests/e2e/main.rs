@@ -1,7 +1,7 @@
 //! End-to-end tests: the real server with a real pack, called over gRPC, HTTP and the command line.
 //!
-//! They need the ONNX Runtime library (`make runtime` fetches it) and a pack, `models/human` or the
-//! folder that the environment variable TROUPE_TEST_PACK names.
+//! They need the ONNX Runtime library, which `make runtime` downloads, and a pack: `models/human`,
+//! or the folder in the environment variable TROUPE_TEST_PACK.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -10,6 +10,7 @@ mod bad_input;
 mod batching;
 mod cli;
 mod crowd;
+mod eval;
 mod film;
 mod g1;
 mod http;
@@ -23,4 +24,5 @@ mod scene;
 mod seeds;
 mod server;
 mod style;
+mod walk;
 mod words;

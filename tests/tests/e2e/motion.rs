@@ -1,10 +1,11 @@
-//! Tasks to send and ways to compare what comes back.
+//! Requests for other tests, and comparisons of answers.
 
 use troupe_client::{InBetween, Pack};
 use troupe_motion::clip::Clip;
 use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
-use troupe_tests::walk::Walk;
+
+use crate::walk::Walk;
 
 /// Ten seconds of walking in a wide curve on the pack's skeleton.
 pub fn walk(pack: &Pack) -> Clip {
@@ -21,12 +22,12 @@ pub fn character(pack: &Pack) -> v1::Character {
     message(pack, &InBetween::from_clip(&walk(pack), 40, 66).unwrap())
 }
 
-/// A task as a message.
+/// The protobuf message of a task.
 pub fn message(pack: &Pack, gap: &InBetween) -> v1::Character {
     gap.to_message(pack).unwrap()
 }
 
-/// A request for some characters, of the default pack.
+/// A request of these characters to the default pack.
 pub fn request(characters: impl IntoIterator<Item = v1::Character>) -> v1::InBetweenRequest {
     v1::InBetweenRequest {
         pack: String::new(),
@@ -46,8 +47,8 @@ pub fn turn_and_move(clip: &Clip, heading: f32, by: Vec3) -> Clip {
     clip
 }
 
-/// The largest difference of root positions (metres) and of rotations (of quaternions, sign aside)
-/// between two clips.
+/// The largest difference between two clips: of root positions in metres, of rotations between
+/// quaternions without regard to their sign.
 pub fn difference(a: &Clip, b: &Clip) -> f32 {
     assert_eq!(a.frames(), b.frames());
     let places = a
@@ -79,7 +80,7 @@ pub fn frames_difference(a: &v1::Frames, b: &v1::Frames) -> f32 {
     pairs.map(|(x, y)| (x - y).abs()).fold(0.0, largest)
 }
 
-/// The larger, and NaN where either is: NaN must not pass for equal.
+/// The larger number, or NaN if either is NaN, so that NaN cannot pass for equal.
 fn largest(a: f32, b: f32) -> f32 {
     if a.is_nan() || a > b { a } else { b }
 }

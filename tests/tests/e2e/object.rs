@@ -1,4 +1,4 @@
-//! Definitions that `troupe object new` makes: the server takes them.
+//! `troupe object new`: the server accepts the definitions that it makes.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -15,7 +15,7 @@ fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// `troupe object new` from the walk in the examples.
+/// Arguments of `troupe object new` with the walk of the examples as its clip.
 fn arguments(more: &str) -> Vec<String> {
     let walk = repository("examples/walk.bvh");
     let arguments = ["object", "new", "--from", walk.to_str().unwrap()].map(str::to_owned);
@@ -23,7 +23,7 @@ fn arguments(more: &str) -> Vec<String> {
     arguments.into_iter().chain(more).collect()
 }
 
-/// The same with the pack's folder, where no server can be reached.
+/// Runs `troupe object new` with the pack's folder and the address of no server.
 fn offline(more: &str) -> Output {
     let folder = pack_folder().unwrap();
     Command::new(env!("CARGO_BIN_EXE_troupe-under-test"))
@@ -41,7 +41,7 @@ fn pack() -> Pack {
 }
 
 #[test]
-fn a_definition_from_a_clip_is_one_of_the_server() {
+fn a_definition_from_a_clip_is_valid() {
     let made = printed(&offline(
         "--frames 30,52,80,100 --name post --hold 80 --soft 52=10 --distance 0.8 --shared",
     ));
@@ -66,30 +66,30 @@ fn a_definition_from_a_clip_is_one_of_the_server() {
 }
 
 #[test]
-fn a_thing_for_the_hand_is_one_of_the_server() {
+fn a_definition_of_a_thing_for_the_hand_is_valid() {
     let folder = Folder::new("object-new");
     let file = folder.file("cup.toml");
     let out = file.to_str().unwrap();
     let cup = "--frames 30,52,80 --hand Hand_R --hold 52 --release 80";
-    let told = offline(&format!("{cup} --name cup --variant whole --out {out}"));
-    assert_eq!(printed(&told), "");
+    let output = offline(&format!("{cup} --name cup --variant whole --out {out}"));
+    assert_eq!(printed(&output), "");
     assert!(
-        text(&told.stderr).contains("3 sets written to"),
+        text(&output.stderr).contains("3 sets written to"),
         "{}",
-        text(&told.stderr)
+        text(&output.stderr)
     );
-    // A second one does not take its place unasked.
+    // A second run replaces the file only with --force.
     let again = format!("{cup} --name cup --out {out}");
     failed(&offline(&again), 2, &["is there already", "--force"]);
-    let told = offline(&format!("{again} --variant whole --force"));
-    assert_eq!(printed(&told), "");
-    let told = offline(&format!(
+    let output = offline(&format!("{again} --variant whole --force"));
+    assert_eq!(printed(&output), "");
+    let output = offline(&format!(
         "{cup} --points Hand_R --variant hand --weight 2 --into {out}"
     ));
     assert!(
-        text(&told.stderr).contains("3 sets added to"),
+        text(&output.stderr).contains("3 sets added to"),
         "{}",
-        text(&told.stderr)
+        text(&output.stderr)
     );
     let cup = load_file(&file, &pack().rig).unwrap();
     assert_eq!((cup.sets.len(), cup.variants.len(), cup.sockets.len()), (6, 2, 1));
@@ -99,7 +99,7 @@ fn a_thing_for_the_hand_is_one_of_the_server() {
         (reach.origin, cup.sets[4].origin),
         (Origin::Object, Origin::Character)
     );
-    // What a person has to know of it stands beside it.
+    // Comments in the file name its source.
     let text = std::fs::read_to_string(&file).unwrap();
     assert!(
         text.contains("# cup, made from walk.bvh, frames 30, 52, 80, for pack "),
@@ -109,7 +109,7 @@ fn a_thing_for_the_hand_is_one_of_the_server() {
 }
 
 #[test]
-fn a_seat_is_one_of_the_server() {
+fn a_definition_of_a_seat_is_valid() {
     let made = printed(&offline(
         "--frames 0,2,4 --sets turn,sit,rise --name stool --pivot false --seat 2=0.45 --hold 2 --from-stand",
     ));
@@ -124,16 +124,16 @@ fn a_seat_is_one_of_the_server() {
     );
     assert!((sit.keyframes[0].height_m.unwrap() - 0.55).abs() < 1e-4);
     assert_eq!(stool.approaches.len(), 1);
-    // It stands before the stool with its back to it, and sits on its middle.
+    // The character turns in front of the stool, with its back to it, and sits on its middle.
     let [x, z] = turn.keyframes[0].place_m.unwrap();
     assert!(x.abs() < 0.05 && (0.3..0.6).contains(&z), "{x} {z}");
     assert!(turn.keyframes[0].heading.unwrap().abs() < 0.1);
     assert_eq!(sit.keyframes[0].place_m, Some([0.0, 0.0]));
 }
 
-/// The first steps of the tutorial in docs/objects.md, with the walk of the examples for its clip.
+/// The first steps of the tutorial in docs/objects.md, with the walk of the examples as the clip.
 #[test]
-fn the_tutorial_leads_to_an_object_in_a_scene() {
+fn the_tutorial_makes_an_object_in_a_scene() {
     let docs = std::fs::read_to_string(repository("docs/objects.md")).unwrap();
     let folder = Folder::new("tutorial");
     let file = folder.file("wayside.toml");
@@ -165,7 +165,7 @@ async fn the_pack_may_come_from_a_server() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_exit_code_2() {
+fn wrong_arguments_give_exit_code_2() {
     failed(
         &offline("--frames 30,119,120 --name post"),
         2,

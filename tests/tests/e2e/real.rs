@@ -1,17 +1,17 @@
-//! A few clips of real motion, where the archive lies beside the checkout.
+//! A few clips of captured motion, if the archive is in `../shared/data` beside the checkout.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// Clips of the test split to use, by part of their names: one of each kind of motion.
+/// Parts of the names of clips: the tests use the first clip of the test split with each.
 const KINDS: [&str; 4] = ["_walk_", "_run_", "_walk-turn-left_", "_wave-both-hands_"];
 
-/// BVH files of a few clips of the test split; none where the archive is not there, which is then
-/// said once.
+/// BVH files of a few clips of the test split. Without the archive the list is empty, and a note is
+/// printed once.
 ///
 /// # Panics
-/// Where the archive is there but cannot be unpacked.
+/// If the archive exists but cannot be unpacked.
 pub fn clips() -> &'static [PathBuf] {
     static CLIPS: OnceLock<Vec<PathBuf>> = OnceLock::new();
     CLIPS.get_or_init(|| {
@@ -19,7 +19,7 @@ pub fn clips() -> &'static [PathBuf] {
         let archive = root.join("../shared/data/bandai-namco-train.tar.xz");
         if !archive.is_file() {
             eprintln!(
-                "note: real clips are not tested, {} is not there",
+                "note: real clips are not tested, because {} is missing",
                 archive.display()
             );
             return Vec::new();
@@ -38,7 +38,7 @@ pub fn clips() -> &'static [PathBuf] {
     })
 }
 
-/// Unpacks members of the archive into the build folder, unless an earlier run has.
+/// Unpacks members of the archive into the build folder, unless an earlier run did.
 fn unpack(archive: &Path, names: &[String]) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("real-clips");
     let paths = names
@@ -48,8 +48,7 @@ fn unpack(archive: &Path, names: &[String]) -> Vec<PathBuf> {
     if paths.iter().all(|path| path.is_file()) {
         return paths;
     }
-    // Into a folder of its own first, so that a run that is stopped leaves no half of a clip
-    // behind.
+    // Into a new folder first: a run that is stopped must not leave half of a clip.
     let fresh = folder.with_extension(std::process::id().to_string());
     std::fs::create_dir_all(&fresh).expect("the build folder can be written");
     let members = names.iter().map(|name| format!("bandai-namco/{name}"));

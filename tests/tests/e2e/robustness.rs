@@ -1,4 +1,4 @@
-//! Slow, broken and leaving clients, and a server that stops.
+//! Clients that are slow, send broken requests or disconnect, and a server that stops.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use troupe_client::{Client, ClientError, InBetween};
 use crate::motion::{character, difference, request, walk};
 use crate::server::{Server, shared};
 
-/// The head of a request with a body.
+/// The HTTP head of a request with this body.
 fn head_of(body: &str) -> String {
     format!(
         "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n",
@@ -18,7 +18,7 @@ fn head_of(body: &str) -> String {
 }
 
 #[tokio::test]
-async fn broken_clients_disturb_nobody() {
+async fn broken_clients_disturb_no_other() {
     let server = shared();
     let (client, pack) = server.client().await;
     let gap = InBetween::from_clip(&walk(&pack), 40, 66).unwrap();
@@ -26,8 +26,8 @@ async fn broken_clients_disturb_nobody() {
     let body = serde_json::to_string(&request([character(&pack)])).unwrap();
     let head = head_of(&body);
 
-    // Some say nothing, some stop in the head, some in the body, some speak another language; all
-    // stay connected.
+    // Some send nothing, some stop in the head, some in the body, some begin HTTP/2. All stay
+    // connected.
     let half = format!("{head}{}", &body[..body.len() / 2]);
     let openings = ["", "POST /v1/inb", &half, "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0"];
     let mut open = Vec::new();
@@ -39,7 +39,7 @@ async fn broken_clients_disturb_nobody() {
             .unwrap();
         open.push(stream);
     }
-    // Some send a whole request and leave without the answer, or half of one and leave.
+    // Some send a whole request or half of one, and disconnect before the answer.
     for i in 0..20 {
         let mut stream = TcpStream::connect(server.address()).await.unwrap();
         let text = if i % 2 == 0 {
@@ -50,7 +50,7 @@ async fn broken_clients_disturb_nobody() {
         stream.write_all(text.as_bytes()).await.unwrap();
         drop(stream);
     }
-    // One asks for much and never reads a byte of it.
+    // One asks for a large answer and never reads a byte of it.
     let mut much = character(&pack);
     much.return_positions = true;
     let much = serde_json::to_string(&request(vec![much; 100])).unwrap();
@@ -59,14 +59,13 @@ async fn broken_clients_disturb_nobody() {
         .await
         .unwrap();
     open.push(deaf);
-    // Some give up waiting.
+    // Some stop waiting for the answer.
     for _ in 0..20 {
         let leaving = client.in_between(&pack, &gap);
         let _ = tokio::time::timeout(Duration::from_micros(500), leaving).await;
     }
 
-    // What the deaf one asked for may fill the queue for a moment; then there is a hint to come
-    // back.
+    // The large request may fill the queue for a moment. The error then asks for another try.
     let answered = async {
         loop {
             match client.in_between(&pack, &gap).await {
@@ -103,7 +102,7 @@ async fn a_body_that_ends_early_is_refused_on_a_connection_that_stays() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_stopping_server_finishes_what_it_has_begun() {
+async fn a_stopping_server_finishes_calls_that_it_has_begun() {
     let server = Server::start_with(|config| config.drain_timeout_ms = 20_000).await;
     let url = server.url().to_owned();
     let (client, pack) = server.client().await;
@@ -131,13 +130,13 @@ async fn a_stopping_server_finishes_what_it_has_begun() {
                 assert_eq!(answers.characters.len(), 100);
                 answered += 1;
             }
-            // A call that the server had not begun may be turned away, but told so.
+            // The server may refuse a call that it had not begun, but with an error.
             Err(ClientError::Refused(_) | ClientError::Unreachable { .. }) => {}
             Err(other) => panic!("{other}"),
         }
     }
     assert!(clean, "the connections ended in time");
-    assert!(answered > 0, "what had begun was finished");
+    assert!(answered > 0, "calls in progress were finished");
     let after = Client::connect(&url).await.expect_err("the port is closed");
     assert!(matches!(after, ClientError::Unreachable { .. }), "{after}");
 }
@@ -171,7 +170,7 @@ async fn silent_connections_do_not_hold_up_a_stop() {
         stream.write_all(opening.as_bytes()).await.unwrap();
         silent.push(stream);
     }
-    // Long enough for both to be taken in.
+    // The server accepts connections in order, so it has accepted both after this call.
     server.pack().await;
     let begin = Instant::now();
     server.stop().await;

@@ -1,4 +1,4 @@
-//! Roots that take the place of the predicted ones.
+//! In-betweening with given roots instead of predicted ones.
 
 use troupe_client::{InBetween, InBetweenAnswer, Key, Pack, RootKey};
 use troupe_motion::fk::WorldMotion;
@@ -9,24 +9,25 @@ use troupe_motion::{Clip, GlobalRoot, Vec2};
 use crate::motion::{difference, walk};
 use crate::server::shared;
 
-/// How far a keyed root may be off, metres over the ground and in height.
+/// Allowed distance between a given root and the answer, metres, over the ground and in height.
 const MET_M: f32 = 1e-3;
-/// Of the segments: context, a gap of 45 frames, one target.
+/// Frames of the segments: four of context, a gap of 45, one target.
 const FRAMES: usize = 50;
-/// The clip's last context frame and the first frame of the segment.
+/// The last context frame, as a frame of the clip.
 const FROM: usize = 40;
+/// The first context frame, at which the segment starts.
 const START: usize = FROM - 3;
 
 fn gap(clip: &Clip) -> InBetween {
     InBetween::from_clip(clip, FROM, START + FRAMES - 1).unwrap()
 }
 
-/// The root of a frame of an answer.
+/// The root in a frame of an answer. Frame 0 is the first context frame.
 fn root(answer: &InBetweenAnswer, frame: usize) -> GlobalRoot {
     answer.clip.root_at(frame)
 }
 
-/// A place so many metres to the left of a root.
+/// A place on the ground, `metres` to the left of a root: x and z.
 fn left_of(root: GlobalRoot, metres: f32) -> Vec2 {
     let (sin, cos) = root.heading.sin_cos();
     Vec2::new(root.position.x + metres * cos, root.position.z - metres * sin)
@@ -76,7 +77,7 @@ async fn a_root_for_every_frame_is_met_in_every_frame() {
     let (client, pack) = shared().client().await;
     let clip = walk(&pack);
     let free = client.in_between(&pack, &gap(&clip)).await.unwrap();
-    // A wave to either side that is nothing at both ends, and keyframes as they are.
+    // A wave to both sides. It is zero at both ends, so the keyframes stay unchanged.
     let aside = |frame: usize| {
         let t = frame.saturating_sub(3) as f32 / (FRAMES - 4) as f32;
         0.12 * (std::f32::consts::TAU * t).sin() * (std::f32::consts::PI * t).sin()
@@ -107,7 +108,7 @@ async fn tokens_are_those_of_the_predicted_root() {
     let [plain, bent] = [plain, bent].map(|answer| answer.intermediates.unwrap());
     assert_eq!(plain.tokens, bent.tokens);
     assert_eq!(plain.root_r_g3, bent.root_r_g3);
-    // The decoder was given the other root, and goes more than half of the way to it.
+    // The decoder gets the given root, and its own root goes more than half of the way to it.
     let [without, with] = [&plain, &bent]
         .map(|parts| Vec2::new(parts.root_r_g4[25 * 5], parts.root_r_g4[25 * 5 + 2]).distance(place));
     assert!(
@@ -117,7 +118,7 @@ async fn tokens_are_those_of_the_predicted_root() {
 }
 
 #[tokio::test]
-async fn a_given_root_is_the_same_alone_and_in_company() {
+async fn a_given_root_is_the_same_alone_and_in_a_batch() {
     let (client, pack) = shared().client().await;
     let clip = walk(&pack);
     let place = left_of(clip.root_at(START + 25), 0.2);
@@ -126,13 +127,13 @@ async fn a_given_root_is_the_same_alone_and_in_company() {
     let others = (0..9).map(|i| InBetween::from_clip(&clip, 10 + 7 * i, 30 + 10 * i).unwrap());
     let mut all: Vec<InBetween> = others.collect();
     all.insert(4, bent);
-    let company = client.in_between_many(&pack, &all).await.unwrap();
-    assert_eq!(difference(&company.characters[4].clip, &alone.clip), 0.0);
-    // And the others are not moved by it.
+    let batch = client.in_between_many(&pack, &all).await.unwrap();
+    assert_eq!(difference(&batch.characters[4].clip, &alone.clip), 0.0);
+    // The given root does not change the other characters.
     all.remove(4);
     let without = client.in_between_many(&pack, &all).await.unwrap();
     for (nth, answer) in without.characters.iter().enumerate() {
-        let with = &company.characters[if nth < 4 { nth } else { nth + 1 }];
+        let with = &batch.characters[if nth < 4 { nth } else { nth + 1 }];
         assert_eq!(difference(&with.clip, &answer.clip), 0.0, "{nth}");
     }
 }
@@ -180,7 +181,7 @@ async fn a_target_without_a_root_is_led_to_a_given_one() {
 }
 
 #[tokio::test]
-async fn what_no_body_does_is_told_and_refused_where_that_is_asked_for() {
+async fn impossible_motion_is_reported_and_refused_if_strict() {
     let (client, pack) = shared().client().await;
     let clip = walk(&pack);
     let plain = client.in_between(&pack, &gap(&clip)).await.unwrap();

@@ -1,4 +1,5 @@
-//! Scenes and object definitions end to end: put from files with the command line, and lived in.
+//! Scenes and object definitions end to end: files that the command line puts onto the server, and
+//! characters in a scene.
 
 use serde_json::Value;
 use troupe_client::{Act, ClientError, SessionOptions};
@@ -9,18 +10,18 @@ use troupe_proto::v1;
 use crate::cli::{Folder, failed, printed, text, troupe};
 use crate::server::shared;
 
-/// An example that ships with the repository.
+/// The path of a file in `examples/`.
 fn example(name: &str) -> String {
     format!("{}/../examples/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// `troupe` with these arguments.
+/// Runs `troupe` with these arguments.
 async fn run(arguments: &[&str]) -> std::process::Output {
     troupe(arguments).await
 }
 
-/// A definition without poses, which any pack with a root can use, named by the test so that tests
-/// do not meet.
+/// A definition without poses, which any pack with a root can use. Its name is that of the test, so
+/// that tests do not share it.
 fn post(name: &str) -> String {
     format!(
         r#"
@@ -48,7 +49,7 @@ objects = [{{ id = "post", definition = "{definition}", position_m = [0, 0, 3] }
 }
 
 #[tokio::test]
-async fn the_examples_go_to_the_server_and_come_back() {
+async fn the_examples_can_be_put_and_read_back() {
     if shared().pack().await.name() != "human" {
         println!("the examples are for the default pack");
         return;
@@ -69,10 +70,10 @@ async fn the_examples_go_to_the_server_and_come_back() {
         text(&put.stderr)
     );
     let put = run(&["scene", "put", &example("scenes/courtyard.toml")]).await;
-    let told = text(&put.stderr);
+    let notes = text(&put.stderr);
     assert!(
-        told.contains("scene `courtyard`: 4 colliders, 6 objects"),
-        "{told}"
+        notes.contains("scene `courtyard`: 4 colliders, 6 objects"),
+        "{notes}"
     );
 
     let listed = printed(&run(&["object", "list"]).await);
@@ -96,7 +97,7 @@ async fn the_examples_go_to_the_server_and_come_back() {
     let scene: v1::Scene = serde_json::from_str(&shown).unwrap();
     assert_eq!(scene.colliders.len(), 4);
 
-    // A definition as the server prints it is one again.
+    // The server accepts a definition as it prints it.
     let folder = Folder::new("object-again");
     let again = folder.file("cup.toml");
     std::fs::write(&again, printed(&run(&["object", "get", "cup"]).await)).unwrap();
@@ -118,7 +119,7 @@ async fn the_examples_go_to_the_server_and_come_back() {
 }
 
 #[tokio::test]
-async fn what_is_wrong_with_a_file_is_told_with_its_line() {
+async fn an_error_in_a_file_names_its_line() {
     let folder = Folder::new("scene-wrong");
     let write = |name: &str, text: String| {
         let path = folder.file(name);
@@ -152,7 +153,7 @@ async fn what_is_wrong_with_a_file_is_told_with_its_line() {
 }
 
 #[tokio::test]
-async fn characters_live_in_a_scene() {
+async fn characters_use_a_scene() {
     let (client, pack) = shared().client().await;
     let toml = |text| v1::Document {
         format: v1::DocumentFormat::Toml.into(),
@@ -198,7 +199,7 @@ async fn characters_live_in_a_scene() {
         .await
         .unwrap();
     assert!(done.results[0].problem.is_none());
-    assert!(client.delete_scene("living").await.is_err(), "it is lived in");
+    assert!(client.delete_scene("living").await.is_err(), "a session is in it");
 
     let mut nowhere = client.session(&pack, &SessionOptions::new()).await.unwrap();
     let refused = nowhere.act(&Act::interact("post")).step(1).await.unwrap_err();

@@ -1,5 +1,5 @@
-//! What a session's seed changes: walkers differ, obey as well, and each is the same alone and in
-//! company.
+//! The seed of a session: walkers with different seeds differ, all obey commands, and each moves
+//! the same alone and in a crowd.
 
 use troupe_client::{Client, Crowd, CrowdOptions, Locomotion, Pack, SessionOptions};
 use troupe_motion::clip::Clip;
@@ -12,16 +12,17 @@ use troupe_motion::{Quat, Vec3};
 use crate::crowd::perform;
 use crate::server::shared;
 
-/// What everybody does: stand, walk straight on for twice as many frames.
+/// Frames that every walker stands at first.
 const STAND: u32 = 10;
+/// Frames of each of the two steps in which the walkers go straight ahead.
 const WALK: u32 = 90;
-/// From here on they walk steadily.
+/// The frame from which the walkers go at a steady speed.
 const STEADY: usize = 60;
 const VELOCITY: Vec3 = Vec3::new(0.0, 0.0, 1.18);
 /// Phases of a step at which walkers are compared.
 const PHASES: usize = 32;
 
-/// Walkers of these seeds, stepped together.
+/// Steps walkers with these seeds together and records them.
 async fn walk(client: &Client, pack: &Pack, seeds: &[u64]) -> Vec<Clip> {
     let options: Vec<SessionOptions> = (seeds.iter())
         .map(|&seed| SessionOptions::new().seed(seed).style("normal"))
@@ -34,8 +35,8 @@ async fn walk(client: &Client, pack: &Pack, seeds: &[u64]) -> Vec<Clip> {
     perform(crowd, pack, &options, &[STAND, WALK, WALK], intent).await
 }
 
-/// The joints at [`PHASES`] phases of the steadiest step, seen from the root on the ground, facing
-/// ahead.
+/// The places of the joints at [`PHASES`] phases of the steadiest step, metres, in axes whose
+/// origin is the root on the ground and whose +Z is its heading.
 fn step(clip: &Clip) -> Vec<Vec3> {
     let cycles = find_cycles(clip, &CycleOptions::default()).unwrap();
     let closed = ClosedCycle::new(clip, &cycles[0]);
@@ -60,7 +61,10 @@ async fn walkers_differ_by_their_seeds_and_obey_as_well() {
     let seeds = [0, 1, 2, 3, 4, 5];
     let clips = walk(&client, &pack, &seeds).await;
     let alone = walk(&client, &pack, &seeds[2..3]).await;
-    assert_eq!(alone[0], clips[2], "a seed is the same alone and in company");
+    assert_eq!(
+        alone[0], clips[2],
+        "a seed gives the same motion alone and in a crowd"
+    );
 
     let steady: Vec<Clip> = clips
         .iter()

@@ -1,4 +1,4 @@
-//! The real server, in this process, with the pack of the repository.
+//! The real server, in this process, with a pack of the repository.
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use troupe_proto::v1::motion_client::MotionClient;
 use troupe_server::config::Config;
 use troupe_server::server::{ServerHandle, serve};
 
-/// A client without the conveniences of `troupe-client`.
+/// The generated gRPC client, without `troupe-client`.
 pub type Rpc = MotionClient<Channel>;
 
 /// A running server and ways to call it.
@@ -26,7 +26,7 @@ pub struct Server {
     handle: Option<ServerHandle>,
 }
 
-/// The folder of the pack to test with: `models/human`, or what TROUPE_TEST_PACK names.
+/// The folder of the pack to test with: `models/human`, or the folder in TROUPE_TEST_PACK.
 pub fn pack_folder() -> Result<PathBuf, String> {
     if let Some(folder) = std::env::var_os("TROUPE_TEST_PACK") {
         return Ok(PathBuf::from(folder));
@@ -36,15 +36,15 @@ pub fn pack_folder() -> Result<PathBuf, String> {
         return Ok(folder);
     }
     Err(
-        "there is no pack in models/human: train and export one, or name another folder in TROUPE_TEST_PACK"
+        "models/human has no pack.toml: train and export a pack, or set TROUPE_TEST_PACK to another folder"
             .to_owned(),
     )
 }
 
-/// The server that all tests share which do not count its requests or stop it.
+/// The server of all tests that neither count its requests nor stop it.
 pub fn shared() -> &'static Server {
     static SHARED: OnceLock<Result<Server, String>> = OnceLock::new();
-    // Each test has a runtime of its own; the server needs one that outlives them all.
+    // Each test has a runtime of its own. The server needs one that outlives them all.
     let started = SHARED.get_or_init(|| {
         let (send, receive) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
@@ -53,8 +53,7 @@ pub fn shared() -> &'static Server {
                 .enable_all()
                 .build();
             runtime.expect("a runtime").block_on(async move {
-                send.send(Server::try_start(|_| {}).await)
-                    .expect("somebody waits");
+                send.send(Server::try_start(|_| {}).await).expect("a receiver");
                 std::future::pending::<()>().await;
             });
         });
@@ -71,7 +70,7 @@ impl Server {
         Self::start_with(|_| {}).await
     }
 
-    /// Starts a server with another configuration.
+    /// Starts a server after a change of the local configuration.
     pub async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         Self::try_start(change)
             .await
@@ -94,7 +93,7 @@ impl Server {
         })
     }
 
-    /// Stops the server and says whether all requests finished.
+    /// Stops the server and returns whether all requests finished in time.
     pub async fn stop(mut self) -> bool {
         self.handle.take().expect("a running server").shut_down().await
     }
@@ -107,7 +106,7 @@ impl Server {
         &self.url
     }
 
-    /// The address of a path on the server.
+    /// The URL of a path on the server.
     pub fn path(&self, path: &str) -> String {
         format!("{}{path}", self.url)
     }
@@ -121,7 +120,7 @@ impl Server {
             .expect("a connection")
     }
 
-    /// A new connection for plain gRPC.
+    /// A new connection for the generated gRPC client.
     pub async fn rpc(&self) -> Rpc {
         MotionClient::new(self.channel().await).max_decoding_message_size(64 << 20)
     }
@@ -139,13 +138,13 @@ impl Server {
     }
 
     /// Sends a request as JSON.
-    pub async fn post(&self, request: &v1::InBetweenRequest) -> Result<v1::InBetweenResponse, Told> {
+    pub async fn post(&self, request: &v1::InBetweenRequest) -> Result<v1::InBetweenResponse, ErrorAnswer> {
         self.post_text(serde_json::to_string(request).expect("JSON"))
             .await
     }
 
-    /// Sends a body as if it were JSON.
-    pub async fn post_text(&self, body: String) -> Result<v1::InBetweenResponse, Told> {
+    /// Sends a body as JSON, even if it is none.
+    pub async fn post_text(&self, body: String) -> Result<v1::InBetweenResponse, ErrorAnswer> {
         let request = reqwest::Client::new().post(self.path("/v1/inbetween")).body(body);
         let answer = request
             .header("content-type", "application/json")
@@ -158,27 +157,27 @@ impl Server {
             return Ok(serde_json::from_str(&text).expect("an answer as documented"));
         }
         let error: Value = serde_json::from_str(&text).expect("an error as documented");
-        Err(Told::from_json(status.as_u16(), &error["error"]))
+        Err(ErrorAnswer::from_json(status.as_u16(), &error["error"]))
     }
 }
 
-/// What an error tells.
+/// An error over gRPC or HTTP.
 #[derive(Debug)]
-pub struct Told {
-    /// The gRPC code, where it came over gRPC.
+pub struct ErrorAnswer {
+    /// The gRPC code; `None` over HTTP.
     pub grpc: Option<Code>,
-    /// The HTTP status, where it came over HTTP.
+    /// The HTTP status; `None` over gRPC.
     pub http: Option<u16>,
     pub message: String,
-    /// The field at fault.
+    /// The path of the field at fault in the request.
     pub field: Option<String>,
-    /// What it may be.
+    /// The allowed values of the field.
     pub allowed: Option<String>,
 }
 
-impl Told {
-    /// Reads `google.rpc` details. A field at fault must be in the bad request, and the same in the
-    /// error's metadata.
+impl ErrorAnswer {
+    /// Reads the `google.rpc` details. `BadRequest` and the metadata of `ErrorInfo` must name the
+    /// same field.
     pub fn from_status(status: &tonic::Status) -> Self {
         let details = status.get_error_details();
         let metadata = |key| {

@@ -1,4 +1,5 @@
-//! Styles end to end: made from clips with `troupe style add`, listed, shown, and walked in.
+//! Styles end to end: `troupe style` makes them from clips, lists and shows them, and characters
+//! walk in them.
 
 use serde_json::Value;
 use troupe_client::SessionOptions;
@@ -6,12 +7,12 @@ use troupe_motion::Vec3;
 use troupe_motion::clip::Clip;
 use troupe_motion::gait::{StandOptions, find_stand};
 use troupe_proto::v1;
-use troupe_tests::walk::Walk;
 
 use crate::cli::{Folder, failed, printed, text, troupe};
 use crate::server::shared;
+use crate::walk::Walk;
 
-/// A straight walk of some seconds at a speed, with a step a second.
+/// A straight walk of five seconds, with two steps a second.
 async fn walk(speed_mps: f32) -> Clip {
     let walk = Walk {
         frames: 150,
@@ -22,7 +23,7 @@ async fn walk(speed_mps: f32) -> Clip {
     walk.on(shared().pack().await.skeleton())
 }
 
-/// `troupe style` with these arguments.
+/// Runs `troupe style` with these arguments.
 async fn style(arguments: &[&str]) -> std::process::Output {
     troupe(["style"].iter().chain(arguments)).await
 }
@@ -42,13 +43,13 @@ async fn a_style_from_a_clip_can_be_walked_in() {
     ])
     .await;
     assert_eq!(printed(&output), "");
-    let told = text(&output.stderr);
+    let notes = text(&output.stderr);
     assert!(
-        told.contains("12 key poses rebuilt") && told.contains("default speed 0.90"),
-        "{told}"
+        notes.contains("12 key poses rebuilt") && notes.contains("default speed 0.90"),
+        "{notes}"
     );
 
-    // The file has what the server has.
+    // The file and the server have the same style.
     let file: v1::Style = serde_json::from_str(&std::fs::read_to_string(&out).unwrap()).unwrap();
     let shown = printed(&style(&["show", "sine", "--json"]).await);
     let shown: v1::Style = serde_json::from_str(&shown).unwrap();
@@ -61,7 +62,7 @@ async fn a_style_from_a_clip_can_be_walked_in() {
         );
     }
 
-    // A walk made from sines with a stride a second: measured as it was made.
+    // The measured speed and period are those of the sines: a stride a second.
     let gait = &file.gaits[0];
     assert!(
         (gait.forward - 0.9).abs() < 0.02 && gait.left.abs() < 0.02,
@@ -85,8 +86,8 @@ async fn a_style_from_a_clip_can_be_walked_in() {
     let before = character.step(60).await.unwrap().last().unwrap().root;
     let after = character.step(60).await.unwrap().last().unwrap().root;
     let speed = (after - before).with_y(0.0).length() / 2.0;
-    // Nobody walks like this: a pack of people makes it slower than told, if by less than a
-    // quarter.
+    // People do not walk like this: a pack of people walks it slower than commanded, but by less
+    // than a quarter.
     assert!((speed - 0.9).abs() < 0.22, "{speed} m/s");
     character.close().await.unwrap();
 }
@@ -95,7 +96,7 @@ async fn a_style_from_a_clip_can_be_walked_in() {
 async fn a_style_may_only_stand() {
     let folder = Folder::new("style-static");
     let walk = walk(1.2).await;
-    // The moment of a step at which both feet are down, held.
+    // A frame of the walk, repeated.
     let held = |frame: usize| {
         let mut still = walk.slice(0..60).unwrap();
         for f in 0..still.frames() {
@@ -115,12 +116,12 @@ async fn a_style_may_only_stand() {
     assert_eq!(shown["is_static"], true);
     assert_eq!(shown["gaits"][0]["name"], "idle");
     assert_eq!(shown["gaits"][0]["keys"].as_array().unwrap().len(), 1);
-    let told = printed(&style(&["show", "statue"]).await);
-    assert!(told.contains("stands still"), "{told}");
+    let shown = printed(&style(&["show", "statue"]).await);
+    assert!(shown.contains("stands still"), "{shown}");
 }
 
 #[tokio::test]
-async fn what_cannot_become_a_style_is_told() {
+async fn clips_that_cannot_become_a_style_are_errors() {
     let folder = Folder::new("style-refused");
     let walk = walk(1.2).await;
     let clip = folder.write_clip("walk.bvh", &walk);
@@ -156,7 +157,7 @@ async fn what_cannot_become_a_style_is_told() {
     );
     failed(&add(&["--name", "normal", "--clip", clip]).await, 4, &["normal"]);
     failed(&add(&["--name", "a b", "--clip", clip]).await, 4, &["name"]);
-    failed(&style(&["show", "nobody"]).await, 4, &["nobody"]);
+    failed(&style(&["show", "missing"]).await, 4, &["missing"]);
 }
 
 #[tokio::test]
@@ -175,111 +176,11 @@ async fn the_pack_has_its_styles() {
     }
     assert_eq!(styles.default_style, "normal");
     for style in styles.styles.iter().filter(|s| s.built_in) {
-        let told = format!("{}: {:?}", style.name, style.gaits);
-        assert!(style.gaits.iter().any(|g| g.name == "idle"), "{told}");
+        let gaits = format!("{}: {:?}", style.name, style.gaits);
+        assert!(style.gaits.iter().any(|g| g.name == "idle"), "{gaits}");
         for gait in style.gaits.iter().filter(|g| g.period_frames > 0.0) {
-            assert!((12.0..=75.0).contains(&gait.period_frames), "{told}");
-            assert!(gait.left.hypot(gait.forward) > 0.2, "{told}");
+            assert!((12.0..=75.0).contains(&gait.period_frames), "{gaits}");
+            assert!(gait.left.hypot(gait.forward) > 0.2, "{gaits}");
         }
     }
-}
-
-#[tokio::test]
-async fn live_characters_are_measured() {
-    let folder = Folder::new("eval-live");
-    let json = folder.file("live.json");
-    let arguments = [
-        "eval",
-        "live",
-        "--styles",
-        "normal",
-        "--json",
-        json.to_str().unwrap(),
-    ];
-    let told = printed(&troupe(arguments).await);
-    assert!(told.contains("holds:    steady speed within 15 %"), "{told}");
-    assert!(told.contains("not measured: foot skate"), "{told}");
-    let report: Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
-    let gaits = report["gaits"].as_array().unwrap();
-    let walk = gaits.iter().find(|g| g["gait"] == "walk").unwrap();
-    assert!(walk["steady_error"].as_f64().unwrap().abs() < 0.15, "{walk}");
-    assert_eq!(report["turns"].as_array().unwrap().len(), 4);
-    assert_eq!(report["underruns"], 0);
-    // The same once more, frame for frame.
-    let again = folder.file("again.json");
-    let arguments = [
-        "eval",
-        "live",
-        "--styles",
-        "normal",
-        "--json",
-        again.to_str().unwrap(),
-    ];
-    printed(&troupe(arguments).await);
-    let again: Value = serde_json::from_str(&std::fs::read_to_string(&again).unwrap()).unwrap();
-    assert_eq!(report["gaits"], again["gaits"]);
-
-    failed(
-        &troupe(["eval", "live", "--styles", "nobody"]).await,
-        2,
-        &["no style `nobody`", "normal"],
-    );
-    failed(&troupe(["eval", "live", "--data", "."]).await, 2, &["--list"]);
-}
-
-#[tokio::test]
-async fn characters_that_wander_are_measured() {
-    let folder = Folder::new("eval-wander");
-    let file = |name: &str| folder.file(name).to_str().unwrap().to_owned();
-    let few = [
-        "eval",
-        "wander",
-        "--styles",
-        "normal",
-        "--characters",
-        "2",
-        "--seconds",
-        "5",
-    ];
-    let told = printed(
-        &troupe(
-            few.iter()
-                .chain(&["--replan", "4,9", "--json", &file("live.json")]),
-        )
-        .await,
-    );
-    assert!(
-        told.contains("every 4 frames") && told.contains("not measured: foot skate"),
-        "{told}"
-    );
-    let json: Value = serde_json::from_str(&std::fs::read_to_string(file("live.json")).unwrap()).unwrap();
-    let [often, seldom] = [0, 1].map(|nth| &json["runs"][nth]);
-    let plans = |run: &Value| run["plans_per_second"].as_f64().unwrap();
-    assert!(plans(often) > 1.5 * plans(seldom), "{json}");
-    let jitter = &seldom["figures"][1];
-    assert_eq!(jitter["name"], "joint_jitter_mps2");
-    assert!(jitter["live"]["low"].as_f64().unwrap() > 0.0, "{json}");
-
-    // Beside figures of gaps, of this pack and of another.
-    let measure = |mean: f64| serde_json::json!({"mean": mean, "low": 0.9 * mean, "high": 1.1 * mean});
-    let against = |hash: &Value| {
-        serde_json::json!({"content_hash": hash, "gaps": [{"metrics": {"pack": {
-            "foot_skate_m_per_frame": measure(1e3), "joint_jitter_mps2": measure(1e-3), "root_jitter_mps2": measure(1.0),
-        }}}]})
-    };
-    std::fs::write(file("gaps.json"), against(&json["content_hash"]).to_string()).unwrap();
-    std::fs::write(file("other.json"), against(&"sha256:0".into()).to_string()).unwrap();
-    let told = printed(&troupe(few.iter().chain(&["--against", &file("gaps.json")])).await);
-    assert!(
-        told.contains("holds:        foot skate at most 1.5 times"),
-        "{told}"
-    );
-    assert!(
-        told.contains("missed:       joint jitter at most 1.5 times"),
-        "{told}"
-    );
-    let other = troupe(few.iter().chain(&["--against", &file("other.json")])).await;
-    failed(&other, 2, &["other.json", "another pack"]);
-    let often = troupe(few.iter().chain(&["--replan", "2"])).await;
-    failed(&often, 4, &["replan_interval_frames", "3 to 30"]);
 }

@@ -1,11 +1,11 @@
-//! Words to motion and back, from the command line and the client: a server whose pack has random
-//! weights.
+//! Words to motion and back, through the command line and the client. The pack of the server has
+//! random weights.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
-use troupe_client::{ClientError, Describe, Key, Pack, Prompt, TokenSampling, Told};
+use troupe_client::{ClientError, Describe, DescriptionPart, Key, Pack, Prompt, TokenSampling};
 use troupe_motion::bvh::{self, BvhOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::{Quat, Vec3};
@@ -44,7 +44,7 @@ fn refused_field(error: &ClientError) -> &str {
 }
 
 #[tokio::test]
-async fn words_are_acted_out_into_a_file() {
+async fn words_become_motion_in_a_file() {
     let (server, folder) = (start().await, Folder::new("say"));
     let (_, pack) = server.client().await;
     let (out, picture) = (folder.file("walk.bvh"), folder.file("walk.png"));
@@ -64,28 +64,28 @@ async fn words_are_acted_out_into_a_file() {
     ])
     .await;
     assert_eq!(printed(&output), "");
-    let told = text(&output.stderr);
+    let notes = text(&output.stderr);
     assert!(
-        told.contains("note: captions of the pack's training have not used: robot"),
-        "{told}"
+        notes.contains("note: captions of the pack's training have not used: robot"),
+        "{notes}"
     );
     assert!(
-        told.contains("60 frames by tiny-vermo 0.0.0 written to"),
-        "{told}"
+        notes.contains("60 frames by tiny-vermo 0.0.0 written to"),
+        "{notes}"
     );
     let file = bvh::parse(&std::fs::read_to_string(&out).unwrap()).unwrap();
     let clip = file.to_clip_on(pack.skeleton(), &BvhOptions::default()).unwrap();
     assert_eq!(clip.frames(), 60);
     assert!(std::fs::read(&picture).unwrap().starts_with(b"\x89PNG"));
 
-    // What follows the clip, as JSON.
+    // A continuation of the clip, with a summary as JSON.
     let output = say(&["--past", out.to_str().unwrap(), "--json", "--temperature", "0"]).await;
-    let told: Value = serde_json::from_str(&printed(&output)).unwrap();
+    let summary: Value = serde_json::from_str(&printed(&output)).unwrap();
     assert_eq!(
-        (&told["pack"], &told["text"]),
+        (&summary["pack"], &summary["text"]),
         (&"tiny-vermo".into(), &"an old robot walks".into())
     );
-    assert!(told["frames"].as_u64().unwrap() >= 8);
+    assert!(summary["frames"].as_u64().unwrap() >= 8);
 
     let output = say(&["--top-p", "1.5"]).await;
     failed(&output, 4, &["sampling.top_p", "more than 0, and at most 1"]);
@@ -95,7 +95,7 @@ async fn words_are_acted_out_into_a_file() {
 }
 
 #[tokio::test]
-async fn a_clip_is_put_into_words() {
+async fn a_clip_becomes_words() {
     let (server, folder) = (start().await, Folder::new("describe"));
     let (client, pack) = server.client().await;
     let file = folder.write_clip("slide.bvh", &slide(&pack, 300, 0.0));
@@ -105,7 +105,7 @@ async fn a_clip_is_put_into_words() {
         troupe_at(server.url(), begin.into_iter().chain(more).collect::<Vec<_>>())
     };
     let part = ["--from", "100", "--to", "139", "--seed", "5"];
-    let told = printed(&describe(&part).await);
+    let words = printed(&describe(&part).await);
     let clip = slide(&pack, 300, 0.0).slice(100..140).unwrap();
     let motion = Describe::new(clip).seed(5);
     let whole = client
@@ -115,7 +115,7 @@ async fn a_clip_is_put_into_words() {
         .whole()
         .await
         .unwrap();
-    assert_eq!(told.trim_end_matches('\n'), whole.text);
+    assert_eq!(words.trim_end_matches('\n'), whole.text);
     let json = printed(&describe(&[&part[..], &["--json"]].concat()).await);
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(
@@ -132,7 +132,7 @@ async fn a_clip_is_put_into_words() {
 }
 
 #[tokio::test]
-async fn a_pack_without_words_says_so() {
+async fn a_pack_without_words_is_an_error() {
     let folder = Folder::new("mute");
     let out = folder.file("wave.bvh");
     let said = ["say", "wave", "--out", out.to_str().unwrap()];
@@ -170,9 +170,9 @@ async fn the_client_takes_several_characters_and_audio() {
     assert!((made.others[0].root_positions[0].x - 1.0).abs() < 0.3);
 
     let motion = Describe::new(made.clip.clone()).beside(made.others[0].clone());
-    let mut telling = client.describe(&pack, &motion).await.unwrap();
+    let mut description = client.describe(&pack, &motion).await.unwrap();
     let mut words = String::new();
-    while let Some(Told::Words(more)) = telling.next().await.unwrap() {
+    while let Some(DescriptionPart::Words(more)) = description.next().await.unwrap() {
         words.push_str(&more);
     }
     assert!(!words.is_empty());

@@ -1,4 +1,4 @@
-"""The card's tables from reports of `troupe eval`, with intervals and without."""
+"""The card's tables from reports of `troupe-eval gaps`, with intervals and without."""
 
 import pytest
 

@@ -111,6 +111,6 @@ def curves(args: argparse.Namespace) -> int:
 
 @command("--pack", "--evaluation", "--baselines", "--before", "--notes", required=("--evaluation",))
 def card(args: argparse.Namespace) -> int:
-    """Writes a pack's README from its manifest and the JSON of `troupe eval`."""
+    """Writes a pack's README from its manifest and the JSON of `troupe-eval gaps`."""
     write_card(args.pack, args.evaluation, args.notes, args.baselines, args.before)
     return 0

@@ -104,7 +104,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--stride": {"type": int, "default": 20, "help": "frames between windows"},
     "--uncut": {
         "action": "store_true",
-        "help": "windows of whole files, as `troupe eval` has them; without it none that `prepare` has cut in two",
+        "help": "windows of whole files, as `troupe-eval gaps` has them; without it none that `prepare` has cut in two",
     },
     "--max-windows": {"type": int, "help": "most windows for each gap, spread evenly"},
     "--split": {"choices": ("test", "train", "cell"), "default": "test"},
@@ -117,7 +117,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--diversity-windows": {"type": int, "default": 100, "help": "windows a gap for diversity"},
     "--json": {"type": Path, "help": "also write the figures here"},
     "--markdown": {"type": Path, "help": "also write tables for a model card here"},
-    "--evaluation": {"type": Path, "help": "what `troupe eval --json FILE` wrote"},
+    "--evaluation": {"type": Path, "help": "what `troupe-eval gaps --json FILE` wrote"},
     "--baselines": {
         "type": Path,
         "help": "what `evaluate --json FILE` wrote of the same windows: adds the nearest training window to the card, and "

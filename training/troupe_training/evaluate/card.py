@@ -1,4 +1,4 @@
-"""``card``: the pack's README from its manifest and from what ``troupe eval --json`` measured through the server."""
+"""``card``: the pack's README from its manifest and from what ``troupe-eval gaps --json`` measured through the server."""
 
 import json
 import tomllib
@@ -10,7 +10,7 @@ from troupe_training.evaluate.nearest import NEAREST
 from troupe_training.evaluate.tables import MEASURES, Figure, table
 from troupe_training.export.manifest import read_manifest
 
-# Reports of `troupe eval` have no "nearest": a server holds no training clips. `add_nearest` takes
+# Reports of `troupe-eval gaps` have no "nearest": a server holds no training clips. `add_nearest` takes
 # it from `evaluate`.
 METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "nearest": NEAREST, "pack": "this pack"}
 # Measures in a part's table, in the order of `MEASURES`.
@@ -44,7 +44,7 @@ def card_table(gap: dict[str, Any]) -> str:
 
 
 def add_nearest(report: dict[str, Any], baselines: dict[str, Any]) -> None:
-    """Puts the nearest training window out of ``evaluate --json`` beside a report of `troupe eval`.
+    """Puts the nearest training window out of ``evaluate --json`` beside a report of `troupe-eval gaps`.
 
     Both must be of the same windows and evaluator. Raises `ValueError` if they are not.
     """
@@ -165,7 +165,7 @@ def write_card(
         "![Loss curves](curves.png)" if (pack / "curves.png").exists() else "",
         "## Evaluation",
         (
-            f"Through the server with `troupe eval`: {report['clips']} test clips, a window every {report['stride_frames']} "
+            f"Through the server with `troupe-eval gaps`: {report['clips']} test clips, a window every {report['stride_frames']} "
             f"frames, four context frames and one target keyframe (pose and root, no velocity), temperature "
             f"{report['temperature']:g}, {report['pose_steps']} pose step. ↓ lower is better, ↑ higher is better, ≈ nearer to "
             "ground truth is better. L2P is in metres, not normalised. In brackets: 95 % intervals, where the report has them."

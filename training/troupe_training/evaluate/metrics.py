@@ -1,6 +1,6 @@
 """Measures of generated motion against ground truth that have a value for every window.
 
-The definitions are those of `motion/src/metrics` (Rust), which `troupe eval` uses; `docs/evaluation.md` has them in words.
+The definitions are those of `motion/src/metrics` (Rust), which `troupe-eval gaps` uses; `docs/evaluation.md` has them in words.
 Everything is measured on joint positions and world rotations from forward kinematics, over the frames of the gap
 unless the name says context or target.
 """

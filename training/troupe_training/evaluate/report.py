@@ -1,7 +1,7 @@
 """``evaluate``: every measure of a pack or of a run's checkpoints on the test split, beside ground truth and baselines.
 
 Runs the networks without a server, at temperature 0 with one pose step by default. Answers are what the decoder
-gives, or with ``pinned`` what the server would answer, which meets its keyframes. `troupe eval` measures through a running
+gives, or with ``pinned`` what the server would answer, which meets its keyframes. `troupe-eval gaps` measures through a running
 server. `docs/evaluation.md` defines every measure.
 """
 

@@ -1,7 +1,7 @@
 import { SegmentedControl, useComputedColorScheme } from '@mantine/core';
-import { useCallback, useEffect, useMemo, useState } from 'react';
+import { useCallback, useEffect, useMemo, useRef, useState } from 'react';
 import { usePeopleOn } from '../bodies/person';
-import { readLink } from '../live/hash';
+import { readLink, withoutCamera } from '../live/hash';
 import { createStage } from '../stage';
 import type { Stage } from '../stage/types';
 import { Api } from '../wire/api';
@@ -17,6 +17,8 @@ export function App() {
   const [stage, setStage] = useState<Stage>();
   const [question, setQuestion] = useState<Question>();
   const [modeId, setModeId] = useState(() => readLink(location.hash).mode ?? MODES[0]!.id);
+  /** What the address of each mode said when the mode was left. */
+  const left = useRef(new Map<string, string>());
   const scheme = useComputedColorScheme('light');
   const api = useMemo(
     () =>
@@ -50,6 +52,12 @@ export function App() {
   usePeopleOn(stage);
 
   const mode = MODES.find((one) => one.id === modeId) ?? MODES[0]!;
+  const changeMode = (id: string) => {
+    // A mode reads the address when it begins: it gets its own, not that of the mode before.
+    left.current.set(mode.id, withoutCamera(location.hash));
+    history.replaceState(null, '', left.current.get(id) ?? `#mode=${id}`);
+    setModeId(id);
+  };
   return (
     <>
       <canvas ref={withCanvas} className="stage" id="stage" tabIndex={0} aria-label="The stage, with its characters" />
@@ -58,7 +66,7 @@ export function App() {
           className="modes"
           value={mode.id}
           data={MODES.map(({ id, label }) => ({ value: id, label }))}
-          onChange={setModeId}
+          onChange={changeMode}
           aria-label="Mode"
         />
       )}

@@ -6,10 +6,10 @@ import { Fragment } from 'react';
 export type Keys = readonly (readonly [readonly string[], string])[];
 
 const KEYS: Keys = [
-  [['W', 'A', 'S', 'D'], 'go; arrow keys do the same'],
+  [['W', 'A', 'S', 'D'], 'walk; arrow keys do the same'],
   [['Shift'], 'run'],
   [['Q', 'E'], 'face left, face right'],
-  [['X'], 'face where it goes again'],
+  [['X'], 'face the way it walks again'],
   [['P'], 'draw a path with the pointer'],
   [['F'], 'follow the selected character'],
   [['Tab'], 'next character, while the stage has the focus'],
@@ -17,17 +17,18 @@ const KEYS: Keys = [
   [['N'], 'numbers'],
   [['Space'], 'pause and go on'],
   [['.'], 'one frame'],
-  [['C'], 'camera as at the start'],
+  [['C'], 'bring your character back into the picture'],
+  [['Home'], 'camera as at the start'],
   [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
-  [['Esc'], 'leave what is open; to the stage'],
+  [['Esc'], 'stop drawing; move between the stage and the tools'],
   [['?'], 'this help'],
 ];
 
 interface Props {
   opened: boolean;
   onClose: () => void;
-  /** Those of the live mode where left out. */
+  /** Default: those of the live mode. */
   keys?: Keys;
   /** What the pointer does. */
   children?: ReactNode;
@@ -35,7 +36,7 @@ interface Props {
 
 export function Help({ opened, onClose, keys = KEYS, children = <LivePointer /> }: Props) {
   return (
-    <Modal opened={opened} onClose={onClose} title="Keys and pointer" centered size="md">
+    <Modal opened={opened} onClose={onClose} title="Keys and pointer" centered size="lg">
       <dl className="keys">
         {keys.map(([names, says]) => (
           <Fragment key={says}>
@@ -61,8 +62,9 @@ function LivePointer() {
   return (
     <>
       Click the ground to go there, click a character to select it. Drag to turn the camera, drag with the second button
-      to move it, turn the wheel to come nearer. With a gamepad: left stick goes, right stick faces, A runs. Drop a
-      skinned glb on the page to give the selected body its skin.
+      to move it, turn the wheel to come nearer. The camera comes along when your character walks out of the picture.
+      With a gamepad the left stick goes, the right stick faces, and A runs. Drop a skinned glb on the page to give the
+      selected body its skin.
     </>
   );
 }

@@ -37,7 +37,7 @@ export function OpenButtons({ editor }: { editor: Editor }) {
           </Button>
         )}
       </FileButton>
-      <Tooltip label="The server lets a character of the pack walk">
+      <Tooltip label="The server makes a character of the pack walk">
         <Button
           size="xs"
           px={6}
@@ -149,7 +149,7 @@ export function KeyframesPanel({ editor }: { editor: Editor }) {
                 <RotateCcw size={13} />
               </Icon>
               <Icon
-                label="Take away"
+                label="Remove"
                 isOff={doc.targets.length === 1}
                 onClick={() => {
                   editor.removeTarget(t);
@@ -169,7 +169,7 @@ export function KeyframesPanel({ editor }: { editor: Editor }) {
             editor.addTarget();
           }}
         >
-          One more, {doc.targets.length} of {limits.maxTargets}
+          Add a keyframe, {doc.targets.length} of {limits.maxTargets}
         </Button>
         <Posing editor={editor} />
       </Stack>

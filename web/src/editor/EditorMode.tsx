@@ -1,10 +1,11 @@
 // The in-between editor on the page: makes it run, and lays out its panels.
 import './editor.css';
-import { ActionIcon, Text, Tooltip, useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
-import { CircleHelp, Moon, Sun } from 'lucide-react';
+import { Text, useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
+import { CircleHelp, Moon, ScanSearch, Sun } from 'lucide-react';
 import { useEffect, useState } from 'react';
 import { create } from 'zustand';
 import { Help } from '../app/Help';
+import { Tool } from '../app/Tool';
 import { PeopleTool } from '../bodies/PeopleTool';
 import type { ModeProps } from '../app/modes';
 import { Notices } from '../live/Signs';
@@ -177,7 +178,7 @@ function DropArea({ editor, isOver }: { editor: Editor; isOver: boolean }) {
   const isEmpty = useEditor((state) => state.history === undefined);
   if (!isEmpty && !isOver) return null;
   return (
-    <section className="drop" data-over={isOver} aria-label="Open a clip">
+    <section className="card" data-over={isOver} aria-label="Open a clip">
       <Text fw={600} mb={4}>
         Drop a clip
       </Text>
@@ -190,30 +191,28 @@ function DropArea({ editor, isOver }: { editor: Editor; isOver: boolean }) {
   );
 }
 
-function Corner({ onHelp }: { onHelp: () => void }) {
+function Tools({ scene, onHelp }: { scene: EditorScene; onHelp: () => void }) {
   const { setColorScheme } = useMantineColorScheme();
   const scheme = useComputedColorScheme('light');
   return (
-    <div className="corner">
+    <nav className="bar under-head" aria-label="Tools">
+      <Tool
+        label="Look at the gap (C)"
+        icon={ScanSearch}
+        onClick={() => {
+          scene.lookAtGap();
+        }}
+      />
       <PeopleTool />
-      <Tooltip label="Light or dark (T)">
-        <ActionIcon
-          variant="subtle"
-          color="gray"
-          aria-label="Light or dark (T)"
-          onClick={() => {
-            setColorScheme(scheme === 'dark' ? 'light' : 'dark');
-          }}
-        >
-          {scheme === 'dark' ? <Sun size={17} /> : <Moon size={17} />}
-        </ActionIcon>
-      </Tooltip>
-      <Tooltip label="Help (?)">
-        <ActionIcon variant="subtle" color="gray" aria-label="Help (?)" onClick={onHelp}>
-          <CircleHelp size={17} />
-        </ActionIcon>
-      </Tooltip>
-    </div>
+      <Tool
+        label="Light or dark (T)"
+        icon={scheme === 'dark' ? Sun : Moon}
+        onClick={() => {
+          setColorScheme(scheme === 'dark' ? 'light' : 'dark');
+        }}
+      />
+      <Tool label="Help (?)" icon={CircleHelp} onClick={onHelp} />
+    </nav>
   );
 }
 
@@ -238,7 +237,7 @@ export function EditorMode(props: ModeProps) {
         <VariantsPanel editor={editor} />
         <ExportPanel editor={editor} />
       </aside>
-      <Corner onHelp={toggleHelp} />
+      <Tools scene={running.scene} onHelp={toggleHelp} />
       <Timeline editor={editor} />
       <Notices />
       <Help

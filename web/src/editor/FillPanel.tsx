@@ -95,7 +95,7 @@ export function FillPanel({ editor }: { editor: Editor }) {
         </div>
         <Checkbox
           size="xs"
-          label="Hold feet still where they stand"
+          label="Keep standing feet still"
           checked={form.holdFeet}
           onChange={({ currentTarget }) => {
             set({ holdFeet: currentTarget.checked });

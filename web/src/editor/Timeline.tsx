@@ -51,7 +51,7 @@ function Transport({ editor, doc }: { editor: Editor; doc: Doc }) {
   return (
     <div className="transport">
       <Button
-        label="Begin of the gap (Home)"
+        label="Start of the gap (Home)"
         onClick={() => {
           editor.setFrame(doc.gap.start);
         }}
@@ -75,7 +75,7 @@ function Transport({ editor, doc }: { editor: Editor; doc: Doc }) {
         <SkipForward size={16} />
       </Button>
       <Button
-        label={loopsGap ? 'Plays the gap again and again' : 'Plays the whole clip'}
+        label={loopsGap ? 'Loops the gap' : 'Loops the whole clip'}
         isOn={loopsGap}
         onClick={() => {
           useEditor.setState({ loopsGap: !loopsGap });

@@ -89,7 +89,7 @@ export function VariantsPanel({ editor }: { editor: Editor }) {
             editor.apply();
           }}
         >
-          Take it into the clip
+          Put it into the clip
         </Button>
         <Text size="xs" c="dimmed">
           {filled.pack} {filled.version}, {filled.variants.length} in one request, {(filled.total_us / 1000).toFixed(1)}{' '}

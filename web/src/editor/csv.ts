@@ -84,7 +84,7 @@ export function writeCsv(clip: Clip, rig: Rig): string {
   for (let f = 0; f < clip.frames; f++) {
     const { root, rotations } = poseAt(clip, f);
     const turn = quaternionAt(rotations, 0);
-    // One who reads the columns as curves sees no jump to the other sign.
+    // Columns that are drawn as curves then have no jump to the other sign.
     if (turn.dot(before) < 0) turn.set(-turn.x, -turn.y, -turn.z, -turn.w);
     before.copy(turn);
     const angles = hinges.map((hinge) => limited(hinge, hingeAngle(hinge, quaternionAt(rotations, hinge.joint))));

@@ -44,7 +44,7 @@ export class Editor {
     await this.choosePack(pack.name);
   }
 
-  /** Goes over to a pack. A clip that was opened is read again, if it has the pack's joints. */
+  /** Changes to a pack. A clip that was opened is read again, if it has the pack's joints. */
   async choosePack(name: string): Promise<void> {
     const rig = this.rigs.get(name) ?? rigOf(await this.api.pack(name));
     this.rigs.set(name, rig);
@@ -243,7 +243,7 @@ export class Editor {
       return { clip, gap: segment.withEnd(doc.gap, end, limits, clip.frames), targets };
     });
     useEditor.setState({ filled: undefined });
-    notice('The variant is in the clip. Ctrl+Z takes it out again.');
+    notice('The clip now has this variant. Ctrl+Z undoes it.');
   }
 
   async export(format: Format, scope: Scope): Promise<void> {
@@ -256,7 +256,7 @@ export class Editor {
     save(await writeClip(clip, rig, format), `${stem}${seed}${scope === 'segment' ? '-gap' : ''}.${format}`);
   }
 
-  /** What is still under way changes nothing any more. */
+  /** Answers that are still under way change nothing any more. */
   dispose(): void {
     this.isDisposed = true;
     this.asked++;

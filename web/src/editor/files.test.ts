@@ -119,7 +119,7 @@ describe('glb', () => {
   });
 
   it('says what it is not', async () => {
-    await expect(readGlb(new ArrayBuffer(8), 30, 'bad.glb')).rejects.toThrow('bad.glb: is no glb that can be read');
+    await expect(readGlb(new ArrayBuffer(8), 30, 'bad.glb')).rejects.toThrow('bad.glb: is not a glb that can be read');
   });
 });
 

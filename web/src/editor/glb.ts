@@ -26,7 +26,9 @@ const MIN_BONE_M = 1e-3;
 /** Reads the longest animation of a glb, sampled at `fps` frames a second. */
 export async function readGlb(glb: ArrayBuffer, fps: number, file: string): Promise<Recording> {
   const gltf = await new GLTFLoader().parseAsync(glb, '').catch((error: unknown) => {
-    throw new Error(`${file}: is no glb that can be read: ${error instanceof Error ? error.message : String(error)}`);
+    throw new Error(
+      `${file}: is not a glb that can be read: ${error instanceof Error ? error.message : String(error)}`,
+    );
   });
   const [clip] = [...gltf.animations].sort((a, b) => b.duration - a.duration);
   if (!clip) throw new Error(`${file}: has no animation`);

@@ -16,9 +16,9 @@ const NUDGE_M = 0.01;
 export const HELP: readonly (readonly [readonly string[], string])[] = [
   [['Space'], 'play and pause'],
   [['←', '→'], 'one frame; with Shift ten'],
-  [['Home', 'End'], 'begin and end of the gap'],
-  [['[', ']'], 'begin the gap here, end it here'],
-  [['K'], 'one keyframe more; with Shift one fewer'],
+  [['Home', 'End'], 'start and end of the gap'],
+  [['[', ']'], 'start the gap here, end it here'],
+  [['K'], 'add a keyframe; with Shift remove one'],
   [['Enter'], 'fill the gap'],
   [['1', '…', '8'], 'choose a variant'],
   [['H'], 'next handle of the keyframe'],
@@ -57,12 +57,12 @@ export function useEditorKeys(editor: Editor | undefined, scene: EditorScene | u
 function isForControl({ target, key, code, ctrlKey, metaKey }: KeyboardEvent): boolean {
   if (!(target instanceof HTMLElement)) return false;
   if (target.closest('button, a, input[type="checkbox"]')) return key === ' ' || key === 'Enter';
-  // Of sliders arrows are their own, but not commands.
+  // A slider takes arrows, but no commands.
   if (ctrlKey || metaKey) return target.closest('input, textarea, [contenteditable]') !== null;
   return isTyping(target, code);
 }
 
-/** Does what a key says. Returns whether it says anything. */
+/** Does what a key stands for. Returns whether it stands for anything. */
 function act(editor: Editor, event: KeyboardEvent): boolean {
   const { key, shiftKey } = event;
   const command = event.ctrlKey || event.metaKey;

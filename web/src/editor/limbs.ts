@@ -80,7 +80,7 @@ function robotLimbs({ skeleton, hinges }: Rig, side: 'l' | 'r'): Limb[] {
   });
 }
 
-/** The mean axis of a limb's bend over a clip, weighted by how much it is bent. The upper joint's Z where it never is. */
+/** The mean axis of a limb's bend over a clip, weighted by how much it is bent. The upper joint's Z if it never bends. */
 function usualBend(
   skeleton: Skeleton,
   clip: Clip,

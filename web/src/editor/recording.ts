@@ -1,4 +1,4 @@
-// What a file holds, before it is on a skeleton: named joints and where they are in the world.
+// What a file holds, before it is on a skeleton: named joints and their places in the world.
 import { Quaternion, Vector3 } from 'three';
 import { MOST_FRAMES, resample, type Clip, type Rig } from './clip';
 

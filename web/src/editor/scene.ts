@@ -172,17 +172,20 @@ export class EditorScene {
     const at = filled ? frame - filled.doc.gap.start : -1;
     const isPosing = !isPlaying && targetAt(doc, frame) !== undefined && (isStale(state) || state.handle !== undefined);
     const isInside = filled !== undefined && at >= 0 && frame <= filled.doc.gap.end && !isPosing;
+    // In the context frames all variants are the clip: bodies at one place would show through each other.
+    const isAlike = isInside && at < rig.limits.contextFrames;
     if (isInside) {
       const side = sideOf(filled.doc, rig);
       filled.variants.forEach(({ clip }, v) => {
-        if (layout === 'one' && v !== chosen) return;
+        if ((layout === 'one' || (layout === 'over' && isAlike)) && v !== chosen) return;
         const pose = shifted(poseAt(clip, at), side, layout === 'beside' ? (v - chosen) * BESIDE_M : 0);
         actors.set(`variant-${v}`, { tint: variantTint(v), ghost: layout === 'over' && v !== chosen, pose });
       });
     } else {
       actors.set('main', { tint: KEY_TINT, ghost: false, pose: docPose(doc, frame) });
     }
-    const differs = isInside || doc.targets[targetAt(doc, frame) ?? -1]?.edited !== undefined || doc.clip !== captured;
+    const differs =
+      (isInside && !isAlike) || doc.targets[targetAt(doc, frame) ?? -1]?.edited !== undefined || doc.clip !== captured;
     if (showsCaptured && captured && differs && frame < captured.frames) {
       actors.set('captured', { tint: GREY, ghost: true, pose: poseAt(captured, frame) });
     }

@@ -75,7 +75,7 @@ describe('the timeline', () => {
     expect(segment.panned(near, 500, 120)).toEqual({ from: 60, to: 120 });
   });
 
-  it('numbers frames where there is room', () => {
+  it('numbers as many frames as fit', () => {
     expect([50, 10, 5, 1.1, 0.05].map((pixels) => segment.rulerStep(pixels))).toEqual([1, 5, 10, 50, 1000]);
   });
 });
@@ -95,7 +95,7 @@ describe('undo', () => {
     expect(redo(change(now, 9)).now).toBe(9);
   });
 
-  it('does nothing where there is nothing to undo', () => {
+  it('does nothing without a change to undo', () => {
     const now = begin('a');
     expect(undo(now).now).toBe('a');
     expect(redo(now).now).toBe('a');

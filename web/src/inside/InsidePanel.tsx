@@ -32,7 +32,7 @@ function usePeek(live: Live, of: Character | undefined): PeekResponse | undefine
         drawPlan(live.stage, of, answer);
         failed = false;
       } catch (error) {
-        // Once: while the server is away the banner says so, and a session that is gone is opened again.
+        // Said once: the banner shows a server that is away, and a lost session is opened again.
         if (!failed && useLive.getState().connection === 'live') report(error);
         failed = true;
       } finally {
@@ -161,7 +161,7 @@ function Plan({ plan, frame, isInFlight }: { plan: PlanView; frame: number; isIn
     <div>
       <Row label="Plan" value={`№ ${plan.number}, ${plan.cause.replace('_', ' ')}`} />
       <Row label="Age" value={`${age} frames, ${((age / 30) * 1000).toFixed(0)} ms`} />
-      <Row label="Next plan" value={isInFlight ? 'on its way' : 'not asked for'} />
+      <Row label="Next plan" value={isInFlight ? 'on its way' : 'not requested'} />
     </div>
   );
 }

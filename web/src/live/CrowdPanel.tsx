@@ -87,7 +87,7 @@ function CrowdForm({ live }: { live: Live }) {
       <Select
         label="Styles"
         size="xs"
-        data={[{ value: '', label: 'one after the other' }, ...styles]}
+        data={[{ value: '', label: 'all, in turn' }, ...styles]}
         value={crowd.style}
         allowDeselect={false}
         onChange={(style) => {

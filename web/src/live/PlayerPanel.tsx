@@ -76,7 +76,7 @@ function PlayerForm({ live }: { live: Live }) {
           <Select
             label="Gait"
             size="xs"
-            data={[{ value: '', label: 'what suits' }, ...gaits.map((gait) => gait.name)]}
+            data={[{ value: '', label: 'automatic' }, ...gaits.map((gait) => gait.name)]}
             value={player.gait}
             allowDeselect={false}
             onChange={(name) => {
@@ -124,7 +124,7 @@ function PlayerForm({ live }: { live: Live }) {
             live.faceFreely();
           }}
         >
-          Face where it goes (X)
+          Face the way it walks (X)
         </Button>
       )}
       {words.length > 1 && <Blend live={live} key={`${player.pack}/${player.body}`} />}

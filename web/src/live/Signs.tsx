@@ -39,7 +39,7 @@ export function ConnectionBanner({ connection, trouble }: { connection: Connecti
   return (
     <div className="banner" role="status">
       <i />
-      {connection === 'reconnecting' ? `The connection is gone (${trouble}). Coming back …` : trouble}
+      {connection === 'reconnecting' ? `The connection is lost (${trouble}). Reconnecting …` : trouble}
       {connection === 'locked' && (
         <Button size="compact-sm" onClick={askForAnotherKey}>
           Use another key

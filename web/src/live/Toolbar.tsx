@@ -1,5 +1,5 @@
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
-import { CircleHelp, Crosshair, Moon, Pause, Play, RotateCcw, Spline, Sun } from 'lucide-react';
+import { CircleHelp, Crosshair, Moon, Pause, Play, RotateCcw, Spline, Sun, UserRoundSearch } from 'lucide-react';
 import { Tool } from '../app/Tool';
 import { PeopleTool } from '../bodies/PeopleTool';
 import type { Live } from './live';
@@ -38,7 +38,14 @@ export function Toolbar({ live, onHelp }: { live: Live; onHelp: () => void }) {
         }}
       />
       <Tool
-        label="Camera as at the start (C)"
+        label="Find your character (C)"
+        icon={UserRoundSearch}
+        onClick={() => {
+          live.findOwn();
+        }}
+      />
+      <Tool
+        label="Camera as at the start (Home)"
         icon={RotateCcw}
         onClick={() => {
           live.resetView();

@@ -72,9 +72,11 @@ export class Bodies {
     return Promise.all(this.speaking.map((name) => this.detail(name)));
   }
 
-  /** Fetches a body's skeleton and styles. An empty body is the pack's default one. */
+  /** Fetches a body's skeleton and styles. An empty body is the pack's default one. Throws for a pack that is not live. */
   async of(packName: string, bodyName: string): Promise<BodyKind> {
-    const bodies = this.pack(packName)?.bodies ?? [];
+    const pack = this.pack(packName);
+    if (!pack) throw new Error(`pack: is “${packName}”; the server's live packs are ${this.names()}`);
+    const bodies = pack.bodies ?? [];
     const body = bodyName || (bodies[0]?.name ?? '');
     const key = bodyKey(packName, body);
     const found = this.known.get(key) ?? this.fetch(key, packName, body);
@@ -90,6 +92,10 @@ export class Bodies {
   /** Reads the styles of a body again. */
   async renewStyles(kind: BodyKind): Promise<void> {
     kind.styles = (await this.api.styles(kind.pack, kind.body)).styles;
+  }
+
+  private names(): string {
+    return this.packs.map((pack) => pack.name).join(', ') || 'not known yet';
   }
 
   private detail(packName: string): Promise<Pack> {
@@ -139,7 +145,7 @@ export function heightRange(style: Style | undefined): [number, number] | undefi
   return high - low > HEIGHT_RANGE_M ? [low, high] : undefined;
 }
 
-/** Speed of the fastest gait of a style, or twice its usual speed where it has no gaits, m/s. */
+/** Speed of the fastest gait of a style, or twice its usual speed if it has no gaits, m/s. */
 export function runningSpeed(style: Style | undefined): number {
   const usual = style?.default_speed ?? 1.3;
   const fastest = Math.max(0, ...(style?.gaits ?? []).map((gait) => gait.forward));

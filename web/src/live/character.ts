@@ -1,4 +1,4 @@
-// One character of the page: its session, its frames, and what it was told.
+// One character of the page: its session, its frames and its commands.
 import type { Command, Intent, Keyframe } from '../wire/types';
 import type { BodyKind } from './bodies';
 import type { Role } from './cast';
@@ -50,7 +50,7 @@ export class Character {
     this.sequence = Math.max(this.sequence, sequence);
   }
 
-  /** Which way it heads over the ground, from its last frames; `undefined` where it stands. */
+  /** Which way it heads over the ground, from its last frames; `undefined` if it stands. */
   get moving(): number | undefined {
     const [before, now] = this.track.newest(2);
     if (!before || !now) return undefined;

@@ -23,7 +23,7 @@ const KEYS: Record<string, [keyof Pick<Wish, 'right' | 'ahead' | 'turn'>, number
   KeyE: ['turn', -1],
 };
 
-/** Of a stick: what is nearer to the middle counts as none. */
+/** A stick this near to its middle counts as released; share of its way. */
 const DEAD = 0.18;
 
 /** Whether a key press belongs to the control that has the focus. */
@@ -102,7 +102,7 @@ export function velocityOf(
   const share = Math.min(1, length) / length;
   const speed = (wish.runs ? run : walk) * share;
   const [sin, cos] = [Math.sin(yaw), Math.cos(yaw)];
-  // Right of one that looks along +Z is -X.
+  // A camera that looks along +Z has -X at its right.
   const x = (sin * wish.ahead - cos * wish.right) * speed;
   const z = (cos * wish.ahead + sin * wish.right) * speed;
   return { x: round(x), y: 0, z: round(z) };

@@ -12,21 +12,21 @@ import type { Role } from './cast';
 import { Character } from './character';
 import { PlaybackClock, RATE_HZ } from './playback';
 
-/** How long sessions live that nobody advances, ms. */
+/** Lifetime of a session that is not advanced, ms. */
 const TTL_MS = 60_000;
 /** Waits between tries to come back, ms: the first and the longest. */
 const PAUSE_MS = [250, 2000] as const;
-/** Time until a session that was in somebody's hands is asked for again, ms. */
+/** Time until a session that another caller held is asked for again, ms. */
 const BUSY_MS = 150;
 
 export interface CrowdHooks {
   /** The stream is there, or gone. */
   onConnection(state: 'live' | 'reconnecting', why: string): void;
   onEvents(events: SessionEvents[]): void;
-  /** Something is wrong; with a command of a session where they are named. */
+  /** Something is wrong; `session` and `sequence` name the command, if it was one. */
   onProblem(text: string, session?: string, sequence?: number): void;
   onTick(message: TickMessage): void;
-  /** Sessions are other ones now: what they were told is lost. */
+  /** The characters have new sessions: their commands are lost. */
   onRestored(characters: Character[]): void;
 }
 
@@ -92,14 +92,14 @@ export class Crowd {
       this.all.delete(one.id);
       this.bySession.delete(one.session);
       if (one.slot !== undefined) this.bySlot[one.slot] = undefined;
-      // One that cannot be closed now expires.
+      // A session that cannot be closed now expires.
       void this.api.closeSession(one.session).catch(() => undefined);
     }
   }
 
   command(commands: Command[]): void {
     if (commands.length === 0) return;
-    if (this.ownClock) void this.api.commands(commands).then(this.tellRefused, this.complain);
+    if (this.ownClock) void this.api.commands(commands).then(this.reportRefused, this.complain);
     else this.stream.command(commands);
   }
 
@@ -112,7 +112,7 @@ export class Crowd {
   setOwnClock(own: boolean): void {
     if (own === this.ownClock) return;
     this.ownClock = own;
-    // Ticks that went by meanwhile are no time of the characters.
+    // Ticks that went by meanwhile do not count as the characters' time.
     this.base = undefined;
     const ids = [...this.bySession.keys()];
     if (own) this.stream.detach(ids);
@@ -150,7 +150,7 @@ export class Crowd {
     }
   }
 
-  /** Keeps sessions alive that nobody advances: a command is a sign of life, even one that changes nothing. */
+  /** Keeps sessions alive while they are not advanced: any command does, even one that changes nothing. */
   keepAlive(): void {
     if (!this.ownClock || this.all.size === 0) return;
     this.command([...this.all.values()].map((one) => one.signOfLife()));
@@ -193,7 +193,7 @@ export class Crowd {
         void this.mend(message.sessions.filter((one) => one.problem?.reason === 'SESSION_EXPIRED'));
         break;
       case 'refused':
-        this.tellRefused(message);
+        this.reportRefused(message);
         break;
       case 'events':
         this.hooks.onEvents(message.sessions);
@@ -273,7 +273,7 @@ export class Crowd {
     await this.mend(problems);
   }
 
-  /** Opens sessions again that are gone, where their characters are. */
+  /** Replaces sessions that are gone by new ones at the places of their characters. */
   private async mend(problems: readonly SessionProblem[]): Promise<void> {
     const gone = problems.flatMap((problem) => this.bySession.get(problem.session_id) ?? []);
     if (gone.length === 0) return;
@@ -293,7 +293,7 @@ export class Crowd {
     }
   }
 
-  private readonly tellRefused = ({ results }: { results: CommandResult[] }): void => {
+  private readonly reportRefused = ({ results }: { results: CommandResult[] }): void => {
     for (const { problem, session_id, sequence } of results)
       if (problem) this.hooks.onProblem(problem.message, session_id, Number(sequence));
   };

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { readLink, writeLink } from './hash';
+import { readLink, withoutCamera, writeLink } from './hash';
 
 it('a link comes back as it was written', () => {
   const link = {
@@ -19,4 +19,9 @@ it('a link comes back as it was written', () => {
 
 it('what is not a camera or a number is left out', () => {
   expect(readLink('#cam=1,2,x&n=many')).toEqual({});
+});
+
+it('a link keeps all but its camera', () => {
+  expect(withoutCamera('#mode=live&who=unimogen/fox&cam=0,1,0,2,1,9&n=3')).toBe('#mode=live&who=unimogen/fox&n=3');
+  expect(withoutCamera('#cam=0,1,0,2,1,9')).toBe('#');
 });

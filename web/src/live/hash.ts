@@ -36,6 +36,13 @@ export function readLink(hash: string): Link {
   return link;
 }
 
+/** The link without its camera: who opens it gets the view with which the mode begins. */
+export function withoutCamera(hash: string): string {
+  const of = new URLSearchParams(hash.replace(/^#/, ''));
+  of.delete('cam');
+  return hashOf(of);
+}
+
 export function writeLink(link: Link): string {
   const of = new URLSearchParams();
   const put = (name: string, value: string | undefined) => {
@@ -52,5 +59,9 @@ export function writeLink(link: Link): string {
   put('open', link.open?.join(','));
   put('follow', link.follow ? '1' : undefined);
   put('cam', link.cam?.map((value) => Number(value.toFixed(2))).join(','));
+  return hashOf(of);
+}
+
+function hashOf(of: URLSearchParams): string {
   return `#${of.toString().replaceAll('%2C', ',').replaceAll('%2F', '/')}`;
 }

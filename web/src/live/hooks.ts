@@ -1,4 +1,5 @@
 // `window.troupe`: what tests measure and look at.
+import type { OnScreen } from '../stage/types';
 import type { Connection } from './store';
 import type { Live } from './live';
 import { useLive } from './store';
@@ -20,6 +21,8 @@ export interface TroupeHooks {
   position: (id?: string) => [number, number, number] | undefined;
   /** Whether a character wears a skin; the own one without a name. */
   isSkinned: (id?: string) => boolean;
+  /** Where the own character is in the picture, pixels; `undefined` if it is behind the camera. */
+  onScreen: () => OnScreen | undefined;
   connection: () => Connection;
   underruns: () => number;
   droppedTicks: () => number;
@@ -54,6 +57,7 @@ export function installHooks(live: Live): () => void {
       return one?.isShown ? [one.root[0]!, one.root[1]!, one.root[2]!] : undefined;
     },
     isSkinned: (id = live.own?.id ?? '') => live.stage.isSkinned(id),
+    onScreen: () => (live.own ? live.stage.onScreen(live.own.id) : undefined),
     connection: () => useLive.getState().connection,
     underruns: () => meters.underruns,
     droppedTicks: () => meters.dropped,

@@ -1,4 +1,4 @@
-// Keys that are not for going.
+// Keys of the live mode, except those that steer.
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { useEffect } from 'react';
 import { togglePeople } from '../bodies/person';
@@ -30,7 +30,7 @@ export function useKeys(live: Live | undefined, onHelp: () => void): void {
   }, [live, onHelp, scheme, setColorScheme]);
 }
 
-/** Does what a key says. Returns whether it says anything. */
+/** Does what a key stands for. Returns whether it stands for anything. */
 function act(live: Live, event: KeyboardEvent, isOnStage: boolean): boolean {
   const { tool, follow, inside, numbers, time } = useLive.getState();
   switch (event.key) {
@@ -50,6 +50,9 @@ function act(live: Live, event: KeyboardEvent, isOnStage: boolean): boolean {
       live.faceFreely();
       return true;
     case 'c':
+      live.findOwn();
+      return true;
+    case 'Home':
       live.resetView();
       return true;
     case '.':

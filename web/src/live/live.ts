@@ -10,12 +10,13 @@ import { castOf, MOST_CHARACTERS } from './cast';
 import type { Character } from './character';
 import { Controls, velocityOf } from './control';
 import { Crowd } from './crowd';
+import { Finder, panelsWidth } from './finder';
 import type { Link } from './hash';
 import { Meter, Rate } from './meter';
 import type { Place } from './path';
 import { pathFrom, ribbon } from './path';
 import { RATE_HZ } from './playback';
-import { notice, report, useLive } from './store';
+import { clearLive, notice, report, useLive } from './store';
 import { SkillControl } from './skill-control';
 import { places, radiusFor, Wanderer } from './steering';
 import { after, SILENT, whyMute } from './words';
@@ -47,8 +48,9 @@ export class Live {
   private home: number[] = [];
   private readonly controls = new Controls();
   private facing: number | undefined;
-  private told = '';
-  private toldAt = 0;
+  /** The last command of the keys, as JSON; empty when the next one must be sent in any case. */
+  private sent = '';
+  private sentAt_ms = 0;
   private hadWish = false;
   private stepDebt = 0;
   private aliveAt = 0;
@@ -56,6 +58,7 @@ export class Live {
   /** Number of the command that said a sentence last. */
   private said = 0;
   private readonly skills: SkillControl;
+  private readonly finder: Finder;
   private readonly radius = { m: radiusFor(24) };
   /** Crowds are changed one after the other. */
   private changes: Promise<void> = Promise.resolve();
@@ -64,13 +67,15 @@ export class Live {
     readonly stage: Stage,
     readonly api: Api,
   ) {
+    clearLive();
     this.bodies = new Bodies(api);
     this.skills = new SkillControl(this);
+    this.finder = new Finder(stage, panelsWidth);
     this.crowd = new Crowd(api, this.bodies, {
       onConnection: (state, why) => {
         useLive.setState({ connection: state, trouble: why });
         if (state !== 'live') return;
-        this.told = '';
+        this.sent = '';
         this.skills.onConnected();
       },
       onEvents: this.onEvents,
@@ -84,7 +89,7 @@ export class Live {
       onRestored: (characters) => {
         for (const one of characters) one.rest = 0;
         if (!this.own || !characters.includes(this.own)) return;
-        this.told = '';
+        this.sent = '';
         this.skills.reset();
       },
     });
@@ -103,7 +108,7 @@ export class Live {
       crowd: {
         ...crowd,
         count: Math.min(MOST_CHARACTERS, Math.max(1, link.n ?? crowd.count)),
-        who: link.who ?? crowd.who,
+        who: link.who || crowd.who,
       },
     }));
     await this.crowd.connect();
@@ -168,7 +173,7 @@ export class Live {
     const { selected, follow } = useLive.getState();
     if (old) this.remove([old]);
     this.own = made;
-    this.told = '';
+    this.sent = '';
     this.facing = undefined;
     this.forgetPath();
     this.skills.reset();
@@ -205,13 +210,13 @@ export class Live {
       }
       return { player: next };
     });
-    if (useLive.getState().path.state !== 'walking') this.tellOwn(true);
+    if (useLive.getState().path.state !== 'walking') this.steerNow(true);
   }
 
-  /** Tells the own character again how to move, whatever it was told. */
+  /** Sends the own character's movement again, even if it has not changed. */
   repeat(): void {
-    this.told = '';
-    this.tellOwn(true);
+    this.sent = '';
+    this.steerNow(true);
   }
 
   faceFreely(): void {
@@ -235,7 +240,14 @@ export class Live {
   /** The camera as at the start. */
   resetView(): void {
     this.follow(false);
+    this.finder.rest();
     this.stage.setCamera(this.home);
+  }
+
+  /** Turns the camera to the own character. */
+  findOwn(): void {
+    this.follow(false);
+    if (this.own) this.finder.find(this.own.id);
   }
 
   follow(on: boolean): void {
@@ -284,7 +296,7 @@ export class Live {
     this.stage.line('path', ribbon(line), { tint: OWN_TINT, width_m: 0.07 });
     this.tell({ follow_path: { points, style, speed } });
     this.skills.forgetAsked();
-    this.told = '';
+    this.sent = '';
     useLive.setState({ path: { state: 'walking', text: `follows a path of ${length(line).toFixed(1)} m` } });
   }
 
@@ -298,7 +310,7 @@ export class Live {
     useLive.setState({ saying: { ...SILENT, state: 'waiting', text } });
   }
 
-  /** Has the own character do a skill, or leave it where it is a held one that is under way. */
+  /** Starts a skill of the own character, or ends it if it is held now. */
   doSkill(skill: Skill): void {
     this.forgetPath();
     this.skills.ask(skill);
@@ -311,16 +323,16 @@ export class Live {
     if (this.own?.kind === kind) useLive.setState({ mute });
   }
 
-  /** Tells the own character something. Returns the number of the command; 0 where there is no such character. */
+  /** Sends the own character a command. Returns its number, or 0 without an own character. */
   tell(intent: Intent): number {
     const command = this.own?.command(intent);
     if (command) this.crowd.command([command]);
     return command?.sequence ?? 0;
   }
 
-  /** After a skill it stands, whatever it was told before: a key that is still down counts again. */
+  /** After a skill the character stands: a key that is still down counts again. */
   onSkillOver(): void {
-    this.told = '';
+    this.sent = '';
   }
 
   setTime(paused: boolean, speed: number): void {
@@ -351,10 +363,12 @@ export class Live {
       }
       this.stage.pose(one.id, one);
     }
+    this.finder.frame(this.own?.id, useLive.getState().follow);
     this.meters.frames += 1;
   }
 
   dispose(): void {
+    this.finder.dispose();
     this.stopDrawing?.();
     this.controls.dispose();
     this.stage.follow(null);
@@ -395,14 +409,14 @@ export class Live {
     const wants = wish.right !== 0 || wish.ahead !== 0 || wish.turn !== 0;
     // A path goes on until a key asks for something else.
     if (!wants && !this.hadWish) return;
-    if (now_ms - this.toldAt < COMMAND_MS && wants) return;
-    this.toldAt = now_ms;
+    if (now_ms - this.sentAt_ms < COMMAND_MS && wants) return;
+    this.sentAt_ms = now_ms;
     this.hadWish = wants;
     if (wants) this.forgetPath();
-    this.tellOwn(false);
+    this.steerNow(false);
   }
 
-  private tellOwn(always: boolean): void {
+  private steerNow(always: boolean): void {
     const { own } = this;
     if (!own) return;
     const { player, styles } = useLive.getState();
@@ -413,9 +427,9 @@ export class Live {
     if (this.facing !== undefined) locomote.facing = Math.round(this.facing * 100) / 100;
     if (player.gait) locomote.gait = player.gait;
     if (player.height !== undefined) locomote.height = player.height;
-    const told = JSON.stringify(locomote);
-    if (told === this.told && !always) return;
-    this.told = told;
+    const json = JSON.stringify(locomote);
+    if (json === this.sent && !always) return;
+    this.sent = json;
     this.skills.forgetAsked();
     this.tell({ locomote });
   }

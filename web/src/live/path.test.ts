@@ -45,7 +45,7 @@ describe('pathFrom', () => {
     expect(path?.map((point) => point.position.x)).toEqual([0, 10, 12]);
   });
 
-  it('begins with the line where that is near', () => {
+  it('begins with the line if that is near', () => {
     const path = pathFrom(circle, [2, 0]);
     expect(path?.[0]?.position).toEqual({ x: 3, y: 0, z: 0 });
   });

@@ -80,7 +80,7 @@ export class Track {
     return last?.block.frames[last.place];
   }
 
-  /** The newest `count` frames, oldest first: roots, and rotations as (x, y, z, w). Fewer where fewer came. */
+  /** The newest `count` frames, oldest first: roots, and rotations as (x, y, z, w). Fewer if fewer came. */
   newest(count: number): { root: Float32Array; rotations: Float32Array }[] {
     return this.samples.slice(-count).map(({ block, place }) => ({
       root: block.roots.subarray(place * 3, place * 3 + 3),
@@ -88,7 +88,7 @@ export class Track {
     }));
   }
 
-  /** Writes the pose at a time. Contact bits are those of the frame before. Returns them, or -1 where there is no frame. */
+  /** Writes the pose at a time. Contact bits are those of the frame before. Returns them, or -1 without a frame. */
   sample(time: number, root: Float32Array, rotations: Float32Array): number {
     const { samples } = this;
     if (samples.length === 0) return -1;

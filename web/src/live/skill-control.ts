@@ -10,7 +10,7 @@ import { useLive } from './store';
 export interface SkillHost {
   readonly api: Api;
   readonly own: Character | undefined;
-  /** Tells the own character something. Returns the number of the command. */
+  /** Sends the own character a command. Returns its number. */
   tell(intent: Intent): number;
   /** A skill is over: what the keys say now counts. */
   onSkillOver(): void;
@@ -22,7 +22,7 @@ export class SkillControl {
 
   constructor(private readonly host: SkillHost) {}
 
-  /** Asks for a skill; ends it where it is a held one that is under way. */
+  /** Asks for a skill, or ends it if it is held now. */
   ask({ name, held }: Skill): void {
     const { doing } = useLive.getState();
     if (held && doing.name === name && (doing.state === 'doing' || doing.state === 'held')) {

@@ -95,7 +95,7 @@ describe('the lines about a skill', () => {
     expect(linesOf(NOTHING)).toEqual([]);
     expect(linesOf(asked)).toEqual(['Is about to do “lie”']);
     expect(linesOf(afterAsking(falling, 'jump'))).toEqual(['Does “lie”', 'Then does “jump”']);
-    expect(linesOf(lying)[0]).toMatch(/^Holds “lie” until it is told to walk/);
+    expect(linesOf(lying)[0]).toMatch(/^Holds “lie” until it walks/);
     expect(linesOf({ ...NOTHING, trouble: 'That could not be done.' })).toEqual(['That could not be done.']);
   });
 });

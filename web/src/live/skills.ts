@@ -1,7 +1,7 @@
 // Skills of the own character: what its pack can do where it stands, and how it goes.
 import type { EventKind } from '../wire/types';
 
-/** How it is with the skill that was asked for last. */
+/** State of the skill that was asked for last. */
 export interface Doing {
   /** `asked`: nothing has begun yet. `held`: it stays so until a command ends it. `leaving`: it was held, and comes to its end. */
   state: 'none' | 'asked' | 'doing' | 'held' | 'leaving';
@@ -21,18 +21,18 @@ export function isUnderWay({ state }: Doing): boolean {
   return state === 'doing' || state === 'held' || state === 'leaving';
 }
 
-/** How it is after a command to do a skill. One that is under way goes through to its end first. */
+/** The state after a skill was asked for. A skill that is under way ends first. */
 export function afterAsking(doing: Doing, name: string): Doing {
   return isUnderWay(doing) ? { ...doing, next: name } : { ...NOTHING, state: 'asked', name };
 }
 
-/** How it is where what was asked for last will not begin: it was refused, or another command came after it. */
+/** The state after the last request was refused, or replaced by another command. */
 export function withoutAsked(doing: Doing): Doing {
   if (doing.state === 'asked') return NOTHING;
   return doing.next ? { ...doing, next: '' } : doing;
 }
 
-/** How it is after an event of the own character. */
+/** The state after an event of the own character. */
 export function afterEvent(doing: Doing, kind: EventKind): Doing {
   if (kind.started) {
     const name = kind.started.definition;
@@ -53,14 +53,14 @@ function ended({ next }: Doing, trouble: string): Doing {
   return { ...NOTHING, state: next ? 'asked' : 'none', name: next, trouble };
 }
 
-/** What the server says that a character is about. */
+/** What a character does, in the server's words. */
 export interface Activity {
   kind: string;
   instance: string;
   set: string;
 }
 
-/** How it is where the server says what the character is about: `looked` is how it was when that was asked. */
+/** The state after the server's answer about the character; `looked` is the state when it was asked. */
 export function afterLook(doing: Doing, looked: Doing, activity: Activity | undefined): Doing {
   // Events that came meanwhile are newer than the answer.
   if (!isUnderWay(doing) || doing.name !== looked.name || doing.set !== looked.set) return doing;
@@ -75,7 +75,7 @@ export function linesOf({ state, name, next, trouble }: Doing): string[] {
     none: '',
     asked: `Is about to do “${name}”`,
     doing: `Does “${name}”`,
-    held: `Holds “${name}” until it is told to walk, or its button is pressed again`,
+    held: `Holds “${name}” until it walks or you press the button again`,
     leaving: `Leaves “${name}”`,
   }[state];
   return [now, next && `Then does “${next}”`, trouble].filter((line) => line !== '');

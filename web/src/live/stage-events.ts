@@ -15,7 +15,7 @@ export interface StageEvents {
   click: (x: number, y: number) => void;
   /** Main-thread time of the frame and its drawing. */
   onTime?: (ms: number) => void;
-  /** Files were dropped on the page. Where left out, the loop does not listen for them. */
+  /** Files were dropped on the page. Without it the loop does not listen for them. */
   onFiles?: (files: File[]) => Promise<void>;
 }
 
@@ -100,7 +100,7 @@ function takeFiles(onFiles: NonNullable<StageEvents['onFiles']>, signal: AbortSi
 async function giveSkin(live: Live, file: File): Promise<void> {
   const one = live.crowd.all.get(useLive.getState().selected ?? '') ?? live.own;
   if (!one) return;
-  if (!file.name.toLowerCase().endsWith('.glb')) throw new Error(`${file.name}: is no glb; drop a skinned glb file`);
+  if (!file.name.toLowerCase().endsWith('.glb')) throw new Error(`${file.name}: is not a glb; drop a skinned glb file`);
   const done = await live.stage.setSkin(one.kind.skeleton, await file.arrayBuffer());
   if (done) notice(`${file.name} is the skin of ${one.kind.key}: ${done.joints} joints, ${done.triangles} triangles.`);
 }

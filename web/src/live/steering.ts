@@ -17,7 +17,7 @@ export function radiusFor(count: number): number {
   return 3 + 1.35 * Math.sqrt(count);
 }
 
-/** Where each of a crowd stands at first: spread evenly over the circle (sunflower), with headings from the seed. */
+/** First places of a crowd: spread evenly over the circle (sunflower), with headings from the seed. */
 export function places(count: number, seed: number): { x: number; z: number; heading: number }[] {
   const random = randomFrom(seed);
   const radius = radiusFor(count) * 0.9;

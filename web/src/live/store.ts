@@ -59,7 +59,7 @@ export interface LiveState {
   inside: boolean;
   numbers: boolean;
   path: { state: 'none' | 'walking' | 'arrived'; text: string };
-  /** Why the own character takes no words; empty while that is not known, `undefined` where it takes them. */
+  /** Why the own character takes no sentences; empty while that is not known, `undefined` if it takes them. */
   mute: string | undefined;
   saying: Saying;
   doing: Doing;
@@ -67,7 +67,7 @@ export interface LiveState {
   busy: boolean;
 }
 
-export const useLive = create<LiveState>(() => ({
+const INITIAL: LiveState = {
   connection: 'connecting',
   trouble: '',
   packs: [],
@@ -89,7 +89,17 @@ export const useLive = create<LiveState>(() => ({
   doing: NOTHING,
   notices: [],
   busy: false,
-}));
+};
+
+export const useLive = create<LiveState>(() => INITIAL);
+
+/**
+ * Everything as when the page was opened. The live mode calls it when it begins: a new `Live` knows no packs yet, so
+ * panels must not see those of the one before. Notices stay, because all modes show them.
+ */
+export function clearLive(): void {
+  useLive.setState(({ notices }) => ({ ...INITIAL, notices }));
+}
 
 let noticed = 0;
 

@@ -13,8 +13,8 @@ describe('who takes words', () => {
     expect(whyMute([speaker('dog', 'Tail'), speaker('words', 'Hips', 'Spine')], SKELETON)).toBeUndefined();
   });
 
-  it('is told why it does not', () => {
-    expect(whyMute([], SKELETON)).toBe('No pack of this server makes motion of words.');
+  it('says why it does not', () => {
+    expect(whyMute([], SKELETON)).toBe('No pack of this server makes motion from text.');
     const others = [speaker('dog', 'Hips', 'Tail'), speaker('cat', 'Hips')];
     expect(whyMute(others, SKELETON)).toBe('This body cannot act out words: dog, cat has other joints.');
   });
@@ -37,7 +37,7 @@ describe('a sentence', () => {
       state: 'silent',
       trouble: 'That could not be acted out: no frames',
     });
-    expect(after(waiting, ended('LATE'), 7).trouble).toBe('The server is too busy for words.');
+    expect(after(waiting, ended('LATE'), 7).trouble).toBe('The server is too busy for sentences.');
   });
 
   it('is not that of another command', () => {

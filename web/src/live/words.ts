@@ -5,7 +5,7 @@ import type { EventKind, Joint } from '../wire/types';
 /** Most characters of a sentence. */
 export const MOST_CHARACTERS_OF_TEXT = 1000;
 
-/** How it is with the sentence that was said last. */
+/** State of the sentence that was said last. */
 export interface Saying {
   /** `waiting`: the character goes on until the first frames come. */
   state: 'silent' | 'waiting' | 'performing';
@@ -24,9 +24,9 @@ export interface Speaker {
   joints: readonly Joint[];
 }
 
-/** Why the own character takes no words, or nothing where one of the packs makes motion for its skeleton. */
+/** Why the own character takes no sentences; `undefined` if a pack makes motion for its skeleton. */
 export function whyMute(speakers: readonly Speaker[], skeleton: Skeleton): string | undefined {
-  if (speakers.length === 0) return 'No pack of this server makes motion of words.';
+  if (speakers.length === 0) return 'No pack of this server makes motion from text.';
   if (speakers.some((speaker) => isFor(speaker, skeleton))) return undefined;
   const names = speakers.map((speaker) => speaker.name).join(', ');
   return `This body cannot act out words: ${names} has other joints.`;
@@ -38,14 +38,14 @@ function isFor({ joints }: Speaker, { names, parents }: Skeleton): boolean {
   );
 }
 
-/** What a performance that came to nothing is told as, by the word of its end. */
+/** What the page says of a performance that failed, by the server's reason. */
 const ENDS: Record<string, string> = {
   FAILED: 'That could not be acted out',
-  LATE: 'The server is too busy for words',
-  RESTARTED: 'The server was started again',
+  LATE: 'The server is too busy for sentences',
+  RESTARTED: 'The server restarted',
 };
 
-/** How it is after an event of the own character. `sequence` is the number of the command that said the sentence. */
+/** The state after an event of the own character. `sequence` is the number of the command that said the sentence. */
 export function after(saying: Saying, kind: EventKind, sequence: number): Saying {
   if (kind.performing && Number(kind.performing.sequence) === sequence) {
     const { text, unknown_words } = kind.performing;

@@ -15,7 +15,7 @@ const KEPT = 60;
 const WINDOW = 5;
 
 const NOT_ALLOWED =
-  "This key may not read the server's numbers: they take a key of the role metrics or admin. Those of this page are below.";
+  "This key may not read the server's numbers: that takes a key of the role metrics or admin. Below are the numbers of this page.";
 
 interface Reading {
   label: string;

@@ -61,7 +61,7 @@ export function rate(before: Snapshot, now: Snapshot, name: string): number {
   return seconds > 0 && grown >= 0 ? grown / seconds : 0;
 }
 
-/** Mean of what a histogram took in between; `undefined` where it took nothing. */
+/** Mean of what a histogram took in between; `undefined` if it took nothing. */
 export function mean(before: Snapshot, now: Snapshot, name: string): number | undefined {
   const count = now.sum(`${name}_count`) - before.sum(`${name}_count`);
   return count > 0 ? (now.sum(`${name}_sum`) - before.sum(`${name}_sum`)) / count : undefined;

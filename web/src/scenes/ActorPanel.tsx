@@ -60,7 +60,7 @@ function PutIn({ scenes, isFirst }: { scenes: Scenes; isFirst: boolean }) {
             });
         }}
       >
-        {isFirst ? 'Put a character in' : 'Put another one in'}
+        {isFirst ? 'Add a character' : 'Add another one'}
       </Button>
     </Stack>
   );
@@ -130,16 +130,16 @@ function Acts({ scenes }: { scenes: Scenes }) {
             actors.tell({ cancel: {} });
           }}
         >
-          Break off (B)
+          Cancel (B)
         </Button>
         <Button
           size="compact-xs"
           variant="default"
           onClick={() => {
-            actors.leave();
+            scenes.takeActorOut();
           }}
         >
-          Take it out
+          Remove it
         </Button>
       </SimpleGrid>
     </>

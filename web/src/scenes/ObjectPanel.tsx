@@ -32,7 +32,7 @@ export function ObjectPanel({ scenes }: { scenes: Scenes }) {
             scenes.remove().catch(report);
           }}
         >
-          Take it out of the scene (Del)
+          Remove it from the scene (Del)
         </Button>
       </Stack>
     </Panel>
@@ -137,7 +137,7 @@ function Use({ scenes, object }: { scenes: Scenes; object: SceneObject }) {
               scenes.use('', approach);
             }}
           >
-            as chance has it
+            at random
           </Menu.Item>
           {variants.map(({ name }) => (
             <Menu.Item

@@ -33,7 +33,7 @@ function ObjectList({ scenes }: { scenes: Scenes }) {
   if (objects.length === 0) {
     return (
       <Text size="xs" c="dimmed">
-        Nothing is here yet.
+        No objects yet.
       </Text>
     );
   }
@@ -61,7 +61,7 @@ function AddObject({ scenes }: { scenes: Scenes }) {
   if (definitions.length === 0) {
     return (
       <Text size="xs" c="dimmed">
-        Drop the TOML or JSON file of an object here to put such objects down.
+        Drop the TOML or JSON file of an object on the page to place such objects.
       </Text>
     );
   }
@@ -81,6 +81,7 @@ function AddObject({ scenes }: { scenes: Scenes }) {
       <Group gap="xs" grow>
         <Button
           size="compact-xs"
+          px={4}
           variant={tool === 'place' ? 'filled' : 'default'}
           aria-pressed={tool === 'place'}
           onClick={() => {
@@ -91,6 +92,7 @@ function AddObject({ scenes }: { scenes: Scenes }) {
         </Button>
         <Button
           size="compact-xs"
+          px={4}
           variant="default"
           onClick={() => {
             scenes.add().catch(report);

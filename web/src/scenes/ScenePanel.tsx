@@ -1,5 +1,5 @@
-// Which scene is shown: choose, make, delete, or bring the example.
-import { Button, Group, Select, Stack, Text, TextInput } from '@mantine/core';
+// Which scene is shown: choose, make, or delete one.
+import { Button, Group, Select, Stack, TextInput } from '@mantine/core';
 import { useState } from 'react';
 import { Panel, Row } from '../app/Panel';
 import { report } from '../live/store';
@@ -40,7 +40,6 @@ export function ScenePanel({ scenes }: { scenes: Scenes }) {
           </div>
         )}
         <NewScene scenes={scenes} />
-        {all.length === 0 && <Courtyard scenes={scenes} />}
         {scene !== null && <DeleteScene scenes={scenes} key={scene} name={scene} />}
       </Stack>
     </Panel>
@@ -83,36 +82,6 @@ function NewScene({ scenes }: { scenes: Scenes }) {
         rightSectionWidth={56}
       />
     </form>
-  );
-}
-
-/** Uploads the courtyard of the examples. */
-function Courtyard({ scenes }: { scenes: Scenes }) {
-  const [isBusy, setBusy] = useState(false);
-  const bring = async () => {
-    const { COURTYARD } = await import('./examples');
-    await scenes.upload(COURTYARD.map(([name, text]) => ({ name, text })));
-  };
-  return (
-    <Stack gap={6}>
-      <Text size="xs" c="dimmed">
-        The server has no scene. Make one, drop the file of one here, or begin with the example.
-      </Text>
-      <Button
-        size="xs"
-        loading={isBusy}
-        onClick={() => {
-          setBusy(true);
-          bring()
-            .catch(report)
-            .finally(() => {
-              setBusy(false);
-            });
-        }}
-      >
-        Upload the courtyard
-      </Button>
-    </Stack>
   );
 }
 

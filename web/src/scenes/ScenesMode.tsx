@@ -9,6 +9,7 @@ import { readLink, writeLink } from '../live/hash';
 import { ConnectionBanner, connectionAfter, Notices } from '../live/Signs';
 import { runLoop } from '../live/stage-events';
 import { ActorPanel } from './ActorPanel';
+import { EmptyServer } from './EmptyServer';
 import { installSceneHooks } from './hooks';
 import { SCENE_KEYS, useSceneKeys } from './keys';
 import { LogPanel } from './LogPanel';
@@ -23,7 +24,6 @@ import { useScenes } from './store';
 const LINK_MS = 700;
 /** Time between tries to start, ms. */
 const RETRY_MS = 1000;
-const CAMERA = [0, 0.6, 0.5, Math.PI - 0.55, 1.05, 14];
 
 const useRunning = create<{ scenes: Scenes | undefined }>(() => ({ scenes: undefined }));
 
@@ -33,7 +33,7 @@ function useScenesOn({ stage, api }: ModeProps): Scenes | undefined {
     const scenes = new Scenes(stage, api);
     const link = readLink(location.hash);
     const isOurs = link.mode === 'scenes';
-    stage.setCamera((isOurs ? link.cam : undefined) ?? CAMERA);
+    if (isOurs && link.cam) stage.setCamera(link.cam);
     const stop = runLoop(stage, {
       frame: (now_ms, dt) => {
         scenes.frame(now_ms, dt);
@@ -51,7 +51,13 @@ function useScenesOn({ stage, api }: ModeProps): Scenes | undefined {
     });
     const uninstall = installSceneHooks(scenes);
     const abort = new AbortController();
-    void begin(scenes, isOurs ? link : {}, abort.signal);
+    const { signal } = abort;
+    // A page that is loaded again finds its seats free. One that the browser keeps goes on as it was.
+    const close = ({ persisted }: PageTransitionEvent) => {
+      if (!persisted) scenes.actors.leaveAll();
+    };
+    window.addEventListener('pagehide', close, { signal });
+    void begin(scenes, isOurs ? link : {}, signal);
     const timer = setInterval(() => {
       writeAddress(scenes);
     }, LINK_MS);
@@ -85,13 +91,14 @@ async function begin(scenes: Scenes, link: Link, signal: AbortSignal): Promise<v
 }
 
 function writeAddress({ stage }: Scenes): void {
-  const { scene, object, follow, connection } = useScenes.getState();
+  const { scene, object, follow, connection, isLeftEmpty } = useScenes.getState();
   if (connection === 'connecting') return;
   const hash = writeLink({
     mode: 'scenes',
     cam: stage.cameraState(),
     follow,
     ...(scene === null ? {} : { scene }),
+    ...(isLeftEmpty ? { n: 0 } : {}),
     ...(object === null ? {} : { sel: object }),
   });
   if (hash !== location.hash) history.replaceState(null, '', hash);
@@ -130,6 +137,7 @@ export function ScenesMode(props: ModeProps) {
     <>
       <Head />
       <Banner />
+      <EmptyServer scenes={scenes} />
       <aside className="side" aria-label="Panels">
         <ScenePanel scenes={scenes} />
         <ObjectsPanel scenes={scenes} />
@@ -154,8 +162,8 @@ export function ScenesMode(props: ModeProps) {
         }}
       >
         Click an object or a character to choose it. With the handle an object moves and turns. Drag to turn the camera,
-        drag with the second button to move it, turn the wheel to come nearer. Drop TOML or JSON files of objects and
-        scenes on the page to upload them.
+        drag with the second button to move it, turn the wheel to come nearer. The camera comes along when the chosen
+        character walks out of the picture. Drop TOML or JSON files of objects and scenes on the page to upload them.
       </Help>
     </>
   );

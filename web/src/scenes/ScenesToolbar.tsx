@@ -1,5 +1,15 @@
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
-import { CircleHelp, Crosshair, Moon, Move3d, PackagePlus, RotateCcw, Rotate3d, Sun } from 'lucide-react';
+import {
+  CircleHelp,
+  Crosshair,
+  Moon,
+  Move3d,
+  PackagePlus,
+  RotateCcw,
+  Rotate3d,
+  Sun,
+  UserRoundSearch,
+} from 'lucide-react';
 import { Tool } from '../app/Tool';
 import { PeopleTool } from '../bodies/PeopleTool';
 import type { Scenes } from './scenes';
@@ -39,10 +49,17 @@ export function ScenesToolbar({ scenes, onHelp }: { scenes: Scenes; onHelp: () =
         }}
       />
       <Tool
-        label="Camera as at the start (C)"
+        label="Find the character (C)"
+        icon={UserRoundSearch}
+        onClick={() => {
+          scenes.findActor();
+        }}
+      />
+      <Tool
+        label="Camera as at the start (Home)"
         icon={RotateCcw}
         onClick={() => {
-          scenes.stage.resetCamera();
+          scenes.resetView();
         }}
       />
       <PeopleTool />

@@ -1,4 +1,4 @@
-// The characters that live in the scene: opened, steered by keys, and told what to use.
+// The characters that live in the scene: opened, steered by keys, and sent to objects.
 import type { Stage } from '../stage/types';
 import type { Api } from '../wire/api';
 import type { TickMessage } from '../wire/messages';
@@ -31,8 +31,11 @@ export class Actors {
   readonly held = new Map<string, HeldTrack>();
   private readonly controls = new Controls();
   private opened = 0;
-  private told = '';
-  private toldAt = 0;
+  /** What characters do as soon as they are on the stage, by id. */
+  private readonly first = new Map<string, Intent>();
+  /** The last command of the keys, as JSON; empty when the next one must be sent in any case. */
+  private sent = '';
+  private sentAt_ms = 0;
   private hadWish = false;
 
   constructor(
@@ -44,7 +47,7 @@ export class Actors {
     this.crowd = new Crowd(api, bodies, {
       onConnection: (connection, trouble) => {
         useScenes.setState({ connection, trouble });
-        this.told = '';
+        this.sent = '';
         if (connection === 'live') this.hooks.onLive();
       },
       onEvents: this.onEvents,
@@ -53,7 +56,7 @@ export class Actors {
       },
       onTick: this.onTick,
       onRestored: () => {
-        this.told = '';
+        this.sent = '';
       },
     });
   }
@@ -63,13 +66,19 @@ export class Actors {
     return this.crowd.all.get(useScenes.getState().actor ?? '');
   }
 
-  /** Puts a character into a scene, where `at` says. */
-  async put(scene: string, pack: string, at: { x: number; z: number }): Promise<Character | undefined> {
+  /** Puts a character into a scene. Once it is on the stage it does `first`. */
+  async put(
+    scene: string,
+    pack: string,
+    at: { x: number; z: number; heading?: number },
+    first?: Intent,
+  ): Promise<Character | undefined> {
     const kind = await this.bodies.of(pack, '');
     const role = { pack, body: kind.body, style: kind.defaultStyle, scene };
     const seed = SEED + this.opened;
     const tint = this.opened++;
-    const [made] = await this.crowd.open([{ role, ...at, heading: 0, seed, priority: 1, tint }]);
+    const [made] = await this.crowd.open([{ role, heading: 0, ...at, seed, priority: 1, tint }]);
+    if (made && first) this.first.set(made.id, first);
     if (made) this.choose(made.id);
     return made;
   }
@@ -77,7 +86,7 @@ export class Actors {
   choose(id: string | null): void {
     const one = this.crowd.all.get(id ?? '');
     this.stage.select(one ? one.id : null);
-    this.told = '';
+    this.sent = '';
     const { style } = one?.role ?? { style: '' };
     useScenes.setState({
       actor: one?.id ?? null,
@@ -120,10 +129,10 @@ export class Actors {
   tell(intent: Intent): void {
     const { own } = this;
     if (!own) {
-      notice('Put a character into the scene first.');
+      notice('Add a character to the scene first.');
       return;
     }
-    this.told = '';
+    this.sent = '';
     this.crowd.command([own.command(intent)]);
   }
 
@@ -137,6 +146,9 @@ export class Actors {
         this.stage.add(one.id, one.kind.skeleton, { tint: one.tint });
         one.isShown = true;
         if (one === this.own) this.choose(one.id);
+        const first = this.first.get(one.id);
+        this.first.delete(one.id);
+        if (first) this.crowd.command([one.command(first)]);
       }
       this.stage.pose(one.id, one);
     }
@@ -161,16 +173,16 @@ export class Actors {
     const wants = wish.right !== 0 || wish.ahead !== 0;
     // An interaction goes on until a key asks for something else.
     if (!wants && !this.hadWish) return;
-    if (wants && now_ms - this.toldAt < COMMAND_MS) return;
-    this.toldAt = now_ms;
+    if (wants && now_ms - this.sentAt_ms < COMMAND_MS) return;
+    this.sentAt_ms = now_ms;
     this.hadWish = wants;
     const { style, speed } = useScenes.getState();
     const running = runningSpeed(own.kind.styles.find((one) => one.name === style));
     const velocity = velocityOf(wish, this.stage.cameraYaw(), speed, running);
     const locomote: Locomote = { style, ...(velocity ? { velocity } : {}) };
-    const told = JSON.stringify(locomote);
-    if (told === this.told) return;
-    this.told = told;
+    const json = JSON.stringify(locomote);
+    if (json === this.sent) return;
+    this.sent = json;
     this.crowd.command([own.command({ locomote })]);
   }
 

@@ -48,7 +48,7 @@ export class SceneCalls {
 
   remove = (scene: string, id: string): Promise<void> => this.change(scene, 'remove', { ids: [id] });
 
-  /** Throws what the server says of the object, where it refused. */
+  /** Throws the server's words if it refused the object. */
   private async change(scene: string, verb: string, body: object): Promise<void> {
     const { results } = await this.api.send<ObjectsResponse>('POST', `${pathOf(scene)}/${verb}`, body);
     const problem = results.find((result) => result.problem)?.problem;

@@ -20,9 +20,13 @@ interface ObjectDocument {
   shape: ShapeDocument;
   anchor?: { pivot_m?: Numbers3 };
   approaches?: { name: string; directions_deg: [number, number]; distance_m?: number }[];
+  sets?: { hold_until_ended?: boolean; keyframes?: { height_m?: number }[] }[];
 }
 
-/** Tells what a file is. What is in it is checked by the server. Throws where it has no name, or is no such document. */
+/** Hips below this height sit, metres: docs/objects.md, the default of a set's `motion`. */
+const SITS_BELOW_M = 0.7;
+
+/** Finds out what a file is. The server checks its content. Throws if it has no name, or is no such document. */
 export function readDocument(file: string, text: string): TextDocument {
   const ending = file.toLowerCase().split('.').at(-1);
   if (ending === 'toml') return { ...tellToml(file, text), format: 'toml', text };
@@ -42,9 +46,11 @@ function tellJson(file: string, text: string): Pick<TextDocument, 'kind' | 'name
   try {
     read = JSON.parse(text);
   } catch (error) {
-    throw new Error(`${file}: is no JSON: ${error instanceof Error ? error.message : String(error)}`, { cause: error });
+    throw new Error(`${file}: is not JSON: ${error instanceof Error ? error.message : String(error)}`, {
+      cause: error,
+    });
   }
-  if (typeof read !== 'object' || read === null) throw new Error(`${file}: holds no object`);
+  if (typeof read !== 'object' || read === null) throw new Error(`${file}: is not a JSON object`);
   const isObject = 'shape' in read || 'variants' in read || 'sets' in read;
   const name = 'name' in read && typeof read.name === 'string' ? read.name : undefined;
   return { kind: isObject ? 'object' : 'scene', name: named(file, name) };
@@ -57,8 +63,18 @@ function named(file: string, name: string | undefined): string {
 
 /** What the page draws of a definition that the server gave as JSON. */
 export function drawnOf(text: string): Drawn {
-  const { shape, anchor, approaches = [] } = JSON.parse(text) as ObjectDocument;
-  return { shape: shapeOf(shape), pivot: anchor?.pivot_m ?? [0, 0, 0], approaches: approaches.map(approachOf) };
+  const { shape, anchor, approaches = [], sets = [] } = JSON.parse(text) as ObjectDocument;
+  return {
+    shape: shapeOf(shape),
+    pivot: anchor?.pivot_m ?? [0, 0, 0],
+    approaches: approaches.map(approachOf),
+    isSeat: sets.some((set) => set.hold_until_ended && (hipsOf(set) ?? Infinity) < SITS_BELOW_M),
+  };
+}
+
+/** Height of the hips in a set's last keyframe, metres; `undefined` if it is free. */
+function hipsOf({ keyframes = [] }: NonNullable<ObjectDocument['sets']>[number]): number | undefined {
+  return keyframes.at(-1)?.height_m;
 }
 
 function shapeOf({ box, convex }: ShapeDocument): Shape {

@@ -18,7 +18,7 @@ import type { HeldTrack } from './held';
 import type { Approach, Collider, Drawn, Placement, SceneObject } from './types';
 import { placementOf } from './types';
 
-/** Colliders are grey, objects light, one that somebody has is dark yellow: as in the project's pictures. */
+/** Colliders are grey, objects light, reserved and held ones dark yellow: as in the project's pictures. */
 const COLOURS = {
   light: {
     collider: 0xdde3e9,

@@ -29,7 +29,7 @@ describe('geometryOf', () => {
     for (let i = 0; i < up.count; i++) expect(up.getY(i)).toBeGreaterThan(0);
   });
 
-  it('knows no shape where there is none', () => {
+  it('knows no shape of an empty collider', () => {
     expect(shapeOf({})).toBeUndefined();
   });
 });

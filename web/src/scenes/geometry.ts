@@ -3,7 +3,7 @@ import { BoxGeometry, BufferGeometry, Float32BufferAttribute, Vector3 } from 'th
 import { ConvexGeometry } from 'three/examples/jsm/geometries/ConvexGeometry.js';
 import type { ColliderShape, Shape } from './types';
 
-/** The shape of a collider as the server gives it. `undefined` where it has none. */
+/** The shape of a collider as the server gives it. `undefined` if it has none. */
 export function shapeOf({ box, convex, heightfield }: ColliderShape): Shape | undefined {
   if (box?.half_extents) {
     const { center, half_extents: half } = box;

@@ -1,4 +1,5 @@
 // `window.troupeScenes`: what tests measure and look at.
+import type { OnScreen } from '../stage/types';
 import type { Connection } from '../live/store';
 import type { Scenes } from './scenes';
 import { useScenes } from './store';
@@ -14,6 +15,8 @@ export interface SceneHooks {
   chosen: () => string | null;
   /** Root of the chosen character as shown. */
   position: () => [number, number, number] | undefined;
+  /** Where the chosen character is in the picture, pixels. */
+  onScreen: () => OnScreen | undefined;
 }
 
 declare global {
@@ -30,6 +33,7 @@ export function installSceneHooks(scenes: Scenes): () => void {
     objects: () => useScenes.getState().objects,
     drawn: (id) => scenes.drawing.placement(id),
     chosen: () => useScenes.getState().object,
+    onScreen: () => (scenes.actors.own ? scenes.stage.onScreen(scenes.actors.own.id) : undefined),
     position: () => {
       const { own } = scenes.actors;
       return own?.isShown ? [own.root[0]!, own.root[1]!, own.root[2]!] : undefined;

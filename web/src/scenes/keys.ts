@@ -1,4 +1,4 @@
-// Keys of the scenes mode that are not for going.
+// Keys of the scenes mode, except those that steer.
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { useEffect } from 'react';
 import type { Keys } from '../app/Help';
@@ -10,21 +10,22 @@ import type { SceneTool } from './store';
 import { useScenes } from './store';
 
 export const SCENE_KEYS: Keys = [
-  [['W', 'A', 'S', 'D'], 'the character goes; arrow keys do the same'],
-  [['Shift'], 'it runs'],
+  [['W', 'A', 'S', 'D'], 'walk; arrow keys do the same'],
+  [['Shift'], 'run'],
   [['Tab'], 'next object, while the stage has the focus'],
   [['M', 'R'], 'move, turn the chosen object'],
   [['P'], 'put an object where the pointer clicks'],
-  [['Del'], 'take the chosen object out'],
+  [['Del'], 'remove the chosen object'],
   [['U'], 'use the chosen object'],
-  [['X'], 'end it: leave a seat, put down by the way out'],
+  [['X'], 'end it: stand up from a seat, put a thing back'],
   [['G'], 'put down what is in the hand'],
-  [['B'], 'break off'],
+  [['B'], 'cancel what it does'],
   [['F'], 'follow the character'],
-  [['C'], 'camera as at the start'],
+  [['C'], 'bring the character back into the picture'],
+  [['Home'], 'camera as at the start'],
   [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
-  [['Esc'], 'leave the tool, then the object; to the stage'],
+  [['Esc'], 'to the stage; then let go of the tool, then of the object'],
   [['?'], 'this help'],
 ];
 
@@ -56,7 +57,7 @@ function toggle(scenes: Scenes, tool: SceneTool): void {
   scenes.setTool(useScenes.getState().tool === tool ? 'choose' : tool);
 }
 
-/** Does what a key says. Returns whether it says anything. */
+/** Does what a key stands for. Returns whether it stands for anything. */
 function act(scenes: Scenes, event: KeyboardEvent): boolean {
   switch (event.key) {
     case 'm':
@@ -84,7 +85,10 @@ function act(scenes: Scenes, event: KeyboardEvent): boolean {
       scenes.actors.follow(!useScenes.getState().follow);
       return true;
     case 'c':
-      scenes.stage.resetCamera();
+      scenes.findActor();
+      return true;
+    case 'Home':
+      scenes.resetView();
       return true;
     case 'Delete':
       scenes.remove().catch(report);

@@ -3,6 +3,7 @@ import type { Stage } from '../stage/types';
 import type { Api } from '../wire/api';
 import { ApiError } from '../wire/api';
 import { Bodies } from '../live/bodies';
+import { Finder, panelsWidth } from '../live/finder';
 import type { Link } from '../live/hash';
 import { Meter } from '../live/meter';
 import { notice, report } from '../live/store';
@@ -11,12 +12,15 @@ import { SceneCalls } from './calls';
 import type { TextDocument } from './document';
 import { readDocument } from './document';
 import { SceneDrawing } from './drawing';
+import { firstSightOf } from './first-sight';
 import { Handle } from './handle';
 import { clearScenes, freeId, useScenes } from './store';
 import type { SceneTool } from './store';
 import type { Drawn, Placement, Scene } from './types';
 import { upright } from './types';
 
+/** State of the camera for a scene without a seat. */
+const CAMERA = [0, 0.6, 0.5, Math.PI - 0.55, 1.05, 14];
 /** Time between looks at the scene: others change it too, ms. */
 const LOOK_MS = 1000;
 /** An object that was let go stays in the hand until a look that began this much later, ms. */
@@ -30,10 +34,15 @@ export class Scenes {
   readonly frame_ms = new Meter();
   frames = 0;
   private readonly handle: Handle;
+  private readonly finder: Finder;
   private readonly drawn = new Map<string, Drawn>();
   /** Revisions of the definitions that are drawn. */
   private readonly revisions = new Map<string, string>();
   private revision = '';
+  /** State of the camera when the scene was opened. */
+  private home: number[] = CAMERA;
+  /** Whether the link that was opened says where the camera is. */
+  private hasOwnView = false;
   /** When the look began whose answer is shown, ms. */
   private lookedAt = 0;
   private looking: Promise<void> | undefined;
@@ -45,9 +54,11 @@ export class Scenes {
     api: Api,
   ) {
     clearScenes();
+    stage.setCamera(CAMERA);
     this.calls = new SceneCalls(api);
     this.bodies = new Bodies(api);
     this.drawing = new SceneDrawing(stage);
+    this.finder = new Finder(stage, panelsWidth);
     this.handle = new Handle(
       stage,
       () => undefined,
@@ -67,7 +78,8 @@ export class Scenes {
   /** Reads what there is, and opens the scene that the link names, or the first. */
   async start(link: Link): Promise<void> {
     await this.bodies.load();
-    useScenes.setState({ packs: this.bodies.packs, follow: link.follow ?? false });
+    useScenes.setState({ packs: this.bodies.packs, follow: link.follow ?? false, isLeftEmpty: link.n === 0 });
+    this.hasOwnView = link.cam !== undefined;
     await this.actors.crowd.connect();
     await this.refresh();
     const { scenes } = useScenes.getState();
@@ -86,6 +98,7 @@ export class Scenes {
   async refresh(): Promise<void> {
     const [scenes, definitions] = await Promise.all([this.calls.scenes(), this.calls.definitions()]);
     useScenes.setState(({ placing }) => ({
+      isRead: true,
       scenes,
       definitions,
       placing: definitions.some(({ name }) => name === placing) ? placing : (definitions[0]?.name ?? null),
@@ -102,7 +115,8 @@ export class Scenes {
 
   /** Shows a scene. Characters stay in the scene that they were put into, so they leave. */
   async open(name: string): Promise<void> {
-    if (useScenes.getState().scene !== name) {
+    const isNew = useScenes.getState().scene !== name;
+    if (isNew) {
       this.actors.leaveAll();
       this.actors.held.clear();
       this.drawing.clear();
@@ -111,11 +125,26 @@ export class Scenes {
     }
     this.revision = '';
     this.show(await this.calls.scene(name), performance.now());
+    if (isNew) await this.showFirstSight().catch(report);
+  }
+
+  /** Puts a character in that sits down, so that a scene is not empty at first sight. */
+  private async showFirstSight(): Promise<void> {
+    const { scene, objects, definitions, isLeftEmpty } = useScenes.getState();
+    const sight = firstSightOf(objects, this.drawn, definitions);
+    this.home = sight?.camera ?? CAMERA;
+    if (!this.hasOwnView) this.stage.setCamera(this.home);
+    this.hasOwnView = false;
+    if (scene === null || !sight || isLeftEmpty || this.disposed || !this.bodies.pack(sight.pack)) return;
+    const { seat, isFree, pack, start, heading } = sight;
+    await this.actors.put(scene, pack, { ...start, heading }, isFree ? { interact: { instance: seat } } : undefined);
+    if (isFree) notice(`Your character sits down on ${seat}. W A S D takes over, X makes it rise.`);
+    else notice(`Another character has ${seat}. Yours stands before it and walks with W A S D.`);
   }
 
   async makeScene(name: string): Promise<void> {
     if (useScenes.getState().scenes.some((scene) => scene.name === name)) {
-      throw new Error(`name: there is a scene named ${name} already`);
+      throw new Error(`name: a scene named ${name} exists already`);
     }
     await this.calls.putEmptyScene(name);
     await this.refresh();
@@ -219,7 +248,32 @@ export class Scenes {
     const { scene } = useScenes.getState();
     if (scene === null) return;
     const { x, z } = this.middle().position;
+    useScenes.setState({ isLeftEmpty: false });
     await this.actors.put(scene, pack, { x, z });
+  }
+
+  /** Takes the chosen character out. */
+  takeActorOut(): void {
+    this.actors.leave();
+    useScenes.setState(({ actors }) => ({ isLeftEmpty: actors === 0 }));
+  }
+
+  /** Turns the camera to the chosen character; without one, to where it looked at the start. */
+  findActor(): void {
+    const { own } = this.actors;
+    if (!own) {
+      this.resetView();
+      return;
+    }
+    this.actors.follow(false);
+    this.finder.find(own.id);
+  }
+
+  /** The camera as when the scene was opened. */
+  resetView(): void {
+    this.actors.follow(false);
+    this.finder.rest();
+    this.stage.setCamera(this.home);
   }
 
   /** Has the chosen character use the chosen object. Empty names leave the choice to the server. */
@@ -238,6 +292,7 @@ export class Scenes {
   frame(now_ms: number, dt: number): void {
     this.frames += 1;
     this.actors.frame(now_ms, dt);
+    this.finder.frame(this.actors.own?.id, useScenes.getState().follow);
     const { now } = this.actors.crowd.clock;
     for (const [id, track] of this.actors.held) {
       if (track.newest > now || !this.wasLetGo(id, track.newest, now)) this.drawing.showHeld(id, track, now);
@@ -245,7 +300,7 @@ export class Scenes {
     }
   }
 
-  /** Reads the scene again, where no look is under way. */
+  /** Reads the scene again, unless a look is under way. */
   readonly look = (): void => {
     this.looked().catch((error: unknown) => {
       if (error instanceof ApiError && error.status === 404) this.vanish();
@@ -257,6 +312,7 @@ export class Scenes {
     this.disposed = true;
     clearInterval(this.timer);
     this.handle.dispose();
+    this.finder.dispose();
     this.actors.dispose();
     this.drawing.dispose();
     this.stage.setGround(0);
@@ -264,7 +320,7 @@ export class Scenes {
   }
 
   private async looked(): Promise<void> {
-    // One that is under way may have begun before what the caller did.
+    // A look that is under way may have begun before what the caller did.
     if (this.looking) await this.looking.catch(() => undefined);
     this.looking = this.lookNow().finally(() => {
       this.looking = undefined;
@@ -276,7 +332,7 @@ export class Scenes {
     const { scene: name } = useScenes.getState();
     if (name === null) return;
     const began = performance.now();
-    // Whose an object is may change without a new revision; colliders may not.
+    // The holder of an object may change without a new revision; colliders may not.
     const small = await this.calls.scene(name, true);
     const whole = small.revision === this.revision ? small : await this.calls.scene(name);
     if (this.isDisposed() || useScenes.getState().scene !== name) return;
@@ -365,5 +421,5 @@ function rounded({ position, rotation }: Placement): Placement {
 }
 
 function saysOf({ kind, name }: TextDocument): string {
-  return kind === 'scene' ? `The scene ${name} is there` : `Objects of ${name} can be put down`;
+  return kind === 'scene' ? `The scene ${name} is uploaded` : `Objects of ${name} can be placed`;
 }

@@ -11,6 +11,8 @@ export type SceneTool = 'choose' | 'move' | 'turn' | 'place';
 export interface ScenesState {
   connection: Connection;
   trouble: string;
+  /** Whether the lists of scenes and definitions have been read. */
+  isRead: boolean;
   scenes: SceneSummary[];
   definitions: ObjectDefinition[];
   packs: Pack[];
@@ -32,6 +34,8 @@ export interface ScenesState {
   style: string;
   speed: number;
   follow: boolean;
+  /** Whether the person wants no character in the scene: none comes by itself. */
+  isLeftEmpty: boolean;
   log: LogEntry[];
   busy: boolean;
 }
@@ -39,6 +43,7 @@ export interface ScenesState {
 const NOTHING: ScenesState = {
   connection: 'connecting',
   trouble: '',
+  isRead: false,
   scenes: [],
   definitions: [],
   packs: [],
@@ -55,6 +60,7 @@ const NOTHING: ScenesState = {
   style: '',
   speed: 1.3,
   follow: false,
+  isLeftEmpty: false,
   log: [],
   busy: false,
 };

@@ -46,6 +46,8 @@ export interface Drawn {
   shape: Shape;
   pivot: [number, number, number];
   approaches: Approach[];
+  /** Whether characters sit down on it, until they are asked to rise. */
+  isSeat: boolean;
 }
 
 export function placementOf({ position, rotation }: Pick<SceneObject, 'position' | 'rotation'>): Placement {

@@ -131,7 +131,7 @@ export class Characters {
   async setPerson(glb: ArrayBuffer | null): Promise<void> {
     const asked = ++this.askedPersons;
     const person = glb && (await Skin.read(glb));
-    // Somebody asked for something else meanwhile.
+    // Another skin was asked for meanwhile.
     if (asked !== this.askedPersons) return;
     this.person = person;
     const old = [...this.persons.values()];

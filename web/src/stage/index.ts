@@ -18,7 +18,18 @@ import { Ground } from './ground';
 import { Lights } from './light';
 import { Overlays } from './overlays';
 import { hitGround, type Ray } from './picking';
-import type { CharacterLook, DrawOptions, LineStyle, Picked, Pose, Skeleton, SkinReport, Stage, Theme } from './types';
+import type {
+  CharacterLook,
+  DrawOptions,
+  LineStyle,
+  OnScreen,
+  Picked,
+  Pose,
+  Skeleton,
+  SkinReport,
+  Stage,
+  Theme,
+} from './types';
 import { View } from './view';
 
 export type * from './types';
@@ -179,16 +190,40 @@ class TroupeStage implements Stage {
     return this.characters.all.has(id) && this.characters.isSkinned(id);
   }
 
+  onScreen(id: string): OnScreen | undefined {
+    const character = this.characters.all.get(id);
+    if (!character?.isPosed) return undefined;
+    const { camera } = this.view;
+    camera.updateMatrixWorld();
+    const { x, y, z } = this.middleOf(character).project(camera);
+    const { clientWidth: width, clientHeight: height } = this.renderer.domElement;
+    return Math.abs(z) > 1 ? undefined : { x: ((1 + x) / 2) * width, y: ((1 - y) / 2) * height, width, height };
+  }
+
+  onGrab(listener: (isGrabbed: boolean) => void): () => void {
+    const { controls } = this.view;
+    const [grab, letGo] = [
+      () => {
+        listener(true);
+      },
+      () => {
+        listener(false);
+      },
+    ];
+    controls.addEventListener('start', grab);
+    controls.addEventListener('end', letGo);
+    return () => {
+      controls.removeEventListener('start', grab);
+      controls.removeEventListener('end', letGo);
+    };
+  }
+
   cameraState(): number[] {
     return this.view.state();
   }
 
   setCamera(state: number[]): void {
     this.view.set(state);
-  }
-
-  resetCamera(): void {
-    this.view.reset();
   }
 
   zoom(factor: number): void {

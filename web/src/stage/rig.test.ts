@@ -25,7 +25,7 @@ function endsOf(skeleton: Skeleton, height_m: number): Float32Array {
   return ends;
 }
 
-test('people, robots and animals are told apart', () => {
+test('people, robots and animals are distinguished', () => {
   expect([PERSON, ROBOT, BEAST].map(kindOf)).toEqual(['human', 'robot', 'animal']);
 });
 

@@ -64,7 +64,7 @@ function withoutScale(matrix: Matrix4): Matrix4 {
   return rigid.setPosition(new Vector3().setFromMatrixPosition(matrix));
 }
 
-/** Poses apply as they are where every bone's place in its parent's frame is the joint's offset. */
+/** Poses apply as they are if every bone's place in its parent's frame is the joint's offset. */
 function isNative(skeleton: Skeleton, rest: readonly Matrix4[]): boolean {
   const [local, place] = [new Matrix4(), new Vector3()];
   return rest.every((world, j) => {

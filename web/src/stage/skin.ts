@@ -99,7 +99,9 @@ export class Skin {
   /** Reads a glb file. */
   static async read(glb: ArrayBuffer): Promise<Object3D> {
     const gltf = await new GLTFLoader().parseAsync(glb, '').catch((error: unknown) => {
-      throw new Error(`The file is no glb that can be read: ${error instanceof Error ? error.message : String(error)}`);
+      throw new Error(
+        `The file is not a glb that can be read: ${error instanceof Error ? error.message : String(error)}`,
+      );
     });
     return gltf.scene;
   }

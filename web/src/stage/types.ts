@@ -39,6 +39,14 @@ export interface Picked {
   ground?: [number, number, number];
 }
 
+/** A place in the picture and the picture's size, in pixels of the page from the upper left. */
+export interface OnScreen {
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
+
 export interface LineStyle {
   tint: number;
   width_m?: number;
@@ -99,10 +107,13 @@ export interface Stage {
   setPerson(glb: ArrayBuffer | null): Promise<void>;
   /** Whether a character wears a skin. */
   isSkinned(id: string): boolean;
+  /** Where the middle of a character is in the picture, pixels; `undefined` if it is behind the camera or not posed. */
+  onScreen(id: string): OnScreen | undefined;
+  /** Hears when the pointer takes hold of the camera and lets go of it. Returns a function that ends it. */
+  onGrab(listener: (isGrabbed: boolean) => void): () => void;
   /** Target (3), azimuth and polar angle (radians), distance (metres). */
   cameraState(): number[];
   setCamera(state: number[]): void;
-  resetCamera(): void;
   /** Brings the camera nearer by a factor above 1, farther by one below. */
   zoom(factor: number): void;
   /** Turns the camera around its target: to the left and up, radians. */

@@ -28,7 +28,7 @@ export class ApiError extends Error {
 
   constructor(
     message: string,
-    /** HTTP status; 0 where there was no answer. */
+    /** HTTP status; 0 without an answer. */
     readonly status: number,
     /** A word for the kind of error. */
     readonly reason = '',
@@ -49,7 +49,7 @@ export class ApiError extends Error {
   }
 }
 
-/** Asks the person for a key; `undefined` where there is none to give. */
+/** Asks the person for a key; `undefined` if there is none to give. */
 export type AskForKey = (wrong: boolean) => Promise<string | undefined>;
 
 interface ErrorBody {
@@ -122,7 +122,7 @@ export class Api {
 
   metrics = async (): Promise<string> => (await this.call('GET', '/metrics')).text();
 
-  /** A ticket for one stream; `undefined` where the server asks for no keys. */
+  /** A ticket for one stream; `undefined` if the server asks for no keys. */
   ticket = async (): Promise<string | undefined> => {
     if (!this.hasKey) return undefined;
     try {
@@ -145,7 +145,9 @@ export class Api {
       const headers: Record<string, string> = {};
       if (key) headers['authorization'] = `Bearer ${key}`;
       if (body) headers['content-type'] = 'application/json';
-      const answer = await fetch(path, { method, headers, body: body ? JSON.stringify(body) : null }).catch(() => {
+      const options = { method, headers, body: body ? JSON.stringify(body) : null };
+      // What is closed while the page goes away is sent to the end.
+      const answer = await fetch(path, { ...options, keepalive: method === 'DELETE' }).catch(() => {
         throw new ApiError('the server cannot be reached', 0);
       });
       if (answer.ok) return answer;

@@ -11,7 +11,7 @@ export class DriveStream {
     };
   }
 
-  /** Opens the stream, in place of one that is open. A ticket is needed where the server asks for keys. */
+  /** Opens the stream, in place of one that is open. A server that asks for keys needs a ticket. */
   open(ticket: string | undefined, rateHz: number): void {
     const url = new URL('/v1/drive', location.href);
     url.protocol = url.protocol.replace('http', 'ws');

@@ -1,63 +1,70 @@
-//! Where a character goes to use an object: from which side, and whether the way there is free.
+//! From which side a character approaches an object, and whether the way there is free.
 
 use std::f32::consts::PI;
 use std::sync::Arc;
 
 use troupe_motion::{GlobalRoot, Vec3};
 
-use super::Body;
+use super::CharacterParts;
 use super::footing::STEP_M;
 use super::using::Using;
 use crate::object::{Anchor, Motion, Origin, Set};
 use crate::primitives::object::Entry;
 use crate::scene::{BoxTrace, Scene, Surface, Transform};
 
-/// Half the width and depth of the box that must fit through to where a character starts, metres.
+/// Half the width and depth of the box that must fit along the way, metres.
 const HALF_WIDTH_M: f32 = 0.15;
-/// Height of its upper end over the ground, metres. Its lower end is above what can be stepped
-/// onto.
+/// Upper end of that box over the ground, metres. Its lower end is above anything that a character
+/// can step onto.
 const HEAD_M: f32 = 1.6;
-/// A way shorter than this is none, metres.
+/// A shorter way counts as none, metres.
 const STAYS_M: f32 = 0.05;
-/// Sides that are tried where the way is blocked lie so far apart, radians; on both hands, up to
-/// the far side.
+/// If the way is blocked, other sides are tried at this angle from each other, radians, to the left
+/// and right alternately up to the far side.
 const SIDE_STEP: f32 = PI / 12.0;
 const SIDE_STEPS: i32 = 12;
 
 impl Using {
-    /// Chooses side and approach for an object at `object` and a character at `root`: where that
-    /// leads. The side that it is on, or, where the way there is blocked and the object may be used
-    /// from others, the nearest that is free: a cup on a table is taken over the table's edge.
-    pub(super) fn align(&mut self, scene: &Scene, object: Transform, root: Vec3, body: &Body<'_>) -> Entry {
+    /// Chooses side and approach for an object at `object` and a character at `root`. Returns where
+    /// that leads. It is the side that the character is on. If the way there is blocked and the
+    /// object can be used from other sides, it is the nearest free one: a cup on a table is taken
+    /// over the table's edge.
+    pub(super) fn align(
+        &mut self,
+        scene: &Scene,
+        object: Transform,
+        root: Vec3,
+        parts: &CharacterParts<'_>,
+    ) -> Entry {
         let natural = self.definition().side_of(object, root);
-        let level = body.footing.level();
+        let level = parts.post.footing.level();
         if !self.any_side() {
-            return self.align_from(natural, object, body);
+            return self.align_from(natural, object, parts);
         }
         let sides = (1..=SIDE_STEPS).flat_map(|step| [step, -step]);
         let sides = std::iter::once(0).chain(sides);
         for side in sides.map(|step| natural + step as f32 * SIDE_STEP) {
-            let entry = self.align_from(side, object, body);
+            let entry = self.align_from(side, object, parts);
             if self.blocked_to(&entry, scene, root, level).is_none() {
                 return entry;
             }
         }
-        self.align_from(natural, object, body)
+        self.align_from(natural, object, parts)
     }
 
-    /// Whether it makes a difference from which side the character comes.
+    /// Whether the side that the character comes from makes a difference.
     fn any_side(&self) -> bool {
         let pivots = |set: &Set| set.keyframes.first().is_some_and(|key| key.pivot);
         !self.definition().approaches.is_empty() || self.interaction.coming().is_some_and(pivots)
     }
 
-    fn align_from(&mut self, side: f32, object: Transform, body: &Body<'_>) -> Entry {
+    fn align_from(&mut self, side: f32, object: Transform, parts: &CharacterParts<'_>) -> Entry {
         let definition = Arc::clone(self.definition());
         let choice = definition.approach_by(self.wanted_approach, side);
         (self.object, self.side, self.approach_index) = (object, choice.side, choice.index);
-        let anchor = self.anchor(body.footing.level());
+        let anchor = self.anchor(parts.post.footing.level());
         let start = choice.distance_m.map(|distance| anchor.start(distance));
-        let here = body.root(body.timeline.frame());
+        let here = parts.root(parts.timeline.frame());
         let set = self.interaction.coming();
         let from_object = set.filter(|set| set.origin == Origin::Object);
         let key = from_object.and_then(|set| set.keyframes.first());
@@ -75,13 +82,13 @@ impl Using {
         }
     }
 
-    /// The anchor of sets that are given from the object.
+    /// The anchor of sets whose origin is the object.
     pub(super) fn anchor(&self, ground_y: f32) -> Anchor {
         self.definition().anchor(self.object, self.side, ground_y)
     }
 
-    /// What stands in the way of a character at `root`, on ground of height `level`, to where the
-    /// first set begins.
+    /// What stands in the way from `root`, on ground of height `level`, to the start of the first
+    /// set.
     pub(super) fn blocked(&self, scene: &Scene, root: Vec3, level: f32) -> Option<String> {
         self.blocked_to(self.approach.as_ref()?.entry(), scene, root, level)
     }
@@ -110,8 +117,8 @@ fn stops(set: &Set) -> bool {
     set.from_stand || set.motion == Some(Motion::Stance) || (low && set.motion.is_none())
 }
 
-/// What stands between `from` and `to` for a character on ground of height `level`, the object
-/// `own` left out.
+/// What stands between `from` and `to` for a character on ground of height `level`, apart from the
+/// object `own`.
 fn blocked(scene: &Scene, from: Vec3, to: Vec3, level: f32, own: &str) -> Option<String> {
     let (low, high) = (level + STEP_M + 0.05, level + HEAD_M);
     let sweep = (to - from).with_y(0.0);

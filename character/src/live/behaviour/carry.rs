@@ -1,7 +1,7 @@
-//! A hand that carries something: while locomotion moves the rest, it is kept where it was, before
-//! the hips.
+//! A hand that carries something. While locomotion moves the rest of the body, the hand stays at
+//! its place in front of the hips.
 //!
-//! As [`super::Footing`] lifts frames as they are shown, this bends the arm: plans know nothing of
+//! The arm is bent as frames are shown, just as [`super::Footing`] lifts them. Plans do not know of
 //! it.
 
 use serde::{Deserialize, Serialize};
@@ -11,46 +11,47 @@ use troupe_motion::interpolate::smoothstep;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
-use super::Body;
+use super::CharacterParts;
 use crate::object::Socket;
 use crate::scene::Transform;
 
-/// Frames over which an arm goes over to other motion, or back to where it carries.
+/// Frames over which an arm changes between carrying and other motion.
 pub(super) const RAMP_FRAMES: i64 = 10;
-/// Share of the arm's length over which it eases towards its reach.
+/// Share of the arm's length over which it eases towards full reach.
 const SOFT: f32 = 0.02;
-/// Ramps that began so many frames before the newest are not asked for any more.
+/// Ramps that began this many frames before the newest are forgotten.
 const KEPT_FRAMES: i64 = 64;
 
-/// How much a character's arm carries, from frame to frame.
+/// The weight of carrying over the frames: 0 leaves the arm to the motion, 1 holds it in place.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::live) struct Carry {
     grip: Option<Grip>,
-    /// What was carried is in the hand no more.
+    /// The hand has let go of what it carried.
     over: bool,
-    /// Locomotion moves the frames behind this one. Who has something in the hand then carries it:
-    /// not before, for what is taken or put down in that frame is not known when a plan comes.
+    /// Locomotion moves the frames after this one, and an object in the hand is carried in them.
+    /// Decided no sooner: an object taken or put down in that very frame is not known when the plan
+    /// arrives.
     due: Option<i64>,
-    /// The last frame of which that is known.
+    /// The newest settled frame: what the hand holds up to here is known.
     settled: i64,
-    /// In the order of their first frames; before the first nothing is carried.
+    /// In the order of their first frames. The weight before the first is 0.
     ramps: Vec<Ramp>,
 }
 
-/// An arm as it carries.
+/// The arm's place and bend while it carries.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Grip {
-    /// Upper, middle and end joint.
+    /// Upper, middle and end joint: for example shoulder, elbow, wrist.
     chain: [usize; 3],
-    /// Rotations of the upper and the middle joint, relative to their parents: the elbow keeps to
-    /// its side.
+    /// Rotations of the upper and the middle joint relative to their parents, so that the elbow
+    /// stays on its side.
     bent: [Quat; 2],
-    /// The end joint in the frame of the root and its heading.
+    /// The end joint relative to the root on the ground and its heading.
     end: Transform,
 }
 
-/// Behind frame `start` the weight goes over to `to`. That frame itself may have been shown before
-/// the ramp was known.
+/// After frame `start` the weight changes to `to`. Frame `start` itself may have been shown
+/// already.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Ramp {
     start: i64,
@@ -71,8 +72,8 @@ impl Ramp {
 }
 
 impl Carry {
-    /// Bends the arm of a frame that is shown, `part` of the way (0 to 1) from `frame` to the next.
-    /// Where nothing is carried, nothing changes.
+    /// Bends the arm in a frame that is shown, `part` of the way (0 to 1) from `frame` to the next.
+    /// Changes nothing if the hand carries nothing.
     pub(in crate::live) fn bend(
         &self,
         skeleton: &Skeleton,
@@ -94,7 +95,7 @@ impl Carry {
         ramp.map_or(0.0, |ramp| ramp.at(frame, part))
     }
 
-    /// What the weight is, or is on its way to.
+    /// The weight that the newest ramp leads to.
     fn goes_to(&self) -> f32 {
         self.ramps.last().map_or(0.0, |ramp| ramp.to)
     }
@@ -115,18 +116,18 @@ impl Carry {
         self.ramps.push(ramp);
     }
 
-    /// The last frame that was settled.
+    /// The newest settled frame.
     pub(super) fn settled(&self) -> i64 {
         self.settled
     }
 
-    /// Locomotion moves the frames behind `start`.
+    /// Locomotion moves the frames after `start`.
     pub(super) fn due(&mut self, start: i64) {
         self.due.get_or_insert(start);
     }
 
-    /// Other motion moves the arm behind frame `start`, and `frames` or at most [`RAMP_FRAMES`]
-    /// later it alone.
+    /// Other motion moves the arm after frame `start`. It has the arm to itself `frames` later, but
+    /// at most after [`RAMP_FRAMES`].
     pub(super) fn rest(&mut self, start: i64, frames: i64) {
         self.due = None;
         if self.goes_to() > 0.0 {
@@ -134,7 +135,7 @@ impl Carry {
         }
     }
 
-    /// Nothing is in the hand any more behind frame `frame`.
+    /// The hand is empty after frame `frame`.
     fn let_go(&mut self, frame: i64) {
         if !self.over {
             self.over = true;
@@ -144,7 +145,7 @@ impl Carry {
 }
 
 impl Grip {
-    /// The arm as it is in `posed`; `None` where `joint` does not end one.
+    /// The arm in the pose `posed`; `None` if `joint` is not the end of an arm.
     fn of(skeleton: &Skeleton, joint: usize, posed: Posed<'_>) -> Option<Self> {
         let chain = arm_of(skeleton, joint)?;
         let (position, rotation) = joint_transform(skeleton, posed.root, posed.rotations, joint);
@@ -170,41 +171,41 @@ impl Grip {
     }
 }
 
-/// The frame of a root and its heading.
+/// The root on the ground and its heading, as a frame of reference.
 fn body(skeleton: &Skeleton, root: Vec3, rotations: &[Quat]) -> Transform {
     let pelvis = rotations.first().copied().unwrap_or_default();
     let heading = GlobalRoot::of_pose(root, pelvis, skeleton.left_axis).heading;
     Transform::new(root, yaw(heading))
 }
 
-impl Body<'_> {
-    /// What the arm does behind the frames up to `frame`, which are settled, with something in
-    /// `socket` or nothing.
+impl CharacterParts<'_> {
+    /// Decides what the arm does in the frames up to `frame`, with something in `socket` or
+    /// nothing.
     pub(super) fn settle_arm(&mut self, frame: i64, socket: Option<&Socket>) {
-        self.carry.settled = frame;
-        let due = self.carry.due.take_if(|due| *due <= frame);
+        self.post.carry.settled = frame;
+        let due = self.post.carry.due.take_if(|due| *due <= frame);
         match (socket, due) {
-            (None, _) => self.carry.let_go(frame),
+            (None, _) => self.post.carry.let_go(frame),
             (Some(socket), Some(start)) if !socket.swings => self.carry_on(start, socket.joint),
             (Some(_), _) => {}
         }
     }
 
-    /// The hand stays where it is in frame `start`, or goes back to where it was when it began to
-    /// carry, if something else has moved it since.
+    /// Keeps the hand in its place of frame `start`. If other motion moved it since it began to
+    /// carry, it goes back to its old place.
     fn carry_on(&mut self, start: i64, hand: usize) {
-        let again = self.carry.grip.is_some() && !self.carry.over;
-        if again && self.carry.goes_to() < 1.0 {
-            self.carry.go(start, RAMP_FRAMES, 1.0);
+        let again = self.post.carry.grip.is_some() && !self.post.carry.over;
+        if again && self.post.carry.goes_to() < 1.0 {
+            self.post.carry.go(start, RAMP_FRAMES, 1.0);
         }
         if again {
             return;
         }
         let shown = self.shown(start);
         if let Some(grip) = Grip::of(&self.rig.skeleton, hand, shown.posed()) {
-            self.carry.grip = Some(grip);
-            self.carry.over = false;
-            self.carry.go(start, 0, 1.0);
+            self.post.carry.grip = Some(grip);
+            self.post.carry.over = false;
+            self.post.carry.go(start, 0, 1.0);
         }
     }
 }

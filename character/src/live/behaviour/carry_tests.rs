@@ -12,14 +12,14 @@ use super::tests::{SMOOTH, STEP, is_done, with_cup};
 use crate::object::{Definition, Definitions};
 use crate::scene::{SceneCell, State, Transform};
 
-/// The joints of the arm that carries.
+/// The joints of the carrying arm.
 const ARM: [usize; 3] = [4, 5, HAND];
-/// How far the middle of the cup may go in a frame, metres.
+/// Farthest that the middle of the cup may move in a frame, metres.
 const CUP_STEP_M: f32 = 0.12;
-/// How far it may turn in a frame, radians.
+/// Most that the cup may turn in a frame, radians.
 const CUP_TURN: f32 = 0.35;
 
-/// The hand in the frame of the root and its heading, in the frame that was shown last.
+/// The hand relative to the root on the ground and its heading, in the newest frame shown.
 fn hand(rig: &Harness) -> Transform {
     let (frame, skeleton) = (rig.frames.last().unwrap(), &rig.rig.skeleton);
     let root = GlobalRoot::of_pose(frame.root, frame.rotations[0], skeleton.left_axis);
@@ -36,8 +36,8 @@ fn lean(rig: &Harness) -> f32 {
     (cup(rig).rotation * Vec3::Y).angle_between(Vec3::Y)
 }
 
-/// Runs some frames; the farthest that the middle of the cup goes in one of them while it is held,
-/// metres. It does not turn by more than [`CUP_TURN`].
+/// Runs some frames, and returns the farthest that the middle of the held cup moves in one, metres.
+/// Checks that it turns by at most [`CUP_TURN`] a frame.
 fn watch(rig: &mut Harness, frames: usize) -> f32 {
     let held = |rig: &Harness| rig.character.held().map(|held| held.transform);
     let middle = |at: Transform| at.point(Vec3::Y * 0.06);
@@ -64,7 +64,7 @@ fn is_smooth(rig: &Harness, from: usize, what: &str) {
 }
 
 #[test]
-fn what_is_taken_keeps_its_turn() {
+fn a_taken_object_keeps_its_orientation() {
     let mut rig = Harness::new();
     rig.interact("cup", "right").unwrap();
     rig.until(300, |kind| matches!(kind, EventKind::Attached { .. }))
@@ -100,7 +100,7 @@ fn a_cup_stays_upright_on_the_way() {
             );
             assert!(angle_between(now.rotation, held.rotation) < 0.02, "at {frame}");
             let shown = rig.frames.last().unwrap();
-            // What is in the hand where locomotion takes over is not known before.
+            // The newest plan may still put something into the hand.
             if frame > 5 {
                 assert_eq!((ahead.roots[0], &ahead.rotations), (shown.root, &shown.rotations));
             }
@@ -109,7 +109,7 @@ fn a_cup_stays_upright_on_the_way() {
     }
 }
 
-/// A rig whose cup is defined with `to` in place of `from`.
+/// A harness whose cup's definition has `to` instead of `from`.
 fn with_cup_of(from: &str, to: &str) -> Harness {
     let rig = doll_rig();
     let known = definitions(&rig);
@@ -121,10 +121,9 @@ fn with_cup_of(from: &str, to: &str) -> Harness {
     Harness::in_scene(scene, definitions, "a", Vec3::ZERO)
 }
 
-/// Plans start from the motion as it is without carrying, which is seen from what they were asked
-/// with.
+/// Plan requests show that plans start from motion without the bent arm.
 #[test]
-fn only_the_arm_is_bent_and_plans_never_see_it() {
+fn only_the_arm_is_bent_and_plans_do_not_see_it() {
     for swings in [false, true] {
         let mut rig = match swings {
             true => with_cup_of("blend_frames = 4", "swings = true"),
@@ -161,7 +160,7 @@ fn only_the_arm_is_bent_and_plans_never_see_it() {
 }
 
 #[test]
-fn what_is_carried_is_put_down_without_a_jump() {
+fn a_carried_object_is_put_down_without_a_jump() {
     let mut rig = with_cup();
     rig.walk(-1.0, 0.0);
     rig.run(12);
@@ -175,18 +174,18 @@ fn what_is_carried_is_put_down_without_a_jump() {
         EventKind::Reached { after, .. } => Some(after.joint_m),
         _ => None,
     });
-    assert!(reached.unwrap() < 1e-3, "the hand is where the keyframe has it");
+    assert!(reached.unwrap() < 1e-3, "the hand meets the keyframe");
     is_smooth(&rig, 0, "put down");
-    // The arm is as it was before anything was carried.
+    // The arm is as it was before it carried anything.
     let (first, last) = (&rig.frames[0], rig.frames.last().unwrap());
     for joint in ARM {
         assert!(angle_between(first.rotations[joint], last.rotations[joint]) < 0.02);
     }
 }
 
-/// However long that takes, it turns in the hand at the end of it only.
+/// Even if the hand is slow, the cup turns in it only at the end of the motion.
 #[test]
-fn a_slow_hand_does_not_turn_what_it_puts_down_before_it_is_there() {
+fn a_slow_hand_turns_an_object_only_as_it_arrives() {
     let mut rig = with_cup_of("name = \"put-down\"", "name = \"put-down\"\nframes = 40");
     rig.interact("cup", "right").unwrap();
     let lifted = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "lift");
@@ -194,14 +193,14 @@ fn a_slow_hand_does_not_turn_what_it_puts_down_before_it_is_there() {
     rig.give(Intent::EndInteraction).unwrap();
     let far = watch(&mut rig, 80);
     assert!(far < CUP_STEP_M, "{far} m");
-    let told = rig.told();
-    let (entered, done) = (told[told.len() - 4], told[told.len() - 1]);
+    let events = rig.event_words();
+    let (entered, done) = (events[events.len() - 4], events[events.len() - 1]);
     assert_eq!((entered.1, done.1), ("entered", "done"));
     assert!(done.0 - entered.0 >= 40);
 }
 
-/// Whenever it is lifted or put down, a walk may begin; the cup is then held where the hand was, or
-/// where it was carried before.
+/// A walk may begin in any frame of lifting or putting down. The cup then keeps the hand's place,
+/// or the one in which it was carried before.
 #[test]
 fn a_walk_may_begin_at_any_frame() {
     for clock in [Clock::Waits, Clock::Runs] {
@@ -259,10 +258,10 @@ fn an_arm_that_lets_go_swings_again() {
     }
 }
 
-/// What is done with another object meanwhile has the arm to itself; then the cup is carried as
+/// An interaction with another object has the arm to itself. After it, the cup is carried as
 /// before.
 #[test]
-fn a_cup_is_carried_again_after_something_else() {
+fn a_cup_is_carried_again_after_another_interaction() {
     let mut rig = with_cup();
     rig.walk(1.0, 0.0);
     rig.run(30);
@@ -285,7 +284,7 @@ fn a_cup_is_carried_again_after_something_else() {
 }
 
 #[test]
-fn the_same_frames_come_whenever_plans_do() {
+fn frames_do_not_depend_on_when_plans_arrive() {
     let run = |plans: Plans, variant: &str| {
         let mut rig = Harness::new();
         rig.plans = plans;
@@ -310,7 +309,8 @@ fn the_same_frames_come_whenever_plans_do() {
     }
 }
 
-/// A rig on a platform of 1.4 m that ends half a metre behind it, with table and cup.
+/// A harness on a platform of 1.4 m that ends half a metre behind the character, with table and
+/// cup.
 fn on_platform() -> Harness {
     let rig = Harness::new();
     let table = block("table", [0.0, 1.8, 3.15], [0.6, 0.4, 0.25]);
@@ -323,7 +323,7 @@ fn on_platform() -> Harness {
 }
 
 #[test]
-fn one_who_falls_has_both_arms_and_then_carries_again() {
+fn a_falling_character_uses_both_arms_and_then_carries_again() {
     let mut rig = on_platform();
     rig.interact("cup", "right").unwrap();
     rig.until(
@@ -341,7 +341,7 @@ fn one_who_falls_has_both_arms_and_then_carries_again() {
     let (acceleration, _) = rig.roughness(fell - 3);
     assert!(
         acceleration < ordinary + 9.81 + 10.0,
-        "{acceleration} m/s² where a walk has {ordinary}"
+        "{acceleration} m/s²; a walk has {ordinary}"
     );
     rig.run(8);
     assert!(hand(&rig).position.distance(carried.position) > 0.1);

@@ -1,5 +1,4 @@
-//! Beginning to use an object: what must hold for it, what it is called when it does not, and the
-//! reservation.
+//! Beginning to use an object: the conditions, the errors, and the reservation.
 
 use std::sync::Arc;
 
@@ -10,48 +9,48 @@ use troupe_motion::Vec3;
 use super::super::{EventKind, FailReason, Refusal};
 use super::hand::Refused;
 use super::using::Using;
-use super::{Behaviour, Body, Doing};
+use super::{Behaviour, CharacterParts, Doing};
 use crate::object::{Action, Definition};
 use crate::primitives::object::Interaction;
 use crate::scene::{Instance, Scene, SceneError, State};
 
-/// What a character is to do with an object, as far as it is settled before it begins.
+/// What is settled about an interaction before it begins.
 pub(super) struct Checked {
     definition: Arc<Definition>,
     instance: Arc<Instance>,
     variant: usize,
-    /// Index of the approach that was asked for.
+    /// Index of the approach that the command names.
     approach: Option<usize>,
 }
 
 impl Behaviour {
-    /// The seed of the next interaction: every one has its own.
-    pub(super) fn seed(&self, body: &Body<'_>) -> u64 {
-        let mut generator = ChaCha8Rng::seed_from_u64(body.options.seed);
-        // Plans count their streams from 0.
+    /// The seed of the next interaction: each has its own.
+    pub(super) fn seed(&self, parts: &CharacterParts<'_>) -> u64 {
+        let mut generator = ChaCha8Rng::seed_from_u64(parts.options.seed);
+        // Plans take the streams from 0 up.
         generator.set_stream(u64::MAX - self.begun);
         generator.next_u64()
     }
 
-    /// Whether the object can be used now, by which variant and from which approach. `root` is
-    /// where the character is; `names` are of variant and approach, where they are asked for.
+    /// Whether the object can be used now, and by which variant and approach. `root` is the
+    /// character's; `names` are those of variant and approach that the command gives.
     ///
     /// # Errors
-    /// [`Refusal`].
+    /// [`Refusal`] for the first condition that does not hold.
     pub(super) fn checked(
         &self,
         id: &Arc<str>,
         names: (Option<&str>, Option<&str>),
         seed: u64,
         root: Vec3,
-        body: &Body<'_>,
+        parts: &CharacterParts<'_>,
     ) -> Result<Checked, Refusal> {
         let scene = self.world.scene.snapshot();
         let unknown = || Refusal::UnknownObject { id: Arc::clone(id) };
         let instance = scene.instance(id).ok_or_else(unknown)?;
         let listed = self.world.definitions.get(&instance.object);
         let definition = listed.map_err(|_| unknown())?.definition;
-        if definition.pack != body.rig.name() {
+        if definition.pack != parts.rig.name() {
             return Err(Refusal::WrongPack {
                 id: Arc::clone(id),
                 pack: definition.pack.clone(),
@@ -66,8 +65,8 @@ impl Behaviour {
             variant,
             approach,
         };
-        let using = checked.using(&scene, root, body, 0);
-        match using.blocked(&scene, root, body.footing.level()) {
+        let using = checked.using(&scene, root, parts, 0);
+        match using.blocked(&scene, root, parts.post.footing.level()) {
             Some(by) => Err(Refusal::Blocked {
                 id: Arc::clone(id),
                 by,
@@ -76,7 +75,8 @@ impl Behaviour {
         }
     }
 
-    /// Nobody else has it, and the hand is free where it is needed.
+    /// Checks that no other character has the object, and that the hand is free if the variant
+    /// needs it.
     fn check_free(
         &self,
         id: &Arc<str>,
@@ -109,26 +109,26 @@ impl Behaviour {
         }
     }
 
-    /// Begins to use an object, or says why not.
+    /// Begins to use an object, or emits the event that says why not.
     pub(super) fn begin(
         &mut self,
         id: &Arc<str>,
         variant: Option<&str>,
         approach: Option<&str>,
         frame: i64,
-        body: &mut Body<'_>,
+        parts: &mut CharacterParts<'_>,
     ) {
-        let seed = self.seed(body);
-        let root = body.timeline.buffer().root(frame);
+        let seed = self.seed(parts);
+        let root = parts.timeline.buffer().root(frame);
         let begun = self
-            .checked(id, (variant, approach), seed, root, body)
+            .checked(id, (variant, approach), seed, root, parts)
             .map_err(|refusal| Refused::from(&refusal))
             .and_then(|checked| self.reserve(id).map(|()| checked));
         let checked = match begun {
             Ok(checked) => checked,
             Err(Refused { reason, message }) => {
                 let instance = Arc::clone(id);
-                self.emit(
+                self.events.push(
                     frame,
                     EventKind::Failed {
                         instance,
@@ -141,8 +141,8 @@ impl Behaviour {
         };
         self.begun += 1;
         let scene = self.world.scene.snapshot();
-        let using = checked.using(&scene, root, body, frame);
-        self.emit(
+        let using = checked.using(&scene, root, parts, frame);
+        self.events.push(
             frame,
             EventKind::Started {
                 instance: Arc::clone(id),
@@ -166,13 +166,13 @@ impl Behaviour {
         })
     }
 
-    /// Begins the way out of what is in the hand, where its variant has one.
-    pub(super) fn begin_way_out(&mut self, frame: i64, body: &mut Body<'_>) {
+    /// Begins the way out of a variant whose object is in the hand, if the variant has one.
+    pub(super) fn begin_way_out(&mut self, frame: i64, parts: &mut CharacterParts<'_>) {
         let Some(hand) = &self.hand else { return };
         let (definition, variant) = (Arc::clone(&hand.definition), hand.variant);
         let has_exit = (definition.variants.get(variant)).is_some_and(|variant| !variant.exit.is_empty());
         if !has_exit {
-            self.drop_held(frame, body);
+            self.drop_held(frame, parts);
             return;
         }
         let instance = Arc::clone(&hand.instance);
@@ -181,13 +181,13 @@ impl Behaviour {
             instance,
             interaction,
             frame,
-            body,
+            parts,
         )));
     }
 }
 
 impl Checked {
-    fn using(&self, scene: &Scene, root: Vec3, body: &Body<'_>, frame: i64) -> Using {
+    fn using(&self, scene: &Scene, root: Vec3, parts: &CharacterParts<'_>, frame: i64) -> Using {
         let interaction = Interaction::new(Arc::clone(&self.definition), self.variant);
         Using::new(
             &self.instance,
@@ -195,12 +195,12 @@ impl Checked {
             self.approach,
             (scene, root),
             frame,
-            body,
+            parts,
         )
     }
 }
 
-/// Index of the variant of this name; of one by weight without a name.
+/// Index of the variant of this name. Without a name: one by weight and seed.
 pub(super) fn variant(definition: &Definition, name: Option<&str>, seed: u64) -> Result<usize, Refusal> {
     let Some(name) = name else {
         return Ok(definition.variant_for(seed));

@@ -1,5 +1,4 @@
-//! Commands that come together or twice, objects that go away while they are carried, and the order
-//! of what is told.
+//! Commands that come together or twice, carried objects that disappear, and the order of events.
 
 use troupe_motion::Vec3;
 
@@ -8,7 +7,7 @@ use super::testing::*;
 use super::tests::{is_done, with_cup};
 use crate::scene::{Scene, State};
 
-/// A rig that goes about with the cup in its hand.
+/// A harness whose character walks with the cup in its hand.
 fn carrying() -> Harness {
     let mut rig = with_cup();
     rig.walk(-1.0, 0.0);
@@ -17,7 +16,7 @@ fn carrying() -> Harness {
     rig
 }
 
-/// The last that was told, where that is a failure.
+/// The reason of the newest event, if that is a failure.
 fn last_failure(rig: &Harness) -> Option<FailReason> {
     match &rig.events.last()?.kind {
         EventKind::Failed { reason, .. } => Some(*reason),
@@ -31,7 +30,7 @@ fn walks(rig: &Harness) -> bool {
 }
 
 #[test]
-fn a_walk_does_not_swallow_what_was_asked_before_it() {
+fn a_walk_does_not_drop_earlier_commands() {
     for drop_first in [true, false] {
         let mut rig = carrying();
         rig.walk(0.0, 0.0);
@@ -61,7 +60,7 @@ fn commands_that_come_together_hold_in_their_order() {
     assert_eq!(words[words.len() - 2..], ["released", "started"]);
     rig.until(600, is_done)
         .expect("the walk before it does not break it off");
-    // One that is broken off at once was begun.
+    // Breaking it off at once still begins it first.
     rig.interact("bench", "").unwrap();
     rig.walk(0.0, 1.0);
     rig.run(1);
@@ -70,7 +69,7 @@ fn commands_that_come_together_hold_in_their_order() {
 }
 
 #[test]
-fn what_was_to_be_used_gives_way_to_a_newer_command() {
+fn a_newer_command_replaces_a_waiting_interaction() {
     let mut rig = Harness::new();
     rig.interact("cup", "right").unwrap();
     rig.interact("sign", "nod").unwrap();
@@ -81,41 +80,51 @@ fn what_was_to_be_used_gives_way_to_a_newer_command() {
     rig.interact("cup", "right").unwrap();
     rig.give(Intent::Cancel).unwrap();
     rig.run(1);
-    assert!(rig.words().is_empty(), "{:?}", rig.told());
+    assert!(rig.words().is_empty(), "{:?}", rig.event_words());
 }
 
 #[test]
-fn what_is_taken_out_of_the_scene_while_it_is_carried_is_told() {
+fn removing_a_carried_object_is_an_event() {
     let mut rig = carrying();
     rig.scene.update(|scene| scene.remove("cup")).unwrap();
     rig.run(20);
-    assert_eq!(last_failure(&rig), Some(FailReason::Removed), "{:?}", rig.told());
+    assert_eq!(
+        last_failure(&rig),
+        Some(FailReason::Removed),
+        "{:?}",
+        rig.event_words()
+    );
     assert!(rig.character.held().is_none() && walks(&rig));
-    let told = rig.words().iter().filter(|&&word| word == "failed").count();
-    assert_eq!(told, 1);
+    let failures = rig.words().iter().filter(|&&word| word == "failed").count();
+    assert_eq!(failures, 1);
 }
 
-/// A scene that is put again has everything free.
+/// Putting a scene again frees everything in it.
 #[test]
-fn a_scene_that_is_put_again_takes_what_is_carried() {
+fn putting_a_scene_again_takes_a_carried_object() {
     let mut carried = carrying();
     let mut held = with_cup();
     for rig in [&mut carried, &mut held] {
-        let anew = room(&rig.definitions);
+        let same = room(&rig.definitions);
         let put = |scene: &mut Scene| {
-            *scene = anew;
+            *scene = same;
             Ok::<_, ()>(())
         };
         rig.scene.update(put).unwrap();
         rig.run(5);
-        assert_eq!(last_failure(rig), Some(FailReason::Removed), "{:?}", rig.told());
+        assert_eq!(
+            last_failure(rig),
+            Some(FailReason::Removed),
+            "{:?}",
+            rig.event_words()
+        );
         assert!(rig.character.held().is_none());
         assert_eq!(rig.object("cup").state, State::Free);
     }
 }
 
 #[test]
-fn what_is_carried_out_of_the_world_is_freed() {
+fn an_object_carried_out_of_the_world_is_freed() {
     let far = 9_999.4;
     for intent in [Intent::Drop, Intent::Cancel] {
         let near = Harness::new();
@@ -144,10 +153,9 @@ fn what_is_carried_out_of_the_world_is_freed() {
     }
 }
 
-/// Where locomotion takes over already, another command ends what is left of an interaction at
-/// once.
+/// A command ends the rest of an interaction at once if locomotion takes over already.
 #[test]
-fn what_happens_is_told_in_order() {
+fn events_come_in_order() {
     let length = {
         let mut rig = Harness::new();
         rig.interact("sign", "nod").unwrap();
@@ -161,18 +169,18 @@ fn what_happens_is_told_in_order() {
         rig.interact("cup", "right").unwrap();
         rig.run(1);
         assert_eq!(rig.words().last(), Some(&"started"));
-        let frames: Vec<_> = rig.told().into_iter().map(|(frame, _)| frame).collect();
-        assert!(frames.is_sorted(), "at {stop}: {:?}", rig.told());
+        let frames: Vec<_> = rig.event_words().into_iter().map(|(frame, _)| frame).collect();
+        assert!(frames.is_sorted(), "at {stop}: {:?}", rig.event_words());
         assert!(
             frames.iter().all(|&frame| frame <= now + 1),
             "at {stop}: {:?}",
-            rig.told()
+            rig.event_words()
         );
     }
 }
 
 #[test]
-fn the_way_out_is_not_ended_by_an_end() {
+fn ending_an_interaction_does_not_end_its_way_out() {
     for between in [0, 1, 3, 10, 20, 30] {
         let mut rig = carrying();
         let known = rig.events.len();
@@ -190,7 +198,7 @@ fn the_way_out_is_not_ended_by_an_end() {
 }
 
 #[test]
-fn a_path_is_followed_to_its_end_which_is_told() {
+fn the_end_of_a_path_is_an_event() {
     let mut rig = with_cup();
     rig.follow(0.0, -2.0, false).unwrap();
     let at = rig.until(300, |kind| matches!(kind, EventKind::Arrived { .. }));
@@ -201,12 +209,12 @@ fn a_path_is_followed_to_its_end_which_is_told() {
 }
 
 #[test]
-fn a_command_takes_the_place_of_a_path() {
+fn a_command_replaces_a_path() {
     let mut rig = with_cup();
     rig.follow(0.0, -2.0, true).unwrap();
     rig.run(40);
     assert!(walks(&rig));
-    // The command to stand, though a path is told as one that stands.
+    // The command to stand. A path counts as standing too, but must end.
     rig.walk(0.0, 0.0);
     rig.run(60);
     assert!(!walks(&rig));

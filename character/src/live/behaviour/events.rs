@@ -1,23 +1,28 @@
-//! What happens in an interaction as the frames go by: events, and what they do with the object.
+//! What happens in an interaction frame by frame: its events, and what they do to the object.
 
 use std::sync::Arc;
 
 use super::super::EventKind;
 use super::hand::{Hand, Refused};
 use super::using::Using;
-use super::{Behaviour, Body, Doing};
+use super::{Behaviour, CharacterParts, Doing};
 use crate::object::{Action, Moment};
 use crate::primitives::object::{Input, Output};
 
 impl Behaviour {
-    /// What has happened up to a frame: events, and what they do with the object.
-    pub(super) fn pass(&mut self, frame: i64, body: &mut Body<'_>) -> Result<(), Refused> {
-        self.pass_to(frame, frame, body)
+    /// Emits what has happened up to a frame, and does it to the object.
+    pub(super) fn pass(&mut self, frame: i64, parts: &mut CharacterParts<'_>) -> Result<(), Refused> {
+        self.pass_to(frame, frame, parts)
     }
 
-    /// [`Behaviour::pass`], up to a frame that may be to come; nothing happens later than at frame
-    /// `now`.
-    pub(super) fn pass_to(&mut self, frame: i64, now: i64, body: &mut Body<'_>) -> Result<(), Refused> {
+    /// [`Behaviour::pass`] up to a frame that may lie ahead. Everything in it counts as of frame
+    /// `now` at the latest.
+    pub(super) fn pass_to(
+        &mut self,
+        frame: i64,
+        now: i64,
+        parts: &mut CharacterParts<'_>,
+    ) -> Result<(), Refused> {
         let Doing::Using(using) = &mut self.doing else {
             return Ok(());
         };
@@ -30,16 +35,16 @@ impl Behaviour {
                         instance: Arc::clone(&using.instance),
                         set: using.set_name(set),
                     };
-                    self.tell_of(at, event);
-                    self.run_events(set, Moment::Start, at, body)?;
+                    self.emit_of(at, event);
+                    self.run_events(set, Moment::Start, at, parts)?;
                 }
                 Output::Reached(at, set) => {
-                    self.tell_reached(at, set, body);
-                    self.run_events(set, Moment::Reached, at, body)?;
+                    self.emit_reached(at, set, parts);
+                    self.run_events(set, Moment::Reached, at, parts)?;
                 }
-                Output::Left(at, set) => self.run_events(set, Moment::End, at, body)?,
+                Output::Left(at, set) => self.run_events(set, Moment::End, at, parts)?,
                 Output::Over(at) => {
-                    self.tell_of(at, |using| EventKind::Done {
+                    self.emit_of(at, |using| EventKind::Done {
                         instance: Arc::clone(&using.instance),
                     });
                     if let Doing::Using(using) = std::mem::replace(&mut self.doing, Doing::Locomotion) {
@@ -47,27 +52,27 @@ impl Behaviour {
                     }
                     self.left_off = true;
                     if let Some(intent) = self.waiting.take() {
-                        self.take_up(intent, now, body);
+                        self.take_up(intent, now, parts);
                     }
                 }
             }
         }
         if let Doing::Using(using) = &mut self.doing {
-            // The list is used again.
+            // Keeps the list's memory.
             using.outputs = outputs;
         }
         Ok(())
     }
 
-    fn tell_of(&mut self, at: i64, event: impl FnOnce(&Using) -> EventKind) {
+    fn emit_of(&mut self, at: i64, event: impl FnOnce(&Using) -> EventKind) {
         if let Doing::Using(using) = &self.doing {
             let event = event(using);
-            self.emit(at, event);
+            self.events.push(at, event);
         }
     }
 
-    /// The keyframes of a set were reached, or the last of them was left out.
-    fn tell_reached(&mut self, at: i64, set: usize, body: &Body<'_>) {
+    /// Emits that the keyframes of a set were reached, or left early.
+    fn emit_reached(&mut self, at: i64, set: usize, parts: &CharacterParts<'_>) {
         let Doing::Using(using) = &self.doing else { return };
         let Some(made) = using.made.iter().rev().find(|made| made.stretch.set == set) else {
             return;
@@ -76,13 +81,13 @@ impl Behaviour {
         let name = using.set_name(set);
         let instance = Arc::clone(&using.instance);
         let early = (made.stretch.key - at).max(0);
-        let told: Vec<_> = (made.keys.iter().enumerate())
+        let events: Vec<_> = (made.keys.iter().enumerate())
             .skip(if early > 0 { last } else { 0 })
             .map(|(nth, key)| {
                 let frame = at - (last - nth) as i64;
-                let mut shown = body.shown(frame);
+                let mut shown = parts.shown(frame);
                 shown.root.y -= made.ground;
-                let after = key.error(&body.rig.skeleton, shown.posed());
+                let after = key.error(&parts.rig.skeleton, shown.posed());
                 let before = made.off.get(nth).copied().unwrap_or_default();
                 let kind = EventKind::Reached {
                     instance: Arc::clone(&instance),
@@ -95,13 +100,19 @@ impl Behaviour {
                 (frame, kind)
             })
             .collect();
-        for (frame, kind) in told {
-            self.emit(frame, kind);
+        for (frame, kind) in events {
+            self.events.push(frame, kind);
         }
     }
 
-    /// Does what a set has happen at a moment.
-    fn run_events(&mut self, set: usize, moment: Moment, at: i64, body: &Body<'_>) -> Result<(), Refused> {
+    /// Does to the object what the set lists for a moment.
+    fn run_events(
+        &mut self,
+        set: usize,
+        moment: Moment,
+        at: i64,
+        parts: &CharacterParts<'_>,
+    ) -> Result<(), Refused> {
         let Doing::Using(using) = &self.doing else {
             return Ok(());
         };
@@ -114,12 +125,12 @@ impl Behaviour {
             .iter()
             .filter(|event| event.at == moment)
         {
-            let shown = body.shown(at);
+            let shown = parts.shown(at);
             match event.action {
                 Action::Attach(socket) if self.hand.is_none() => {
                     let taken = Hand::take(
                         &self.world,
-                        &body.rig.skeleton,
+                        &parts.rig.skeleton,
                         &instance,
                         (&definition, variant),
                         socket,
@@ -132,15 +143,15 @@ impl Behaviour {
                         .unwrap_or_default();
                     self.hand = Some(taken);
                     let instance = Arc::clone(&instance);
-                    self.emit(at, EventKind::Attached { instance, socket });
+                    self.events.push(at, EventKind::Attached { instance, socket });
                 }
                 Action::Release => {
                     let Some(hand) = &self.hand else { continue };
-                    let from = hand.transform(&body.rig.skeleton, at as f64, shown.posed());
+                    let from = hand.transform(&parts.rig.skeleton, at as f64, shown.posed());
                     let transform = hand.put_down(&self.world, from)?;
                     let instance = Arc::clone(&hand.instance);
                     self.hand = None;
-                    self.emit(at, EventKind::Released { instance, transform });
+                    self.events.push(at, EventKind::Released { instance, transform });
                 }
                 Action::Attach(_) => {}
             }

@@ -1,4 +1,4 @@
-//! Falling: where the ground ends, the character goes the way of a thrown body and lands.
+//! Falling: if the ground ends, the character follows the path of a projectile and lands.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
@@ -10,57 +10,57 @@ use super::super::{CROSSFADE_FRAMES, EventKind, FailReason};
 use super::carry::RAMP_FRAMES;
 use super::footing::DEEPEST_M;
 use super::hand::Refused;
-use super::{Behaviour, Body, Doing, Next};
+use super::{Behaviour, CharacterParts, Doing, Next};
 use crate::primitives::recipe::STANDING_MPS;
 use crate::scene::{RayHit, Scene};
 
 /// Frames over which the velocity at the edge is measured.
 const VELOCITY_FRAMES: i64 = 3;
 
-/// Who is to move after a landing does so once its hips are at this share of their standing height:
-/// lower ones the networks do not know.
+/// Hips must be at this share of their standing height before a landed character moves on: the
+/// networks do not know lower poses.
 const UP_SHARE: f32 = 0.85;
 
-/// A surface whose normal points up by less than this is a wall: one does not land on it.
+/// A surface whose normal points up by less than this is a wall, and no place to land.
 const LEAST_UP: f32 = 0.6;
-/// The root stays so far from a wall that it falls against, metres.
+/// Distance that the root keeps from a wall that it falls against, metres.
 const OFF_WALL_M: f32 = 0.25;
-/// How far behind the landing a wall is looked for, for it is not at rest at once, and how high,
-/// metres.
+/// How far beyond the landing, and how high, walls are looked for, metres: the body needs some way
+/// to come to rest.
 const WAY_OUT_M: f32 = 0.8;
 const SHIN_M: f32 = 0.3;
 
-/// A fall, from the frame behind the edge to when the character is upright again.
+/// A fall, from the frame after the edge until the character is upright again.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Fall {
     /// First frame with the feet on the ground.
     touches: i64,
     landed: bool,
-    /// First frame behind the landing with the hips as high as the networks know them: one who is
-    /// to move goes on from there.
+    /// First frame after the landing with the hips as high as the networks know them. A character
+    /// that is to move goes on from here.
     up: i64,
-    /// Last frame, from which locomotion goes on in any case.
+    /// Last frame: locomotion goes on from here in any case.
     upright: i64,
     height_m: f32,
     impact_mps: f32,
 }
 
 impl Behaviour {
-    /// Writes the fall into the buffer, from frame `frame` on. Answers whether there is one: not
-    /// where nothing is below.
-    pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
-        let (fps, level) = (body.rig.fps, body.footing.level());
-        let shown = body.shown(frame);
-        let velocity = body.velocity(frame, VELOCITY_FRAMES);
+    /// Writes the fall into the buffer from frame `frame` on. Answers whether the character falls:
+    /// not without anything to land on.
+    pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
+        let (fps, level) = (parts.rig.fps, parts.post.footing.level());
+        let shown = parts.shown(frame);
+        let velocity = parts.velocity(frame, VELOCITY_FRAMES);
         let Some(landing) = landing(scene, shown.root.with_y(level), velocity, fps) else {
             return false;
         };
         let floor = landing.floor_m;
-        let style = &body.locomotion.command().style;
+        let style = &parts.locomotion.command().style;
         let idle = style.idle();
-        // The joints go over from the motion that was under way, as any plan does; the root begins
-        // with its velocity.
-        let goes_on = (1..=CROSSFADE_FRAMES as i64).flat_map(|step| body.shown(frame + step).rotations);
+        // Joints fade over from the motion under way, as with any plan. The root keeps its
+        // velocity.
+        let goes_on = (1..=CROSSFADE_FRAMES as i64).flat_map(|step| parts.shown(frame + step).rotations);
         let under_way: Vec<_> = goes_on.collect();
         let drop = Drop {
             velocity,
@@ -74,27 +74,27 @@ impl Behaviour {
             air: None,
             fps,
         };
-        let legs = body.footing.legs();
-        let mut fall = fall_motion(&body.rig.skeleton, legs, shown.posed(), &drop);
+        let legs = parts.post.footing.legs();
+        let mut fall = fall_motion(&parts.rig.skeleton, legs, shown.posed(), &drop);
         if fall.motion.roots.is_empty() {
             return false;
         }
         for root in &mut fall.motion.roots {
             root.y -= floor;
         }
-        self.fall_on_the_way(frame, body);
+        self.fall_on_the_way(frame, parts);
         let frames = Frames {
             roots: &fall.motion.roots,
             rotations: &fall.motion.rotations,
             contacts: &fall.motion.contacts,
         };
-        body.timeline.forget_flight();
-        body.timeline.put(frame, frames, false);
-        body.footing.level_from(frame, floor);
-        body.carry.rest(frame, RAMP_FRAMES);
+        parts.timeline.forget_flight();
+        parts.timeline.put(frame, frames, false);
+        parts.post.footing.level_from(frame, floor);
+        parts.post.carry.rest(frame, RAMP_FRAMES);
         let height_m = level - floor;
         let up = up_again(&fall);
-        self.emit(
+        self.events.push(
             frame,
             EventKind::Fell {
                 height_m: Some(height_m),
@@ -108,7 +108,7 @@ impl Behaviour {
             height_m,
             impact_mps: fall.impact_mps,
         });
-        body.hold(frame.max(self.upright() - body.timeline.look_ahead()));
+        parts.hold(frame.max(self.upright() - parts.timeline.look_ahead()));
         true
     }
 
@@ -119,16 +119,16 @@ impl Behaviour {
         }
     }
 
-    /// A character that falls on its way to an object does not come there.
-    fn fall_on_the_way(&mut self, frame: i64, body: &mut Body<'_>) {
+    /// Fails an approach that a fall breaks off.
+    fn fall_on_the_way(&mut self, frame: i64, parts: &mut CharacterParts<'_>) {
         let message = "the ground ended on the way".to_owned();
         let reason = FailReason::NotReached;
-        self.fail(frame, body, Refused { reason, message });
+        self.fail(frame, parts, Refused { reason, message });
     }
 
-    /// Nothing is asked for before the character is upright, or nearly so where it is to move; then
-    /// locomotion goes on with its command, and with what came during the fall.
-    pub(super) fn settle_fall(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
+    /// Asks for no plan before the character is upright, or nearly so if it is to move. Then
+    /// locomotion goes on with its command, and with any command that came during the fall.
+    pub(super) fn settle_fall(&mut self, frame: i64, parts: &mut CharacterParts<'_>) -> Next {
         let Doing::Falling(fall) = &mut self.doing else {
             return Next::Locomotion;
         };
@@ -137,23 +137,24 @@ impl Behaviour {
         let fall = *fall;
         if lands {
             let (height_m, speed_mps) = (fall.height_m, fall.impact_mps);
-            self.emit(fall.touches, EventKind::Landed { height_m, speed_mps });
+            self.events
+                .push(fall.touches, EventKind::Landed { height_m, speed_mps });
         }
-        let command = body.locomotion.command();
+        let command = parts.locomotion.command();
         let moves = command.velocity.length() >= STANDING_MPS && self.waiting.is_none();
         let until = if moves && fall.landed {
             fall.up
         } else {
             fall.upright
         };
-        if frame + body.timeline.look_ahead() < until {
+        if frame + parts.timeline.look_ahead() < until {
             return Next::Wait;
         }
         self.doing = Doing::Locomotion;
         let command = command.clone();
-        body.move_on(frame, command, false);
+        parts.move_on(frame, command, false);
         if let Some(intent) = self.waiting.take() {
-            self.take_up(intent, frame, body);
+            self.take_up(intent, frame, parts);
         }
         Next::Locomotion
     }
@@ -167,15 +168,15 @@ fn up_again(fall: &ballistic::Fall) -> usize {
     (fall.lowest..last).find(is_up).unwrap_or(last)
 }
 
-/// Where a fall ends.
+/// The end of a fall.
 struct Landing {
     floor_m: f32,
-    /// As in [`Drop`].
+    /// As in [`Drop`], seconds.
     wall_s: Option<f32>,
 }
 
-/// Where a body that is thrown from `foot`, the floor point under its root, lands. At a wall it
-/// falls straight down, and stands on what it comes to then, steep as that may be.
+/// Where a body that leaves from `foot`, the ground point under its root, lands. At a wall it falls
+/// straight down, and stands on whatever is there, however steep.
 fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landing> {
     let throw = Throw {
         position: foot,
@@ -193,7 +194,7 @@ fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landin
     let met = throw.lands(fps, MAX_FALL_S, ground)?;
     let over_ground = velocity.with_y(0.0);
     let speed = over_ground.length();
-    // How long it may go on over the ground to stay off a wall at `point`.
+    // Seconds of travel over the ground that keep it off a wall at `point`.
     let stops_s = |point: Vec3| {
         let far = (point - foot).with_y(0.0).length();
         (far - OFF_WALL_M).max(0.0) / speed.max(STANDING_MPS)

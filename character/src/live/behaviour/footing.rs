@@ -1,9 +1,8 @@
-//! What a character stands on: how far each of its frames is lifted from the flat ground that the
-//! networks know.
+//! What a character stands on: how far each frame is lifted from the flat ground of the networks.
 //!
-//! The buffer holds motion over a flat ground at height 0. Beside it, every frame has a [`Lift`]:
-//! the height of the ground under each foot, and how far the root is lifted with them. Frames are
-//! lifted as they are shown, so plans never see a step.
+//! The buffer holds motion over flat ground at height 0. Beside it, every frame has a [`Lift`]: the
+//! height of the ground under each foot, and the lift of the root. Frames are lifted as they are
+//! shown, so plans never see a step.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -15,42 +14,42 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 use super::super::buffer::MotionBuffer;
 use crate::scene::{Scene, Surface};
 
-/// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2;
-/// beyond this the rear knee bends deep and feet are accelerated three times as much as on the
-/// flat. What is higher, up to the hips, is a wall.
+/// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2.
+/// Beyond this limit the rear knee bends deeply and feet accelerate three times as much as on flat
+/// ground. Anything higher, up to the hips, is a wall.
 pub(super) const STEP_M: f32 = 0.3;
-/// How far down a surface is looked for, metres.
+/// Greatest depth at which a surface is looked for, metres.
 pub(super) const DEEPEST_M: f32 = 2.0e4;
-/// The same for one to stand on or fall to: deeper falls take longer than [`MAX_FALL_S`], and are
-/// none.
+/// Greatest depth of a surface to stand on or fall to, metres. A deeper fall would take longer than
+/// [`MAX_FALL_S`], and does not begin.
 ///
 /// [`MAX_FALL_S`]: troupe_motion::ballistic::MAX_FALL_S
 const DEEPEST_FALL_M: f32 = 1950.0;
-/// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things
-/// are walls.
+/// Height over the ground from which the search looks down, metres: the height of the hips. Higher
+/// things are walls.
 const LOOK_FROM_M: f32 = 0.9;
-/// How far ground may come up under a character that is then put on top of it, metres. What is
-/// higher is a wall around it; the ground plane is none, however high.
+/// How far ground may rise under a character that is then put on top of it, metres. Anything higher
+/// is a wall around the character, except for the ground plane.
 const RISES_M: f32 = 2.0;
-/// Fastest that a character goes up or down with the ground below it, metres in a frame. Feet that
-/// catch up with their way go as fast.
+/// Fastest that a character rises or sinks with the ground below it, metres a frame. Feet that
+/// catch up are as fast.
 const RISE_RATE_M: f32 = 0.07;
-/// A character whose root is this far beyond an edge, or within this of both sides of a gap, still
-/// stands, metres.
+/// A character still stands if its root is this far beyond an edge, or this near to both sides of a
+/// gap, metres.
 const STANCE_M: f32 = 0.15;
-/// The ways that are looked in around a place.
+/// The directions in which the ground around a place is checked.
 const AROUND: [Vec3; 4] = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z];
-/// Frames before the first new one that lifts are worked out with.
+/// Lifts are worked out from this many frames before the first that changed.
 const BEFORE_FRAMES: i64 = 12;
-/// Ground that is nearer to where the character stands than this makes no difference, metres.
+/// Ground that differs in height by less than this counts as level, metres.
 const LEVEL_M: f32 = 0.005;
 
-/// Height of what is under a place, metres.
+/// The height of what is under a place, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Support {
     /// Something to stand on, within a step.
     At(f32),
-    /// It is farther down: this high. `None`: there is nothing that a fall would come to.
+    /// Farther down, at this height. `None`: nothing that a fall would end on.
     Below(Option<f32>),
     /// A wall.
     Above,
@@ -67,9 +66,8 @@ pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
     }
 }
 
-/// What a character stands on whose root is at `place` and that stood at height `level`: what is
-/// under its root, or near enough to it for its feet. Looks around only where there is nothing
-/// under the root.
+/// What a character stands on. Its root is at `place`, and it stood at height `level`. If there is
+/// nothing under the root, ground near enough for the feet counts too.
 pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
     let below = support(scene, place, level);
     let Support::Below(_) = below else {
@@ -87,20 +85,20 @@ pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
     }
 }
 
-/// Height of what is to stand on at `place` for one that stood at height `level` before the ground
-/// there changed. `None` where the ground has gone, or a wall has come.
-fn stands_anew(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
+/// Height of what to stand on at `place` after the ground changed, for a character that stood at
+/// height `level`. `None` if the ground has gone, or a wall has come.
+fn height_after_change(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
     match stands_on(scene, place, level) {
         Support::At(height) => Some(height),
         Support::Above => risen(scene, place, level),
-        // From below the plane is not seen.
+        // The ground plane cannot be seen from below.
         Support::Below(None) => Some(scene.ground_y_m()).filter(|&ground| ground > level),
         Support::Below(Some(_)) => None,
     }
 }
 
-/// Height of the ground that has come up over `level` at `place`. An object that was moved there is
-/// none.
+/// Height of the ground that has risen above `level` at `place`. An object that was moved there
+/// does not count.
 fn risen(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
     [LOOK_FROM_M, RISES_M].into_iter().find_map(|up| {
         let hit = scene.support(place.with_y(level + up), up, None)?;
@@ -114,14 +112,14 @@ fn risen(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
 pub(in crate::live) struct Footing {
     #[serde(with = "crate::saved::legs")]
     legs: Arc<[Leg]>,
-    /// Frame of the first lift. Frames before and behind are lifted as the nearest that is there.
+    /// Frame of the first lift. Frames outside the list have the nearest lift in it.
     first: i64,
     lifts: Vec<Lift>,
-    /// Height of what it stands on at the frame that was settled last, metres.
+    /// Height of what the character stood on in the newest settled frame, metres.
     level: f32,
-    /// The frame behind which lifts are to be worked out again.
+    /// Lifts after this frame are to be worked out again.
     stale: Option<i64>,
-    /// Where it stood on its feet last, and the revision of the scene then.
+    /// Where the character last stood on its feet, and the scene's revision then.
     stood: Option<(Vec3, u64)>,
     #[serde(skip)]
     scratch: Vec<Lift>,
@@ -130,7 +128,7 @@ pub(in crate::live) struct Footing {
 }
 
 impl Footing {
-    /// A character that stands at height `level`.
+    /// A character that stands at height `level`, metres.
     pub(in crate::live) fn new(skeleton: &Skeleton, level: f32) -> Self {
         Self {
             legs: legs(skeleton).into(),
@@ -144,47 +142,46 @@ impl Footing {
         }
     }
 
-    /// The legs of the skeleton.
+    /// The legs of the skeleton, in its order.
     pub(super) fn legs(&self) -> &Arc<[Leg]> {
         &self.legs
     }
 
-    /// Height of what it stands on, metres.
+    /// Height of what the character stands on, metres.
     pub(super) fn level(&self) -> f32 {
         self.level
     }
 
-    /// What it stands on is this high now. Less than [`LEVEL_M`] is no step.
+    /// Notes that the character now stands at height `height`. Less than [`LEVEL_M`] is no step.
     pub(super) fn step_to(&mut self, height: f32) {
         if (height - self.level).abs() > LEVEL_M {
             self.level = height;
         }
     }
 
-    /// Notes that it stands on its feet, its root at `place`.
+    /// Notes that the character stands on its feet with its root at `place`.
     pub(super) fn stands(&mut self, scene: &Scene, place: Vec3) {
         self.stood = Some((place.with_y(self.level), scene.revision()));
     }
 
-    /// Height of what is under its root at `place` now, where the ground that it stands on has gone
-    /// up, or down by a step, since [`Footing::stands`]. Whoever has walked into something has not
-    /// had the ground change: that is looked at where it stood.
+    /// Height of what is under the root at `place`, if the ground that the character stands on has
+    /// risen, or sunk by a step, since [`Footing::stands`]. The check looks at where the character
+    /// stood then: ground does not change because somebody walks into something.
     pub(super) fn shifted(&self, scene: &Scene, place: Vec3) -> Option<f32> {
         let (stood, revision) = self.stood?;
         if scene.revision() == revision {
             return None;
         }
-        let there = stands_anew(scene, stood, stood.y)?;
+        let there = height_after_change(scene, stood, stood.y)?;
         if (there - stood.y).abs() <= LEVEL_M {
             return None;
         }
-        let here = stands_anew(scene, place, self.level)?;
+        let here = height_after_change(scene, place, self.level)?;
         ((here - there).abs() <= STEP_M).then_some(here)
     }
 
-    /// The ground that it stands on is at `height` now: it goes there in the frames behind `shown`,
-    /// as it stands or walks; at once where that is far. The first frame at that height, where it
-    /// took some.
+    /// Moves the character to ground of height `height` in the frames after `shown`: evenly, or at
+    /// once if it is far. Returns the last frame of the movement, if it takes any.
     pub(super) fn shift(&mut self, shown: i64, height: f32) -> Option<i64> {
         let from = self.at(shown);
         let far = (height - from.root_m).abs();
@@ -193,8 +190,8 @@ impl Footing {
             return None;
         }
         self.keep(shown - BEFORE_FRAMES, shown);
-        // It starts as fast as it may and comes to rest evenly: ground that goes on moving is
-        // followed.
+        // It starts at the highest rate and comes to rest evenly, so it also follows ground that
+        // keeps moving.
         let frames = (2.0 * far / RISE_RATE_M).ceil().max(1.0) as i64;
         for frame in 1..=frames {
             let left = 1.0 - frame as f32 / frames as f32;
@@ -234,15 +231,15 @@ impl Footing {
         lift_frame(skeleton, &self.legs, root, rotations, &lift);
     }
 
-    /// Frames behind `shown` are lifted evenly, by `level`: they are in the air or come to stand
-    /// there.
+    /// Lifts the frames after `shown` evenly by `level`: there the character is in the air, or
+    /// lands.
     pub(super) fn level_from(&mut self, shown: i64, level: f32) {
         self.keep(shown - BEFORE_FRAMES, shown);
         self.lifts.push(Lift::even(level));
         self.level = level;
     }
 
-    /// Keeps the lifts of frames `oldest` to `shown`.
+    /// Keeps the lifts of frames `oldest` to `shown`, and drops all others.
     fn keep(&mut self, oldest: i64, shown: i64) {
         let from = self.first.max(oldest).min(shown);
         let mut kept = std::mem::take(&mut self.scratch);
@@ -253,20 +250,20 @@ impl Footing {
         self.first = from;
     }
 
-    /// The frames behind `shown` have changed. Their lifts are worked out when the next frame is
-    /// settled, with the scene as it is then: a plan may come at any moment.
+    /// Notes that the frames after `shown` have changed. A plan may arrive at any moment, so their
+    /// lifts are worked out when the next frame is settled, with the scene as it is then.
     pub(super) fn changed(&mut self, shown: i64) {
         self.stale = Some(self.stale.map_or(shown, |stale| stale.min(shown)));
     }
 
-    /// The frame behind which lifts are to be worked out again, once.
+    /// Takes the frame after which lifts are to be worked out again.
     pub(super) fn take_changed(&mut self) -> Option<i64> {
         self.stale.take()
     }
 
-    /// Works out the lifts of the frames behind `shown`, which have changed, or the ground has.
+    /// Works out the lifts of the frames after `shown`, because they or the ground have changed.
     pub(super) fn renew(&mut self, shown: i64, buffer: &MotionBuffer, scene: &Scene, skeleton: &Skeleton) {
-        // Frames up to `shown` may be still to come.
+        // Frames up to `shown` may lie ahead.
         self.keep(buffer.first(), shown);
         let from = self.first.max(shown - BEFORE_FRAMES);
         let (level, last) = (self.level, buffer.last());
@@ -297,8 +294,8 @@ impl Footing {
         }
     }
 
-    /// Notes what is under the root at the frames to come, step by step; says whether any of it, or
-    /// near it, is at another height than where the character stands now.
+    /// Notes what is under the root step by step in the frames to come. Answers whether any of it,
+    /// or anything near it, differs in height from where the character stands now.
     fn look_ahead(&mut self, from: i64, last: i64, buffer: &MotionBuffer, scene: &Scene) -> bool {
         self.levels.clear();
         let roots = buffer.range(from, last).roots;
@@ -324,8 +321,8 @@ impl Footing {
         uneven || self.near_steps(scene)
     }
 
-    /// Whether there is nothing but the ground plane along the way, which is where the character
-    /// stands: most often so.
+    /// Whether there is only the ground plane along the way, at the height at which the character
+    /// stands. Mostly so.
     fn is_plain(&self, roots: &[Vec3], scene: &Scene) -> bool {
         const MARGIN: Vec3 = Vec3::new(1.0, STEP_M, 1.0);
         let low = roots.iter().copied().fold(Vec3::INFINITY, Vec3::min);
@@ -338,7 +335,7 @@ impl Footing {
             )
     }
 
-    /// Whether the ground beside the way is at another height: a foot may stand there.
+    /// Whether a foot may land on ground of another height beside the way.
     fn near_steps(&self, scene: &Scene) -> bool {
         const ASIDE_M: f32 = 0.3;
         self.levels.iter().step_by(4).any(|&(root, height)| {
@@ -351,7 +348,7 @@ impl Footing {
 }
 
 /// Height of the ground under a foot: within a step of what the root is over when it is nearest.
-/// NaN where there is none.
+/// NaN if there is none.
 fn ground(scene: &Scene, levels: &[(Vec3, f32)], level: f32, x: f32, z: f32) -> f32 {
     let foot = Vec3::new(x, 0.0, z);
     let nearest = (levels.iter()).min_by(|a, b| {

@@ -1,4 +1,4 @@
-//! Standing up from a low pose that an interaction left off in, before anything else.
+//! Standing up from a low pose that an interaction left, before anything else happens.
 
 use troupe_motion::Vec3;
 use troupe_motion::fk::joint_transform;
@@ -7,22 +7,21 @@ use troupe_motion::rotation::yaw;
 use troupe_motion::stance::stance_transition;
 
 use super::super::buffer::Frames;
-use super::{Behaviour, Body, Doing};
+use super::{Behaviour, CharacterParts, Doing};
 use crate::primitives::object::recipe::LOW_STANCE;
 use crate::scene::Scene;
 
 impl Behaviour {
-    /// Whether the character is busy standing up, or has to. When it is done its locomotion goes
-    /// on.
-    pub(super) fn settle_rise(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
-        let splice = frame + body.timeline.look_ahead();
+    /// Whether the character is standing up or must stand up. After that its locomotion goes on.
+    pub(super) fn settle_rise(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
+        let splice = frame + parts.timeline.look_ahead();
         if let Some(until) = self.gets_up_until {
             if splice < until {
                 return true;
             }
             self.gets_up_until = None;
-            let command = body.locomotion.command().clone();
-            body.move_on(frame, command, false);
+            let command = parts.locomotion.command().clone();
+            parts.move_on(frame, command, false);
             return false;
         }
         let on_foot = match &self.doing {
@@ -31,28 +30,29 @@ impl Behaviour {
             Doing::Falling(_) => false,
         };
         // Locomotion would go on from there.
-        let next = body.timeline.soonest(frame);
-        if !on_foot || !std::mem::take(&mut self.left_off) || !(body.is_low(splice) || body.is_low(next)) {
+        let next = parts.timeline.soonest(frame);
+        if !on_foot || !std::mem::take(&mut self.left_off) || !(parts.is_low(splice) || parts.is_low(next)) {
             return false;
         }
-        body.timeline.forget_flight();
-        body.carry.due(splice);
-        let upright = body.get_up(splice);
-        body.renew_footing(splice, scene);
+        parts.timeline.forget_flight();
+        parts.post.carry.due(splice);
+        let upright = parts.get_up(splice);
+        parts.renew_footing(splice, scene);
         self.gets_up_until = Some(upright);
         true
     }
 }
 
-impl Body<'_> {
-    /// The hips are lower than any that the networks know, and than the style has them.
+impl CharacterParts<'_> {
+    /// Whether the hips are lower than the networks know and than the style has them.
     fn is_low(&self, frame: i64) -> bool {
         let style = &self.locomotion.command().style;
         let (hips, low) = (self.timeline.buffer().root(frame).y, self.rig.low_hips_m);
         hips < low && style.idle().height_m > low
     }
 
-    /// Writes the way up from frame `splice` on; the frame at which the character is upright.
+    /// Writes the way up from frame `splice` on. Returns the frame at which the character is
+    /// upright.
     fn get_up(&mut self, splice: i64) -> i64 {
         let skeleton = &self.rig.skeleton;
         let idle = self.locomotion.command().style.idle();
@@ -61,7 +61,7 @@ impl Body<'_> {
         if let Some(pelvis) = rotations.first_mut() {
             *pelvis = (yaw(root.heading) * *pelvis).normalize();
         }
-        let legs = self.footing.legs();
+        let legs = self.post.footing.legs();
         let feet = |posed: Posed<'_>| {
             let places = legs
                 .iter()

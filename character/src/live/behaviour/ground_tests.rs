@@ -43,7 +43,7 @@ fn an_empty_scene_on_flat_ground_changes_no_bit() {
     }
 }
 
-/// A rig on a platform of this height, which ends half a metre ahead; lower ground is at 0.
+/// A harness on a platform of this height that ends half a metre ahead; lower ground is at 0.
 fn on_platform(height: f32) -> Harness {
     let rig = Harness::new();
     let platform = block("platform", [0.0, 0.5 * height, -1.5], [2.0, 0.5 * height, 2.0]);
@@ -85,7 +85,7 @@ fn falls_end_when_the_projectile_lands() {
                 "{height} m: {landed}, not {want}"
             );
             assert!((speed_mps - 9.81 * seconds).abs() < 0.6, "{speed_mps}");
-            // Feet come to the ground and not below it, and it walks on.
+            // Feet come to the ground and not below it, and the character walks on.
             rig.run(120);
             for index in 0..rig.frames.len() {
                 let low = rig.joints(index)[12].y.min(rig.joints(index)[15].y);
@@ -101,8 +101,8 @@ fn falls_end_when_the_projectile_lands() {
 }
 
 #[test]
-fn one_with_its_feet_on_the_edge_does_not_fall() {
-    // The edge comes nearer, and then lies behind the root: by 0.1 m, where its feet still are, and
+fn a_character_with_its_feet_on_the_edge_does_not_fall() {
+    // The edge comes nearer and then lies behind the root: by 0.1 m, which the feet still span, and
     // by 0.2 m.
     for (edge, falls) in [(-0.1, false), (-0.2, true)] {
         let mut rig = on_platform(1.0);
@@ -124,7 +124,7 @@ fn one_with_its_feet_on_the_edge_does_not_fall() {
 }
 
 #[test]
-fn a_narrow_gap_is_no_edge() {
+fn a_character_does_not_fall_into_a_narrow_gap() {
     for (gap, falls) in [(0.1, false), (0.24, false), (0.6, true)] {
         let mut rig = on_platform(1.0);
         let before = block("before", [0.0, 0.5, -1.5], [2.0, 0.5, 2.0]);
@@ -146,7 +146,7 @@ fn a_narrow_gap_is_no_edge() {
 }
 
 #[test]
-fn a_fall_takes_over_as_any_plan_does() {
+fn a_fall_fades_in_like_a_plan() {
     for (height, speed) in [(0.5, 1.2), (1.0, 0.6), (2.0, 1.2)] {
         let mut rig = on_platform(height);
         rig.walk(0.0, speed);
@@ -160,10 +160,10 @@ fn a_fall_takes_over_as_any_plan_does() {
         let (ordinary, _) = rig.roughness(0);
         rig.run(8);
         let (acceleration, _) = rig.roughness(fell - 3);
-        // Gravity comes to it, and legs that are drawn up.
+        // Gravity adds to it, and legs that are drawn up.
         assert!(
             acceleration < ordinary + 9.81 + 10.0,
-            "{height} m: {acceleration} m/s² where plans have {ordinary}"
+            "{height} m: {acceleration} m/s² ; plans have {ordinary}"
         );
     }
 }
@@ -185,9 +185,8 @@ fn a_command_during_a_fall_holds_after_it() {
 }
 
 #[test]
-fn one_who_is_to_move_goes_on_before_it_is_upright() {
-    // Frames from the landing to where it goes over the ground by 0.3 m/s again, and to the end of
-    // the activity.
+fn a_landed_character_moves_on_before_it_is_upright() {
+    // Frames from the landing to 0.3 m/s over the ground, and to the end of the activity.
     let times = |moves: bool| {
         let mut rig = on_platform(2.0);
         rig.walk(0.0, 1.2);
@@ -216,7 +215,7 @@ fn one_who_is_to_move_goes_on_before_it_is_upright() {
 }
 
 #[test]
-fn one_whose_ground_is_taken_away_falls_where_it_stands() {
+fn a_character_falls_if_its_ground_is_taken_away() {
     let mut rig = on_platform(1.0);
     rig.run(40);
     rig.scene.update(|scene| scene.set_colliders(&[])).unwrap();
@@ -227,7 +226,7 @@ fn one_whose_ground_is_taken_away_falls_where_it_stands() {
 }
 
 #[test]
-fn an_approach_that_falls_fails() {
+fn a_fall_fails_an_approach() {
     let mut rig = on_platform(1.0);
     let cup = rig.definitions.get("cup").unwrap().definition;
     rig.scene
@@ -243,7 +242,7 @@ fn an_approach_that_falls_fails() {
     assert_eq!(rig.object("cup").state, State::Free);
 }
 
-/// A rig that has walked over a step up or down, 1 m ahead, at 1 m/s for three seconds.
+/// A harness that has walked for three seconds at 1 m/s over a step up or down, 1 m ahead.
 fn over_step(height: f32) -> Harness {
     let rig = Harness::new();
     let (ground, top) = (height.min(0.0), height.max(0.0));
@@ -282,7 +281,7 @@ fn steps_are_taken_in_stride() {
 }
 
 #[test]
-fn what_is_more_than_a_step_is_a_wall_or_a_fall() {
+fn more_than_a_step_is_a_wall_or_a_fall() {
     let rig = over_step(0.35);
     assert!(rig.events.is_empty(), "{:?}", rig.events);
     let high = rig.frames.iter().map(|frame| frame.root.y).fold(0.0, f32::max);
@@ -291,7 +290,7 @@ fn what_is_more_than_a_step_is_a_wall_or_a_fall() {
 }
 
 #[test]
-fn a_wall_is_no_step() {
+fn a_wall_is_not_stepped_onto() {
     let mut rig = Harness::new();
     let wall = block("wall", [0.0, 1.0, 1.5], [2.0, 1.0, 0.2]);
     rig.scene
@@ -314,8 +313,8 @@ fn a_wall_is_no_step() {
     assert_eq!(hit.surface, Surface::Collider("wall".into()));
 }
 
-/// A rig on a platform of 3 m with a higher block this far behind its edge, which is half a metre
-/// ahead.
+/// A harness on a platform of 3 m that ends half a metre ahead, and a higher block this far beyond
+/// its edge.
 fn before_a_wall(gap: f32) -> Harness {
     let rig = on_platform(3.0);
     let platform = block("platform", [0.0, 1.5, -1.5], [2.0, 1.5, 2.0]);
@@ -327,7 +326,7 @@ fn before_a_wall(gap: f32) -> Harness {
 }
 
 #[test]
-fn one_who_falls_against_a_wall_comes_down_before_it() {
+fn a_fall_against_a_wall_ends_in_front_of_it() {
     for gap in [0.4, 0.7, 1.5] {
         for speed in [1.2, 3.0] {
             let mut rig = before_a_wall(gap);
@@ -337,7 +336,7 @@ fn one_who_falls_against_a_wall_comes_down_before_it() {
                 .unwrap() as usize;
             rig.walk(0.0, 0.0);
             rig.run(90);
-            // That it does not go as fast as it is told is another matter.
+            // `bounded` events do not matter here: the command is faster than the style.
             let mut words = rig.words();
             words.retain(|word| *word != "bounded");
             assert_eq!(words, ["fell", "landed"], "{gap} m, {speed} m/s");
@@ -351,7 +350,7 @@ fn one_who_falls_against_a_wall_comes_down_before_it() {
             assert!(far < 0.5 + gap - 0.2, "{gap} m, {speed} m/s: hips at {far}");
             let last = rig.frames.last().unwrap().root;
             assert!((last.y - 0.9).abs() < 0.03, "{last}");
-            // Braked, rather than stopped: the landing is harder.
+            // The wall brakes the character, so the landing is harder.
             let (acceleration, step) = rig.roughness(fell - 3);
             assert!(step < impact / 30.0 + 0.15, "{step}");
             assert!(acceleration < 150.0, "{gap} m, {speed} m/s: {acceleration} m/s²");
@@ -360,7 +359,7 @@ fn one_who_falls_against_a_wall_comes_down_before_it() {
 }
 
 #[test]
-fn a_slope_is_landed_on() {
+fn a_fall_ends_on_a_slope() {
     let rig = Harness::new();
     let platform = block("platform", [0.0, 0.5, -1.5], [2.0, 0.5, 2.0]);
     let mut slope = block("slope", [0.0, -0.5, 2.0], [2.0, 0.5, 4.0]);
@@ -388,8 +387,8 @@ fn a_slope_is_landed_on() {
 }
 
 #[test]
-fn networks_that_take_long_are_not_asked_to_go_on_from_a_seat() {
-    // Late plans: a character that goes down sits by when the next one takes over.
+fn slow_networks_do_not_start_from_a_seat() {
+    // Late plans: when the next one takes over, the character is sitting down.
     let sitting_down = || {
         let mut rig = Harness::new();
         rig.clock = Clock::Runs;
@@ -423,8 +422,8 @@ fn networks_that_take_long_are_not_asked_to_go_on_from_a_seat() {
 }
 
 #[test]
-fn a_pit_that_no_fall_ends_in_is_no_edge() {
-    // A fall of 20 s is as long as they come.
+fn a_bottomless_pit_starts_no_fall() {
+    // Falls last 20 s at most.
     for (deep, falls) in [(1900.0, true), (2500.0, false)] {
         let rig = on_platform(1.0);
         rig.scene
@@ -444,7 +443,7 @@ fn a_pit_that_no_fall_ends_in_is_no_edge() {
 }
 
 #[test]
-fn one_that_starts_inside_of_something_stands_on_its_feet() {
+fn a_character_that_starts_inside_something_stands_on_its_feet() {
     let tower = block("tower", [0.0, 5.0, 0.0], [5.0, 5.0, 5.0]);
     let rig = Harness::new();
     rig.scene.update(|scene| scene.set_colliders(&[tower])).unwrap();
@@ -467,7 +466,7 @@ fn one_that_starts_inside_of_something_stands_on_its_feet() {
 }
 
 #[test]
-fn who_falls_while_performing_performs_no_more() {
+fn a_fall_ends_a_performance() {
     for clock in [Clock::Waits, Clock::Runs] {
         let mut rig = on_platform(1.0);
         rig.clock = clock;

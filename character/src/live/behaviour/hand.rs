@@ -1,4 +1,4 @@
-//! An object in a character's hand: where it is from frame to frame, and how it is put down.
+//! An object in a character's hand: its place from frame to frame, and how it is put down.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -15,23 +15,23 @@ use crate::scene::{MAX_COORDINATE_M, Scene, SceneError, Transform};
 /// Frames over which an object turns in the hand before it is put down.
 const REST_FRAMES: f32 = 10.0;
 
-/// What a character holds.
+/// The object that a character holds.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Hand {
     pub(super) instance: Arc<str>,
     #[serde(with = "crate::saved::definition")]
     pub(super) definition: Arc<Definition>,
-    /// Index of the variant by which it was taken.
+    /// Index of the variant that took the object.
     pub(super) variant: usize,
     /// Index of the socket in the definition.
     socket: usize,
-    /// The frame at which it was attached.
+    /// The frame at which the object was attached.
     since: i64,
-    /// Where it was then, in the joint's frame.
+    /// The object's place in the joint's frame of reference when it was attached.
     from: Transform,
-    /// Where the socket has it, in the joint's frame.
+    /// Its place in the socket, in the joint's frame of reference.
     held: Transform,
-    /// The frame at which it is put down, and where it is then in the joint's frame.
+    /// The frame at which it is put down, and its place in the joint's frame of reference then.
     rest: Option<(i64, Transform)>,
 }
 
@@ -43,11 +43,11 @@ pub(super) struct Refused {
 }
 
 impl Hand {
-    /// Takes the object `instance` to socket `socket`, at frame `frame` of which `posed` is what is
-    /// shown.
+    /// Takes the object `instance` into socket `socket`, at frame `frame`, which shows the pose
+    /// `posed`.
     ///
     /// # Errors
-    /// [`Refused`] where the scene does not have it, or somebody else does.
+    /// [`Refused`] if the object is not in the scene, or somebody else has it.
     pub(super) fn take(
         world: &World,
         skeleton: &Skeleton,
@@ -95,21 +95,21 @@ impl Hand {
         self.definition.sockets.get(self.socket)
     }
 
-    /// Where the object is in a frame, which may lie between two of the timeline; `posed` is what
-    /// is shown.
+    /// The object's place in the world in a frame that shows `posed`. The frame may lie between two
+    /// of the timeline.
     pub(super) fn transform(&self, skeleton: &Skeleton, frame: f64, posed: Posed<'_>) -> Transform {
         let Some(socket) = self.socket() else {
             return self.from;
         };
         let at = joint(skeleton, socket, posed) * self.offset(socket, frame);
-        // It comes upright as it comes into the socket, and is put down as its rule has it.
+        // It turns upright on its way into the socket, and is put down by its rule.
         let since = (frame - self.since as f64) as f32;
         let rest = self.rest.map_or(0.0, |(end, _)| rest_share(end, frame));
         self.raised(socket, at, socket.share(since) * (1.0 - rest))
     }
 
-    /// An object at `at` that stands upright, where the socket has it so: turned by `share` of its
-    /// tilt about its middle.
+    /// An object at `at` turned upright about its middle by `share` of its tilt, if the socket
+    /// keeps it upright.
     fn raised(&self, socket: &Socket, at: Transform, share: f32) -> Transform {
         if !socket.upright {
             return at;
@@ -120,8 +120,8 @@ impl Hand {
         Transform::new(at.point(middle) - rotation * middle, rotation)
     }
 
-    /// Where the object is in the joint's frame. Frames of a session that lasts are many, so they
-    /// are not counted as `f32`.
+    /// The object's place in the joint's frame of reference. Frames are `f64`: a long session has
+    /// more than an `f32` counts exactly.
     fn offset(&self, socket: &Socket, frame: f64) -> Transform {
         let since = (frame - self.since as f64) as f32;
         let held = socket.offset_at(self.from, self.held, since);
@@ -135,9 +135,9 @@ impl Hand {
         )
     }
 
-    /// What becomes of the object when it is put down in a frame: how far up its middle goes,
-    /// metres (down where that is negative), and where it then is in the joint's frame. `None`
-    /// where there is no place for it.
+    /// How far up the object's middle moves when it is put down in a frame, metres (negative:
+    /// down), and its place in the joint's frame of reference then. `None` if there is no place for
+    /// it.
     pub(super) fn on_release(
         &self,
         scene: &Scene,
@@ -153,13 +153,13 @@ impl Hand {
         Some((lift, joint.inverse() * placed))
     }
 
-    /// The object turns in the hand to where it is put down: at frame `rest.0` it is at `rest.1` in
-    /// the joint's frame.
+    /// Has the object turn in the hand to its final place: `rest.1` at frame `rest.0`, in the
+    /// joint's frame of reference.
     pub(super) fn comes_to_rest(&mut self, rest: (i64, Transform)) {
         self.rest = Some(rest);
     }
 
-    /// It is not put down: from `frame` on it goes back to its socket.
+    /// Keeps the object after all: from `frame` on it goes back to its socket.
     pub(super) fn stays(&mut self, frame: i64) {
         if let (Some(socket), Some(_)) = (self.socket(), self.rest) {
             self.from = self.offset(socket, frame as f64);
@@ -167,10 +167,10 @@ impl Hand {
         }
     }
 
-    /// Puts the object down from `at` by its definition's rule. Where it is now comes back.
+    /// Puts the object down from `at` by its definition's rule, and returns its new place.
     ///
     /// # Errors
-    /// [`Refused`] where there is no place, or the scene does not have it any more.
+    /// [`Refused`] if there is no place for it, or it is no longer in the scene.
     pub(super) fn put_down(&self, world: &World, at: Transform) -> Result<Transform, Refused> {
         let scene = world.scene.snapshot();
         let placement = self
@@ -183,8 +183,8 @@ impl Hand {
         self.release(world, placement.transform)
     }
 
-    /// Lets go of the object: it is put down by the rule, or, where there is no place for it, on
-    /// whatever is below it.
+    /// Lets go of the object: puts it down by its rule, or, if there is no place for it, on
+    /// whatever is below.
     pub(super) fn let_go(&self, world: &World, at: Transform) -> Option<Transform> {
         if let Ok(transform) = self.put_down(world, at) {
             return Some(transform);
@@ -204,8 +204,8 @@ impl Hand {
         self.release(world, transform).ok()
     }
 
-    /// Frees the object in the scene, at `transform`; at the edge of the world where that is beyond
-    /// it, for a scene does not take it there and it is to be in nobody's hand.
+    /// Frees the object in the scene, at `transform`. If that is beyond the edge of the world,
+    /// which a scene would refuse, it is freed at the edge.
     fn release(&self, world: &World, mut transform: Transform) -> Result<Transform, Refused> {
         let edge = Vec3::splat(MAX_COORDINATE_M);
         transform.position = transform.position.clamp(-edge, edge);
@@ -218,7 +218,7 @@ impl Hand {
     }
 }
 
-/// How far an object that is put down at frame `end` has turned towards it, 0 to 1.
+/// How far an object has turned towards being put down at frame `end`, 0 to 1.
 fn rest_share(end: i64, frame: f64) -> f32 {
     let share = 1.0 + (frame - end as f64) as f32 / REST_FRAMES;
     smoothstep(share.clamp(0.0, 1.0))
@@ -235,7 +235,7 @@ mod tests {
     use super::super::testing::{definitions, doll_rig};
     use super::*;
 
-    /// A hand that has taken the doll's cup to a socket that keeps it upright, or not.
+    /// A hand that has taken the doll's cup, into a socket that keeps it upright or not.
     fn hand(since: i64, upright: bool) -> Hand {
         let mut definition = (*definitions(&doll_rig()).get("cup").unwrap().definition).clone();
         definition.sockets[0].upright = upright;
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_upright_stands_about_its_middle() {
+    fn an_upright_object_turns_about_its_middle() {
         let rig = doll_rig();
         let joints = rig.skeleton.joint_count();
         let mut rotations = vec![Quat::IDENTITY; joints];
@@ -267,7 +267,7 @@ mod tests {
         assert!((tilt(leans) - 0.7).abs() < 1e-3 && tilt(stands) < 1e-3);
         let middle = hand(0, true).definition.body.volume.center();
         assert!(leans.point(middle).distance(stands.point(middle)) < 1e-5);
-        // It is taken as it lies, and comes upright as it comes into the socket.
+        // It is taken as it lies, and turns upright on its way into the socket.
         assert!(at(true, 0.0).rotation.angle_between(at(false, 0.0).rotation) < 1e-3);
         let coming: Vec<f32> = (0..6).map(|frame| tilt(at(true, f64::from(frame)))).collect();
         assert!(
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn after_days_what_is_held_moves_as_at_once() {
+    fn a_held_object_moves_smoothly_after_days() {
         let at = |since: i64| {
             let hand = Hand {
                 rest: Some((since + 20, Transform::new(Vec3::Y, Quat::IDENTITY))),

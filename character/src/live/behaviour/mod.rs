@@ -7,16 +7,15 @@
 //!     └──── ground ends ────┴──────► Falling ──── landed and up again ───────► Locomotion
 //! ```
 //!
-//! Who breaks off in a low pose stands up first ([`getting_up`]): the networks know no such poses.
+//! A character that breaks off in a low pose stands up first ([`getting_up`]): the networks know no
+//! such poses.
 //!
-//! This is the only place that knows both the timeline and the primitives of
-//! [`crate::primitives::object`]. Every frame is settled here first ([`Behaviour::settle`]); what
-//! is left to locomotion goes its usual way. The scene is read through snapshots, and changed only
-//! where an object is reserved, taken, put down or let go.
+//! Only this module knows both the timeline and the primitives of [`crate::primitives::object`].
+//! Every frame is settled here first ([`Behaviour::settle`]); locomotion does the rest. The scene
+//! is read through snapshots. It is changed only to reserve, take, put down or release an object.
 
-use serde::{Deserialize, Serialize};
 mod alignment;
-mod body;
+mod break_off;
 mod carry;
 mod check;
 mod events;
@@ -24,7 +23,9 @@ mod fall;
 mod footing;
 mod getting_up;
 mod hand;
+mod parts;
 mod plans;
+mod post_process;
 mod sets;
 mod skill;
 mod using;
@@ -33,6 +34,8 @@ mod using;
 mod carry_tests;
 #[cfg(test)]
 mod command_tests;
+#[cfg(test)]
+mod conflict_tests;
 #[cfg(test)]
 mod ground_tests;
 #[cfg(test)]
@@ -48,60 +51,60 @@ mod tests;
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
 use troupe_motion::ik::Posed;
+use troupe_motion::model::Rig;
 
+use super::event::EventLog;
 use super::timeline::Wish;
 use super::{
     Activity, CharacterEvent, EventKind, FailReason, HeldObject, Intent, Pins, Refusal, SUB_FRAMES, World,
 };
-use crate::primitives::{LocomotionCommand, PlanTargets};
+use crate::primitives::PlanTargets;
 use crate::scene::{Scene, Transform};
-use troupe_motion::model::Rig;
 
-pub(super) use body::Body;
-pub(super) use carry::Carry;
+use carry::Carry;
 use fall::Fall;
-pub(super) use footing::Footing;
-use footing::Support;
+use footing::{Footing, Support};
 use hand::{Hand, Refused};
+pub(super) use parts::CharacterParts;
+pub(super) use post_process::PostProcess;
 pub(super) use skill::find as skill;
 use using::Using;
 
-/// What is to be done about a frame.
+/// What a frame calls for.
 pub(super) enum Next {
-    /// What locomotion says.
+    /// Whatever locomotion asks for.
     Locomotion,
-    /// Nothing is to be asked for.
+    /// No plan.
     Wait,
     /// A plan to the keyframes of an object.
     Ask(Box<SetPlan>),
 }
 
-/// A plan to keyframes.
+/// A plan to keyframes, and when it is to take over.
 pub(super) struct SetPlan {
     pub(super) wish: Wish,
     pub(super) targets: PlanTargets,
     pub(super) pins: Pins,
 }
 
-/// What a character is about in its scene.
+/// What a character is doing in its scene.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Behaviour {
     #[serde(with = "crate::saved::world")]
     world: World,
     doing: Doing,
     hand: Option<Hand>,
-    /// An interaction has left the character in whatever pose it was in.
+    /// An interaction left the character in an arbitrary pose.
     left_off: bool,
-    /// It stands up until this frame.
+    /// The character stands up until this frame.
     gets_up_until: Option<i64>,
-    /// What a command asked for during a fall or a skill.
+    /// A command that came during a fall or a skill.
     waiting: Option<Intent>,
-    events: Vec<CharacterEvent>,
-    /// Frame of the last event.
-    told: u64,
-    /// Interactions that began so far.
+    events: EventLog,
+    /// Number of interactions that began so far.
     begun: u64,
 }
 
@@ -121,14 +124,14 @@ impl Behaviour {
             left_off: false,
             gets_up_until: None,
             waiting: None,
-            events: Vec::new(),
-            told: 0,
+            events: EventLog::default(),
             begun: 0,
         }
     }
 
-    /// Height of what a character stands on that starts at `place`, its root `hips_m` over its feet
-    /// or at them: the first surface at or below it, or, inside of something, where its feet are.
+    /// Height of what a new character stands on. Its root is at `place`, `hips_m` over its feet or
+    /// at their height. It is the first surface at or below `place`; inside of something, it is the
+    /// height of the feet.
     pub(super) fn floor_under(world: &World, place: Vec3, hips_m: f32) -> f32 {
         const ABOVE_M: f32 = 0.05;
         let scene = world.scene.snapshot();
@@ -141,15 +144,7 @@ impl Behaviour {
 
     /// Moves what happened since the last call to the end of `into`.
     pub(super) fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
-        into.append(&mut self.events);
-    }
-
-    /// Events are told in the order of their frames: keyframes of a set, which are told with its
-    /// last, may have been overtaken.
-    fn emit(&mut self, frame: i64, kind: EventKind) {
-        let frame = self.told.max(frame.max(0) as u64);
-        self.told = frame;
-        self.events.push(CharacterEvent { frame, kind });
+        self.events.take(into);
     }
 
     pub(super) fn activity(&self) -> Activity {
@@ -160,7 +155,7 @@ impl Behaviour {
         }
     }
 
-    /// What is in the hand, in the frame at the cursor, of which `posed` is what is shown.
+    /// The object in the hand at the cursor, whose frame shows `posed`.
     pub(super) fn held(&self, body_of: &Rig, cursor: i64, posed: Posed<'_>) -> Option<HeldObject> {
         let hand = self.hand.as_ref()?;
         let frame = cursor as f64 / f64::from(SUB_FRAMES);
@@ -170,13 +165,13 @@ impl Behaviour {
         })
     }
 
-    /// Whether something is in the hand.
+    /// Whether the hand holds an object.
     pub(super) fn holds(&self) -> bool {
         self.hand.is_some()
     }
 
-    /// Puts down what is in the hand, which is at `held`, and frees all that the character has in
-    /// the scene.
+    /// Puts down the object in the hand, which is at `held`, and frees everything that the
+    /// character has in the scene.
     pub(super) fn leave(self, held: Option<Transform>) {
         if let (Some(hand), Some(at)) = (&self.hand, held) {
             hand.let_go(&self.world, at);
@@ -187,11 +182,11 @@ impl Behaviour {
         }
     }
 
-    /// Whether a command could be carried out now.
+    /// Whether the character could carry out a command now.
     ///
     /// # Errors
-    /// [`Refusal`].
-    pub(super) fn check(&self, intent: &Intent, body: &Body<'_>) -> Result<(), Refusal> {
+    /// [`Refusal`] if not.
+    pub(super) fn check(&self, intent: &Intent, parts: &CharacterParts<'_>) -> Result<(), Refusal> {
         let Intent::Interact {
             instance,
             variant,
@@ -200,27 +195,27 @@ impl Behaviour {
         else {
             return Ok(());
         };
-        let root = body.timeline.buffer().root(body.timeline.frame());
-        let seed = self.seed(body);
+        let root = parts.timeline.buffer().root(parts.timeline.frame());
+        let seed = self.seed(parts);
         self.checked(
             instance,
             (variant.as_deref(), approach.as_deref()),
             seed,
             root,
-            body,
+            parts,
         )
         .map(|_| ())
     }
 
     /// Takes up a command at a frame. Answers whether locomotion goes by another command from now
     /// on.
-    pub(super) fn take_up(&mut self, intent: Intent, frame: i64, body: &mut Body<'_>) -> bool {
+    pub(super) fn take_up(&mut self, intent: Intent, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
         if let Doing::Falling(_) = self.doing {
             return match intent {
                 // It holds once the character stands again.
                 Intent::Locomote(command) => {
                     self.waiting = None;
-                    body.locomotion.set_command(frame as u64, command);
+                    parts.locomotion.set_command(frame as u64, command);
                     true
                 }
                 other => {
@@ -229,25 +224,24 @@ impl Behaviour {
                 }
             };
         }
-        let Some(intent) = self.after_skill(intent, frame, body) else {
+        let Some(intent) = self.after_skill(intent, frame, parts) else {
             return false;
         };
         match intent {
             Intent::Locomote(command) => {
-                if !self.interrupt(frame, body, Some(&command)) {
-                    let same = super::character::same(body.locomotion.command(), &command);
-                    if same && body.locomotion.path().is_none() {
+                if !self.interrupt(frame, parts, Some(&command)) {
+                    if parts.locomotion.goes_by(&command) {
                         return false;
                     }
-                    body.locomotion.set_command(frame as u64, command);
-                    body.timeline.command_changed();
+                    parts.locomotion.set_command(frame as u64, command);
+                    parts.timeline.command_changed();
                 }
                 true
             }
             Intent::FollowPath(path) => {
-                self.interrupt(frame, body, None);
-                body.locomotion.set_path(frame as u64, path);
-                body.timeline.command_changed();
+                self.interrupt(frame, parts, None);
+                parts.locomotion.set_path(frame as u64, path);
+                parts.timeline.command_changed();
                 true
             }
             Intent::Interact {
@@ -255,31 +249,30 @@ impl Behaviour {
                 variant,
                 approach,
             } => {
-                self.interrupt(frame, body, None);
-                self.begin(&instance, variant.as_deref(), approach.as_deref(), frame, body);
+                self.interrupt(frame, parts, None);
+                self.begin(&instance, variant.as_deref(), approach.as_deref(), frame, parts);
                 false
             }
             Intent::Skill { name, variant } => {
-                self.interrupt(frame, body, None);
-                self.begin_skill(&name, variant.as_deref(), frame, body);
+                self.interrupt(frame, parts, None);
+                self.begin_skill(&name, variant.as_deref(), frame, parts);
                 false
             }
             Intent::EndInteraction => {
-                self.end(frame, body);
+                self.end(frame, parts);
                 false
             }
             Intent::Cancel => {
-                let standing = body.standing();
-                let stood = super::character::same(body.locomotion.command(), &standing)
-                    && body.locomotion.path().is_none();
-                if !self.interrupt(frame, body, None) && !stood {
-                    body.move_on(frame, standing, true);
+                let standing = parts.standing();
+                let stood = parts.locomotion.goes_by(&standing);
+                if !self.interrupt(frame, parts, None) && !stood {
+                    parts.move_on(frame, standing, true);
                 }
-                self.let_go(frame, body);
+                self.let_go(frame, parts);
                 true
             }
             Intent::Drop => {
-                self.drop_held(frame, body);
+                self.drop_held(frame, parts);
                 false
             }
             // The character makes way for it: see `Behaviour::make_way`.
@@ -287,186 +280,73 @@ impl Behaviour {
         }
     }
 
-    /// Ends what is held; an interaction that has not come to its object is broken off, and one
-    /// that is over but for the object in the hand goes on with its way out. A way out goes on: it
-    /// is the end that was asked for.
-    fn end(&mut self, frame: i64, body: &mut Body<'_>) {
+    /// Ends what is held. An interaction that has not reached its object breaks off. If only the
+    /// object in the hand is left of one, its way out begins. A way out goes on: it is the end that
+    /// the command asks for.
+    fn end(&mut self, frame: i64, parts: &mut CharacterParts<'_>) {
         match &mut self.doing {
             Doing::Using(using) if using.approaches() && !using.interaction.exits() => {
-                self.interrupt(frame, body, None);
+                self.interrupt(frame, parts, None);
             }
             Doing::Using(using) => using.end(),
-            Doing::Locomotion => self.begin_way_out(frame, body),
+            Doing::Locomotion => self.begin_way_out(frame, parts),
             Doing::Falling(_) => {}
         }
     }
 
-    /// Other motion than any of a scene is to come: an interaction is broken off, and nothing waits
-    /// for the end of a fall.
-    pub(super) fn make_way(&mut self, frame: i64, body: &mut Body<'_>) {
+    /// Makes way for a performance: breaks an interaction off, and drops a command that waits for
+    /// the end of a fall.
+    pub(super) fn make_way(&mut self, frame: i64, parts: &mut CharacterParts<'_>) {
         self.waiting = None;
-        self.interrupt(frame, body, None);
+        self.interrupt(frame, parts, None);
     }
 
-    /// Other motion than any of a scene has left the character in whatever pose it is in.
+    /// A performance left the character in an arbitrary pose.
     pub(super) fn leave_off(&mut self) {
         self.left_off = true;
     }
 
-    /// Other motion than any of a scene moves the frames behind `shown`.
-    pub(super) fn moved(&mut self, shown: i64, body: &mut Body<'_>) {
-        body.carry.due(shown);
-        self.settle_arm(shown, body);
+    /// A performance moves the frames after `shown`.
+    pub(super) fn moved(&mut self, shown: i64, parts: &mut CharacterParts<'_>) {
+        parts.post.carry.due(shown);
+        self.settle_arm(shown, parts);
         let scene = self.world.scene.snapshot();
-        body.renew_footing(shown, &scene);
-    }
-
-    /// Breaks off an interaction. Locomotion goes by `command`, or stands. Answers whether there
-    /// was one.
-    fn interrupt(&mut self, frame: i64, body: &mut Body<'_>, command: Option<&LocomotionCommand>) -> bool {
-        let Doing::Using(using) = &self.doing else {
-            return false;
-        };
-        if using.leaves() {
-            // It is over but for the last few frames.
-            self.go_through(frame, body);
-            return false;
-        }
-        let instance = Arc::clone(using.instance());
-        self.emit(frame, EventKind::Interrupted { instance });
-        self.stop_using(frame, body, command);
-        true
-    }
-
-    /// Has an interaction that locomotion takes over from come to its end at once: what was to
-    /// happen in the frames to come happens in this one.
-    fn go_through(&mut self, frame: i64, body: &mut Body<'_>) {
-        if let Err(refused) = self.pass_to(i64::MAX, frame, body) {
-            self.fail(frame, body, refused);
-        }
-    }
-
-    /// Breaks off an interaction that cannot go on; the character stands.
-    fn fail(&mut self, frame: i64, body: &mut Body<'_>, Refused { reason, message }: Refused) {
-        let Doing::Using(using) = &self.doing else {
-            return;
-        };
-        let instance = Arc::clone(using.instance());
-        self.emit(
-            frame,
-            EventKind::Failed {
-                instance,
-                reason,
-                message,
-            },
-        );
-        let waiting = self.waiting.take();
-        self.stop_using(frame, body, None);
-        if let Some(intent) = waiting {
-            self.take_up(intent, frame, body);
-        }
-    }
-
-    /// Frees what an interaction has reserved; locomotion goes by `command`, or stands. What is in
-    /// the hand stays there.
-    fn stop_using(&mut self, frame: i64, body: &mut Body<'_>, command: Option<&LocomotionCommand>) {
-        if let Doing::Using(using) = std::mem::replace(&mut self.doing, Doing::Locomotion) {
-            self.unreserve(&using);
-            let command = command.cloned().unwrap_or_else(|| body.standing());
-            body.move_on(frame, command, using.approaches());
-            self.left_off = true;
-            if let Some(hand) = &mut self.hand {
-                hand.stays(frame);
-            }
-        }
-    }
-
-    fn unreserve(&self, using: &Using) {
-        if using.is_skill() {
-            return;
-        }
-        let instance = &**using.instance();
-        let World { scene, holder, .. } = &self.world;
-        if scene
-            .snapshot()
-            .instance(instance)
-            .is_some_and(|it| it.state.holder() == Some(holder))
-        {
-            // A scene in which there was nothing to free is not published again.
-            let _ = scene.update(|scene| match scene.unreserve(instance, holder) {
-                true => Ok(()),
-                false => Err(()),
-            });
-        }
-    }
-
-    /// Puts down what is in the hand by its rule, where there is a place for it.
-    fn drop_held(&mut self, frame: i64, body: &Body<'_>) {
-        let Some(hand) = &self.hand else { return };
-        let at = hand.transform(&body.rig.skeleton, frame as f64, body.shown(frame).posed());
-        let instance = Arc::clone(&hand.instance);
-        let kind = match hand.put_down(&self.world, at) {
-            Ok(transform) => {
-                self.hand = None;
-                EventKind::Released { instance, transform }
-            }
-            Err(Refused { reason, message }) => {
-                if reason == FailReason::Removed {
-                    self.hand = None;
-                }
-                EventKind::Failed {
-                    instance,
-                    reason,
-                    message,
-                }
-            }
-        };
-        self.emit(frame, kind);
-    }
-
-    /// Lets go of what is in the hand, wherever it then comes to lie.
-    fn let_go(&mut self, frame: i64, body: &Body<'_>) {
-        let Some(hand) = self.hand.take() else { return };
-        let at = hand.transform(&body.rig.skeleton, frame as f64, body.shown(frame).posed());
-        if let Some(transform) = hand.let_go(&self.world, at) {
-            let instance = Arc::clone(&hand.instance);
-            self.emit(frame, EventKind::Released { instance, transform });
-        }
+        parts.renew_footing(shown, &scene);
     }
 
     /// Decides about the frame that the cursor is at.
-    pub(super) fn settle(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
-        let next = self.decide(frame, body);
-        self.settle_arm(frame, body);
+    pub(super) fn settle(&mut self, frame: i64, parts: &mut CharacterParts<'_>) -> Next {
+        let next = self.decide(frame, parts);
+        self.settle_arm(frame, parts);
         next
     }
 
-    fn settle_arm(&self, frame: i64, body: &mut Body<'_>) {
-        body.settle_arm(frame, self.hand.as_ref().and_then(Hand::socket));
+    fn settle_arm(&self, frame: i64, parts: &mut CharacterParts<'_>) {
+        parts.settle_arm(frame, self.hand.as_ref().and_then(Hand::socket));
     }
 
-    fn decide(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
+    fn decide(&mut self, frame: i64, parts: &mut CharacterParts<'_>) -> Next {
         let scene = self.world.scene.snapshot();
-        if let Some(from) = body.footing.take_changed() {
-            body.renew_footing(from, &scene);
+        if let Some(from) = parts.post.footing.take_changed() {
+            parts.renew_footing(from, &scene);
         }
-        self.watch_hand(&scene, frame, body);
-        if self.settle_rise(&scene, frame, body) {
+        self.watch_hand(&scene, frame, parts);
+        if self.settle_rise(&scene, frame, parts) {
             return Next::Wait;
         }
-        if self.lose_ground(&scene, frame, body) {
+        if self.lose_ground(&scene, frame, parts) {
             return Next::Wait;
         }
         match &self.doing {
             Doing::Locomotion => Next::Locomotion,
-            Doing::Falling(_) => self.settle_fall(frame, body),
-            Doing::Using(_) => self.settle_using(&scene, frame, body),
+            Doing::Falling(_) => self.settle_fall(frame, parts),
+            Doing::Using(_) => self.settle_using(&scene, frame, parts),
         }
     }
 
-    /// What was taken out of the scene, or put there again, is in nobody's hand any more; that ends
-    /// its use too.
-    fn watch_hand(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) {
+    /// Notices that the object in the hand was removed from the scene, or put there again. That
+    /// ends its use too.
+    fn watch_hand(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) {
         let lost = |hand: &mut Hand| {
             let there = scene.instance(&hand.instance);
             there.is_none_or(|it| it.state.holder() != Some(&self.world.holder))
@@ -475,12 +355,12 @@ impl Behaviour {
             return;
         };
         let reason = FailReason::Removed;
-        let message = format!("object {instance:?} was taken out of the scene, and of the hand");
+        let message = format!("object {instance:?} was removed from the scene, and from the hand");
         match &self.doing {
             Doing::Using(using) if !using.is_skill() && *using.instance() == instance => {
-                self.fail(frame, body, Refused { reason, message });
+                self.fail(frame, parts, Refused { reason, message });
             }
-            _ => self.emit(
+            _ => self.events.push(
                 frame,
                 EventKind::Failed {
                     instance,
@@ -491,33 +371,33 @@ impl Behaviour {
         }
     }
 
-    /// Looks at what a character on its feet stands on: a step is taken note of, ground that has
-    /// moved is followed, and where the ground ends a fall begins, unless it is busy with an
-    /// object. Answers whether one did.
-    fn lose_ground(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
+    /// Looks at what a character on its feet stands on: notes a step, and follows ground that has
+    /// moved. If the ground ends, a fall begins, unless the character is busy with an object.
+    /// Answers whether a fall began.
+    fn lose_ground(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
         let may_fall = match &self.doing {
             Doing::Locomotion => true,
             Doing::Using(using) => using.approaches(),
             Doing::Falling(_) => return false,
         };
-        let root = body.timeline.buffer().root(frame);
-        if root.y < body.rig.low_hips_m {
-            // What is under the hips of one who sits is no ground.
+        let root = parts.timeline.buffer().root(frame);
+        if root.y < parts.rig.low_hips_m {
+            // Whatever is under the hips of a seated character is no ground.
             return false;
         }
-        if may_fall && let Some(height) = body.footing.shifted(scene, root) {
-            body.shift_footing(frame, height, scene);
+        if may_fall && let Some(height) = parts.post.footing.shifted(scene, root) {
+            parts.shift_footing(frame, height, scene);
         }
-        match footing::stands_on(scene, root, body.footing.level()) {
+        match footing::stands_on(scene, root, parts.post.footing.level()) {
             Support::At(height) => {
-                body.footing.step_to(height);
+                parts.post.footing.step_to(height);
                 if may_fall {
-                    body.footing.stands(scene, root);
+                    parts.post.footing.stands(scene, root);
                 }
                 false
             }
-            Support::Below(Some(_)) if may_fall => self.begin_fall(scene, frame, body),
-            // A wall, or nothing to land on: it stays where it is.
+            Support::Below(Some(_)) if may_fall => self.begin_fall(scene, frame, parts),
+            // At a wall, or with nothing to land on, the character stays.
             Support::Above | Support::Below(_) => false,
         }
     }

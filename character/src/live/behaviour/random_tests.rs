@@ -1,4 +1,4 @@
-//! Anything at any time: commands, a scene that changes, plans that are late or fail.
+//! Anything at any time: commands, a changing scene, plans that are late or fail.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -10,24 +10,24 @@ use super::super::{Activity, Clock, EventKind, FailReason, Intent, PerformanceEn
 use super::testing::*;
 use crate::scene::{Holder, State};
 
-/// Which objects are in use, by what was told.
+/// Which objects are in use, according to the events.
 #[derive(Debug, Default)]
 struct Ends {
     /// Their use began.
     open: HashSet<Arc<str>>,
-    /// They were taken to the hand and may be there still: their way out needs no beginning.
+    /// They were taken into the hand and may still be there, so their way out needs no beginning.
     taken: HashSet<Arc<str>>,
     /// A set of their way out began.
     out: HashSet<Arc<str>>,
-    /// Commands to perform that began, and how many ended.
+    /// Commands to perform that began and have not ended.
     performs: HashSet<u64>,
-    /// There was no place for them: that ends their use, but not where they were only to be
+    /// There was no place to put them down. That ends their use, but not if they were only to be
     /// dropped.
     no_place: HashSet<Arc<str>>,
 }
 
 impl Ends {
-    /// Takes note of what was told next; whether it may be.
+    /// Notes the next event. Answers whether it may come now.
     fn allow(&mut self, kind: &EventKind) -> bool {
         match kind {
             EventKind::Started { instance, .. } => {
@@ -73,7 +73,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
-    fn whatever_happens_it_goes_on(events in prop::collection::vec(event(), 1..40), runs: bool) {
+    fn a_character_goes_on_whatever_happens(events in prop::collection::vec(event(), 1..40), runs: bool) {
         let mut rig = Harness::new();
         rig.clock = if runs { Clock::Runs } else { Clock::Waits };
         rig.run(1);
@@ -83,7 +83,7 @@ proptest! {
             let scene = rig.scene.snapshot();
             let mine: Vec<_> = scene.of_holder(&own).collect();
             prop_assert!(mine.len() <= 2, "{mine:?}");
-            // What happens to the scene it sees at its next frame.
+            // Changes of the scene show in the next frame.
             if matches!(event, Event::Frames(_))
                 && let Some(held) = rig.character.held()
                 && let Some(there) = scene.instance(&held.instance)
@@ -97,16 +97,16 @@ proptest! {
         prop_assert_eq!(rig.character.activity(), Activity::Locomotion);
         prop_assert!(rig.character.held().is_none());
         prop_assert_eq!(rig.scene.snapshot().of_holder(&Holder::new("a")).count(), 0);
-        // A plan that comes late where the clock runs has gone its way meanwhile. Where it turns
-        // round, the fade closes up to 2 * 1.2 m/s * 20 frames within 8 frames: 0.3 m a frame at
-        // its steepest, and the limbs that turn come to it. In time, what goes farthest (0.28 m in
-        // 1000 cases) is the knee of a leg that swings under one who goes down to the floor.
+        // A late plan takes over after its splice frame if the clock runs. If it turns round, the
+        // fade closes up to 2 * 1.2 m/s * 20 frames within 8 frames: 0.3 m a frame at its steepest,
+        // plus the turning limbs. In time, the farthest step (0.28 m in 1000 cases) is made by the
+        // knee of a swinging leg as the character goes down to the floor.
         let late = runs && events.iter().any(|event| matches!(event, Event::Plans(Plans::After(4..))));
         let most = if late { 0.5 } else { 0.3 };
         let (acceleration, step) = rig.roughness(0);
         prop_assert!(acceleration < 400.0 && step < most, "{} m/s², {} m", acceleration, step);
-        // What happened is told in order, and every interaction that began came to an end, once.
-        prop_assert!(rig.events.is_sorted_by_key(|event| event.frame), "{:?}", rig.told());
+        // Events come in order, and every interaction that began ends once.
+        prop_assert!(rig.events.is_sorted_by_key(|event| event.frame), "{:?}", rig.event_words());
         prop_assert!(rig.events.last().is_none_or(|last| last.frame <= rig.character.frame()));
         let mut ends = Ends::default();
         for event in &rig.events {
@@ -117,7 +117,7 @@ proptest! {
     }
 
     #[test]
-    fn a_waiting_clock_gives_the_same_whenever_plans_come(
+    fn a_waiting_clock_does_not_depend_on_when_plans_arrive(
         events in prop::collection::vec(event(), 1..40),
         delays in prop::collection::vec(0u32..8, 1..5),
         rate_hz in prop::sample::select(vec![30, 50, 60]),
@@ -135,8 +135,8 @@ proptest! {
     }
 }
 
-/// Two characters of one scene that take turns tick by tick; each takes every other event, and
-/// plans come so many ticks after they were asked for.
+/// Two characters in one scene that take turns tick by tick. Each gets every other event; plans
+/// arrive a number of ticks after their request.
 fn shared_scene(events: &[Event], delays: &[u32], rate_hz: u32) -> [Harness; 2] {
     let first = Harness::new();
     let (scene, definitions) = (Arc::clone(&first.scene), Arc::clone(&first.definitions));

@@ -1,5 +1,4 @@
-//! The motion of one set: its keyframes in full, and the way to them, by the networks or without
-//! them.
+//! The motion of one set: its full keyframes, and the way to them, made by the networks or without.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -14,7 +13,7 @@ use super::super::{FailReason, Pins};
 use super::footing::{Support, support};
 use super::hand::{Hand, Refused};
 use super::using::Using;
-use super::{Body, SetPlan, Wish};
+use super::{CharacterParts, SetPlan, Wish};
 use crate::object::{Action, Anchor, Moment, Origin, Set};
 use crate::primitives::object::recipe::{IN_PLACE_M, STANDS_MPS, STOPPED_TURN};
 use crate::primitives::object::{
@@ -23,40 +22,40 @@ use crate::primitives::object::{
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use crate::scene::{Scene, Transform};
 
-/// What is put down may stand so much lower or higher than the keyframe says, metres: the hand goes
-/// there. Farther below, it is let fall.
+/// An object may be put down this far below or above its keyframe, metres: the hand follows the
+/// surface. Farther below, the object falls.
 const PUT_DOWN_M: f32 = 0.4;
-/// How near the object comes to the surface, metres, in at most so many rounds: a hand that goes
-/// lower turns too.
+/// How near the object comes to the surface, metres, in at most this many rounds: a hand that moves
+/// lower also turns.
 const PUT_DOWN_NEAR_M: f32 = 0.003;
 const PUT_DOWN_ROUNDS: usize = 4;
 
-/// A set whose motion is to be made.
+/// A set whose motion is about to be made.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Prepared {
     /// Index of the set in the definition.
     pub(super) set: usize,
     /// The frame that the motion starts from.
     splice: i64,
-    /// Its keyframes, with heights over the ground.
+    /// The set's keyframes, with heights over the ground, metres.
     pub(super) keys: Vec<Key>,
     /// Height of the ground at the keyframes, metres.
     pub(super) ground: f32,
-    /// Where what is put down at the last of them comes to rest, in the frame of the joint that
-    /// holds it.
+    /// Where an object that is put down at the last keyframe comes to rest, in the frame of
+    /// reference of the joint that holds it.
     pub(super) rest: Option<Transform>,
 }
 
 impl Using {
-    /// Works out the keyframes of a set for a character that comes from frame `splice`, with `hand`
-    /// holding something.
+    /// Works out the keyframes of a set for a character that comes from frame `splice`, with the
+    /// object of `hand`.
     pub(super) fn prepare(
         &self,
         scene: &Scene,
         index: usize,
         splice: i64,
         hand: Option<&Hand>,
-        body: &Body<'_>,
+        parts: &CharacterParts<'_>,
     ) -> Result<Prepared, Refused> {
         let Some(set) = self.set(index) else {
             return Err(Refused {
@@ -64,23 +63,23 @@ impl Using {
                 message: format!("the definition has no set {index}"),
             });
         };
-        let from = body.flat(splice);
-        let level = body.footing.level();
+        let from = parts.flat(splice);
+        let level = parts.post.footing.level();
         let anchor = |ground_y| match set.origin {
             Origin::Object => self.anchor(ground_y),
-            Origin::Character => Anchor::of_character(body.root(splice), ground_y),
+            Origin::Character => Anchor::of_character(parts.root(splice), ground_y),
         };
         let ground = ground_at(scene, set, &anchor(level), from.root, level);
-        let style = &body.locomotion.command().style;
-        let parts = BodyParts {
-            skeleton: &body.rig.skeleton,
-            legs: body.footing.legs(),
+        let style = &parts.locomotion.command().style;
+        let body = BodyParts {
+            skeleton: &parts.rig.skeleton,
+            legs: parts.post.footing.legs(),
             standing: style.idle(),
         };
-        let make = |set: &Set| keys(set, &anchor(ground), ground, &parts, from);
+        let make = |set: &Set| keys(set, &anchor(ground), ground, &body, from);
         let keys = make(set);
         let keys = keys.map_err(|Unreachable { joint, short_m }| {
-            let joint = body
+            let joint = parts
                 .rig
                 .skeleton
                 .joints
@@ -89,7 +88,7 @@ impl Using {
             Refused {
                 reason: FailReason::OutOfReach,
                 message: format!(
-                    "set {:?}: {} stays {short_m:.2} m from its point",
+                    "set {:?}: {} cannot come nearer than {short_m:.2} m to its point",
                     set.name,
                     joint.unwrap_or("a joint")
                 ),
@@ -103,7 +102,7 @@ impl Using {
                         root: key.root + Vec3::Y * ground,
                         rotations: &key.rotations,
                     };
-                    hand.on_release(scene, &body.rig.skeleton, posed)
+                    hand.on_release(scene, &parts.rig.skeleton, posed)
                 };
                 let lowered = hand.socket().and_then(|socket| {
                     onto_surface(set, socket.joint, &keys, on_release, |set| make(set).ok())
@@ -127,10 +126,10 @@ fn puts_down(set: &Set) -> bool {
     events.any(|event| event.action == Action::Release && event.at != Moment::Start)
 }
 
-/// The keyframes of a set that puts down what `joint` holds, with the joint's points moved up or
-/// down so that the object is let go where it comes to lie, for a definition cannot know how high
-/// the surface is; and where it lies then in the joint's frame. `None` where the joint has no
-/// point, or the surface is too far or out of reach: then it falls.
+/// The keyframes of a set that puts down what `joint` holds, with the joint's points raised or
+/// lowered so that the object lands on the surface: a definition cannot know how high that is. Also
+/// returns where the object then lies in the joint's frame of reference. `None` if the joint has no
+/// point, or the surface is too far or out of reach: then the object falls.
 fn onto_surface(
     set: &Set,
     joint: usize,
@@ -158,7 +157,7 @@ fn onto_surface(
 }
 
 /// Height of what the character stands on at the last keyframe of `set`: what is under its root,
-/// but where the hips are low. One who sits keeps its feet on the ground that it stood on, at
+/// unless the hips are low. A seated character keeps its feet on the ground where it stood, at
 /// height `level`.
 fn ground_at(scene: &Scene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) -> f32 {
     let last = set
@@ -176,13 +175,18 @@ fn ground_at(scene: &Scene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) 
 
 impl Prepared {
     /// Whether the motion is made without the networks.
-    pub(super) fn is_stance(&self, set: &Set, body: &Body<'_>) -> bool {
-        suits_stance(set, &self.keys, body.flat(self.splice)) || self.is_there(set, body)
+    pub(super) fn is_stance(&self, set: &Set, parts: &CharacterParts<'_>) -> bool {
+        suits_stance(set, &self.keys, parts.flat(self.splice)) || self.is_there(set, parts)
     }
 
     /// Refuses a keyframe that is more than `farthest_m` away.
-    pub(super) fn check_way(&self, set: &Set, farthest_m: f32, body: &Body<'_>) -> Result<(), Refused> {
-        let from = body.flat(self.splice).root;
+    pub(super) fn check_way(
+        &self,
+        set: &Set,
+        farthest_m: f32,
+        parts: &CharacterParts<'_>,
+    ) -> Result<(), Refused> {
+        let from = parts.flat(self.splice).root;
         let ways = self.keys.iter().map(|key| (key.root - from).with_y(0.0).length());
         let way = ways.fold(0.0, f32::max);
         match way <= farthest_m {
@@ -197,12 +201,12 @@ impl Prepared {
         }
     }
 
-    /// Whether the character stopped for the set and stands where its keyframe is, but for a small
-    /// step or turn. The networks fill so short a way with gestures: an arm goes up before somebody
-    /// sits down.
-    fn is_there(&self, set: &Set, body: &Body<'_>) -> bool {
-        let (from, left_axis) = (body.root(self.splice), body.rig.skeleton.left_axis);
-        let speed = body.velocity(self.splice, VELOCITY_FRAMES as i64).length();
+    /// Whether the character stopped for the set and stands at its keyframe, apart from a small
+    /// step or turn. The networks fill so short a way with gestures: an arm goes up before the
+    /// character sits down.
+    fn is_there(&self, set: &Set, parts: &CharacterParts<'_>) -> bool {
+        let (from, left_axis) = (parts.root(self.splice), parts.rig.skeleton.left_axis);
+        let speed = parts.velocity(self.splice, VELOCITY_FRAMES as i64).length();
         let near = |key: &Key| {
             let to = key.global_root(left_axis);
             (to.position - from.position).with_y(0.0).length() < IN_PLACE_M
@@ -211,11 +215,11 @@ impl Prepared {
         set.from_stand && set.motion.is_none() && speed < STANDS_MPS && self.keys.iter().all(near)
     }
 
-    /// What to ask the networks for. `first`: it is the first set.
-    pub(super) fn plan(&self, set: &Set, still: bool, first: bool, body: &Body<'_>) -> SetPlan {
+    /// What to ask the networks for. `first`: this is the interaction's first set.
+    pub(super) fn plan(&self, set: &Set, still: bool, first: bool, parts: &CharacterParts<'_>) -> SetPlan {
         let way = Way {
-            from: body.root(self.splice),
-            velocity: body.velocity(self.splice, VELOCITY_FRAMES as i64),
+            from: parts.root(self.splice),
+            velocity: parts.velocity(self.splice, VELOCITY_FRAMES as i64),
             first,
         };
         SetPlan {
@@ -223,26 +227,27 @@ impl Prepared {
                 splice: self.splice,
                 still,
             },
-            targets: targets(set, &self.keys, body.rig, &way),
+            targets: targets(set, &self.keys, parts.rig, &way),
             pins: Pins {
                 keys: self.keys.clone(),
                 settles: set.comes_to_rest(),
-                legs: Arc::clone(body.footing.legs()),
-                fps: body.rig.fps,
+                legs: Arc::clone(parts.post.footing.legs()),
+                fps: parts.rig.fps,
             },
         }
     }
 
-    /// Writes the motion into the buffer without the networks; the frame of its last keyframe.
-    pub(super) fn write(&self, set: &Set, still: bool, body: &mut Body<'_>) -> i64 {
-        let skeleton = &body.rig.skeleton;
+    /// Writes the motion into the buffer without the networks. Returns the frame of its last
+    /// keyframe.
+    pub(super) fn write(&self, set: &Set, still: bool, parts: &mut CharacterParts<'_>) -> i64 {
+        let skeleton = &parts.rig.skeleton;
         let Some((first, others)) = self.keys.split_first() else {
             return self.splice;
         };
-        let from = body.flat(self.splice);
+        let from = parts.flat(self.splice);
         let (count, lean) = stance_frames(set, skeleton, from, first);
         let count = (count as usize).saturating_sub(others.len()).max(1);
-        let legs = body.footing.legs();
+        let legs = parts.post.footing.legs();
         let mut motion = stance_transition(skeleton, legs, from, first.posed(), count, lean);
         for key in others {
             motion.roots.push(key.root);
@@ -256,7 +261,7 @@ impl Prepared {
             rotations: &motion.rotations,
             contacts: &motion.contacts,
         };
-        body.timeline.put(self.splice, frames, !still);
-        body.timeline.buffer().last()
+        parts.timeline.put(self.splice, frames, !still);
+        parts.timeline.buffer().last()
     }
 }

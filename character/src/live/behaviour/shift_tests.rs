@@ -8,7 +8,7 @@ use super::super::EventKind;
 use super::testing::*;
 use crate::scene::{Collider, Scene, SceneError, Transform};
 
-/// Puts the scene again with the ground plane at this height and these colliders.
+/// Puts the scene again, with the ground plane at this height and these colliders.
 fn put_again(rig: &Harness, ground: f32, colliders: &[Collider]) {
     rig.scene
         .update(|scene| {
@@ -20,7 +20,7 @@ fn put_again(rig: &Harness, ground: f32, colliders: &[Collider]) {
         .unwrap();
 }
 
-/// A rig on bare ground at height 0 that has walked for a while, or stood.
+/// A harness on bare ground at height 0 that has walked or stood for a while.
 fn on_ground(walks: bool) -> Harness {
     let mut rig = Harness::new();
     put_again(&rig, 0.0, &[]);
@@ -31,7 +31,7 @@ fn on_ground(walks: bool) -> Harness {
     rig
 }
 
-/// Hips over the ground at the end, which is at `height`; what was shown since frame `from` made no
+/// Checks the height of the hips over ground at `height`, and that frames from `from` on made no
 /// jump.
 fn assert_on(rig: &Harness, from: usize, height: f32, what: &str) {
     assert!(rig.events.is_empty(), "{what}: {:?}", rig.events);
@@ -45,7 +45,7 @@ fn assert_on(rig: &Harness, from: usize, height: f32, what: &str) {
 }
 
 #[test]
-fn ground_that_comes_up_lifts_who_stands_on_it() {
+fn rising_ground_lifts_a_character() {
     for walks in [false, true] {
         for height in [0.1, 0.2, 0.5, 0.8, 1.5, -0.2] {
             let floor = block(
@@ -68,12 +68,12 @@ fn ground_that_comes_up_lifts_who_stands_on_it() {
 }
 
 #[test]
-fn ground_that_comes_up_far_is_stood_on_at_once() {
+fn ground_that_rises_far_lifts_a_character_at_once() {
     let mut rig = on_ground(false);
     put_again(&rig, 50.0, &[]);
     rig.run(3);
     assert_on(&rig, rig.frames.len() - 2, 50.0, "50 m");
-    // Not so what is a wall: nothing is to be stood on within two metres.
+    // Not onto a wall: there is nothing to stand on within two metres.
     let mut rig = on_ground(true);
     let tower = block("tower", [0.0, 10.0, 0.0], [5.0, 10.0, 5.0]);
     put_again(&rig, 0.0, &[tower]);
@@ -82,7 +82,7 @@ fn ground_that_comes_up_far_is_stood_on_at_once() {
 }
 
 #[test]
-fn ground_that_goes_up_and_down_carries_who_stands_on_it() {
+fn ground_that_moves_up_and_down_carries_a_character() {
     for rate in [0.003, 0.03, -0.03] {
         let mut rig = on_ground(false);
         for frame in 1..=60 {
@@ -97,7 +97,7 @@ fn ground_that_goes_up_and_down_carries_who_stands_on_it() {
 }
 
 #[test]
-fn a_wall_is_no_step_while_the_scene_changes() {
+fn a_changing_scene_does_not_make_a_wall_a_step() {
     let mut rig = Harness::new();
     put_again(&rig, 0.0, &[block("wall", [0.0, 0.4, 1.5], [2.0, 0.4, 0.3])]);
     let cup = rig.definitions.get("cup").unwrap().definition;
@@ -115,7 +115,7 @@ fn a_wall_is_no_step_while_the_scene_changes() {
 }
 
 #[test]
-fn who_sits_is_lifted_once_it_walks() {
+fn a_seated_character_is_lifted_once_it_walks() {
     let mut rig = Harness::new();
     rig.interact("bench", "sit").unwrap();
     rig.until(

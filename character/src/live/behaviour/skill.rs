@@ -1,18 +1,18 @@
-//! Skills: beginning one where the character stands, and what a command does meanwhile.
+//! Skills: how one begins where the character stands, and what a command does meanwhile.
 
 use std::sync::Arc;
 
 use super::super::{EventKind, Intent, Refusal};
 use super::check::variant;
 use super::using::Using;
-use super::{Behaviour, Body, Doing};
+use super::{Behaviour, CharacterParts, Doing};
 use crate::object::Definition;
 use crate::primitives::LocomotionCommand;
 use crate::primitives::object::Interaction;
 use crate::skill::Skills;
 
-/// A skill of a pack and the index of its variant, by their names, or by `seed` where the variant
-/// has none.
+/// A skill of a pack and the index of its variant, by name. Without a variant's name: one by weight
+/// and `seed`.
 ///
 /// # Errors
 /// [`Refusal::UnknownSkill`] or [`Refusal::UnknownSkillVariant`].
@@ -38,14 +38,14 @@ impl Behaviour {
         name: &Arc<str>,
         wanted: Option<&str>,
         frame: i64,
-        body: &mut Body<'_>,
+        parts: &mut CharacterParts<'_>,
     ) {
-        let seed = self.seed(body);
-        let Ok((definition, variant)) = find(body.skills, body.rig.name(), name, wanted, seed) else {
+        let seed = self.seed(parts);
+        let Ok((definition, variant)) = find(parts.skills, parts.rig.name(), name, wanted, seed) else {
             return;
         };
         self.begun += 1;
-        self.emit(
+        self.events.push(
             frame,
             EventKind::Started {
                 instance: Arc::clone(name),
@@ -56,14 +56,19 @@ impl Behaviour {
             },
         );
         let interaction = Interaction::new(Arc::clone(definition), variant);
-        let using = Using::where_it_stands(Arc::clone(name), interaction, frame, body);
+        let using = Using::where_it_stands(Arc::clone(name), interaction, frame, parts);
         self.doing = Doing::Using(Box::new(using));
     }
 
-    /// Keeps a command for the end of the skill that is under way, and has a held one left by its
-    /// exit: from the middle of a jump, or from the ground, locomotion cannot go on. The command
-    /// back where it need not wait.
-    pub(super) fn after_skill(&mut self, intent: Intent, frame: i64, body: &Body<'_>) -> Option<Intent> {
+    /// Keeps a command for the end of the skill that is under way, and ends a held skill by its
+    /// exit: locomotion cannot go on from the middle of a jump or from the floor. Returns the
+    /// command if it need not wait.
+    pub(super) fn after_skill(
+        &mut self,
+        intent: Intent,
+        frame: i64,
+        parts: &CharacterParts<'_>,
+    ) -> Option<Intent> {
         let Doing::Using(using) = &mut self.doing else {
             return Some(intent);
         };
@@ -71,7 +76,7 @@ impl Behaviour {
         let has_begun = using.interaction.now().is_some() && !using.leaves();
         if !waits || !using.is_skill() || !has_begun {
             if waits {
-                // What waited gives way to what comes after it.
+                // A later command replaces the one that waits.
                 self.waiting = None;
             }
             return Some(intent);
@@ -79,8 +84,8 @@ impl Behaviour {
         using.end();
         self.waiting = Some(match intent {
             Intent::Cancel => {
-                self.let_go(frame, body);
-                Intent::Locomote(LocomotionCommand::standing(&body.locomotion.command().style))
+                self.let_go(frame, parts);
+                Intent::Locomote(LocomotionCommand::standing(&parts.locomotion.command().style))
             }
             intent => intent,
         });

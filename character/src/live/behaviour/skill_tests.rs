@@ -10,7 +10,7 @@ fn is_held(kind: &EventKind) -> bool {
     matches!(kind, EventKind::Reached { set, .. } if set == "lie")
 }
 
-/// A rig that lies.
+/// A harness whose character lies.
 fn lying(mut rig: Harness) -> Harness {
     rig.skill("lie", "").unwrap();
     rig.until(200, is_held).expect("it lies down");
@@ -50,7 +50,7 @@ fn a_skill_is_done_where_the_character_stands_in_a_scene_or_none() {
             set: "lie".into(),
         };
         rig.run(100);
-        assert_eq!(rig.character.activity(), lies, "as long as nobody ends it");
+        assert_eq!(rig.character.activity(), lies, "until a command ends it");
         // Each keyframe counts from where the one before it left the character.
         let root = rig.frames.last().unwrap().root;
         assert!((root.z - 0.3).abs() < 0.02 && root.x.abs() < 0.02, "{root}");
@@ -63,7 +63,7 @@ fn a_skill_is_done_where_the_character_stands_in_a_scene_or_none() {
 }
 
 #[test]
-fn the_networks_make_it_low_hips_or_not() {
+fn the_networks_make_a_skill_at_any_hip_height() {
     let rig = lying(Harness::nowhere());
     let made = rig
         .requests
@@ -73,7 +73,7 @@ fn the_networks_make_it_low_hips_or_not() {
 }
 
 #[test]
-fn who_lies_gets_up_before_it_walks() {
+fn a_lying_character_gets_up_before_it_walks() {
     for turn in 0..3 {
         let mut rig = lying(Harness::nowhere());
         match turn {
@@ -117,7 +117,7 @@ fn a_jump_is_not_broken_off_in_the_air() {
 }
 
 #[test]
-fn a_skill_comes_after_another() {
+fn a_skill_waits_for_the_one_before() {
     let mut rig = lying(Harness::nowhere());
     rig.skill("spring", "").unwrap();
     rig.until(100, is_done).expect("it gets up");
@@ -131,7 +131,7 @@ fn a_skill_comes_after_another() {
 }
 
 #[test]
-fn one_that_walks_stops_first() {
+fn a_walking_character_stops_for_a_skill() {
     let mut rig = Harness::nowhere();
     rig.walk(0.0, 1.2);
     rig.run(60);
@@ -147,7 +147,7 @@ fn one_that_walks_stops_first() {
 }
 
 #[test]
-fn what_there_is_not_is_refused() {
+fn unknown_skills_and_variants_are_refused() {
     let mut rig = Harness::nowhere();
     let unknown = rig.skill("fly", "").unwrap_err();
     assert_eq!(unknown.to_string(), "pack dolls has no skill \"fly\"");
@@ -162,7 +162,7 @@ fn what_there_is_not_is_refused() {
 }
 
 #[test]
-fn an_object_of_the_same_name_has_nothing_to_do_with_it() {
+fn a_skill_and_an_object_may_have_the_same_name() {
     let rig = Harness::new();
     let body = std::sync::Arc::clone(&rig.definitions.get("cup").unwrap().definition.body);
     let there = crate::scene::Transform::new(Vec3::X * 5.0, Default::default());

@@ -1,4 +1,4 @@
-//! A doll with knees and elbows, things that it can use, and a harness that drives it.
+//! A doll with knees and elbows, objects that it can use, and a harness that drives it.
 
 mod event;
 mod harness;
@@ -20,10 +20,10 @@ pub(crate) use harness::*;
 
 pub(crate) const HAND: usize = 6;
 
-/// Bends thigh and shin so that hips at 0.9 m have straight feet on the ground.
+/// Angle of thigh and shin at which hips at 0.9 m have flat feet on the ground, radians.
 const BEND: f32 = 0.342;
 
-/// A pelvis, chest and head, two arms and two legs; left is +X, it faces +Z.
+/// A pelvis, chest and head, two arms and two legs; left is +X, and it faces +Z.
 pub(crate) fn doll() -> Arc<Skeleton> {
     let joint = |name: &str, parent, offset: [f32; 3]| Joint {
         name: name.to_owned(),
@@ -61,7 +61,7 @@ pub(crate) fn doll_rig() -> Arc<Rig> {
     Arc::new(rig_of("dolls", (*doll()).clone()))
 }
 
-/// Stands with bent knees, walks at 1.2 m/s.
+/// A style that stands with bent knees and walks at 1.2 m/s.
 pub(crate) fn doll_style() -> Arc<Style> {
     let key = |forward_mps: f32, swing: f32| {
         let mut rotations = vec![Quat::IDENTITY; doll().joint_count()];
@@ -108,7 +108,7 @@ pub(crate) fn doll_style() -> Arc<Style> {
     })
 }
 
-/// A cup to take from a table, to carry and to put down.
+/// A cup to take from a table, carry and put down.
 pub(crate) const CUP: &str = r#"
 format = 1
 name = "cup"
@@ -172,7 +172,8 @@ heading_deg = 180.0
 points = [{ joint = "Hand_R", position_m = [-0.05, 0.12, 0.06] }]
 "#;
 
-/// A place to nod at twice, for any number of characters: one hard keyframe, then a soft one.
+/// A sign to nod at twice, for any number of characters at once: one hard keyframe, then a soft
+/// one.
 const SIGN: &str = r#"
 format = 1
 name = "sign"
@@ -246,7 +247,7 @@ name = "up"
 keyframes = [{ place_m = [0.0, 0.3], heading_deg = 0.0, height_m = 0.9, from_ground = true }]
 "#;
 
-/// Down to the ground and, when that is ended, up again; a squat; and a spring off the ground.
+/// Lying down and getting up again, a squat, and a jump.
 pub(crate) const SKILLS: [&str; 2] = [
     r#"
 format = 1

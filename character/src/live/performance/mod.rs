@@ -1,17 +1,17 @@
-//! Acting out a sentence: frames that a pack of words makes part by part, instead of plans.
+//! Performing a text: a pack of words makes frames part by part, which replace plans.
 //!
 //! ```text
 //!      Perform             asks                  frames have come        all but the last are in the buffer
 //! ───────────────► Due ───────────► Asked ──────────────────────► Playing ──────────────────────────► Leaving ──► over
 //! ```
 //!
-//! Locomotion goes on until the performance begins, and takes over behind its last frames. Frames
-//! that have come wait in a [`Script`] and enter the buffer as the cursor comes near. What is due
-//! at a frame is decided in [`stages`].
+//! Locomotion goes on until the performance begins, and takes over after its last frames. Frames
+//! that have arrived wait in a [`Script`] and enter the buffer as the cursor comes near. [`settle`]
+//! decides what a frame calls for.
 
 mod part;
 mod script;
-mod stages;
+mod settle;
 #[cfg(test)]
 mod tests;
 
@@ -27,64 +27,64 @@ use script::Script;
 
 /// Most frames of a performance: 30 s.
 pub const MAX_PERFORMANCE_FRAMES: u32 = 900;
-/// Most frames that a model of words is given as the past.
+/// Most past frames that a model of words gets.
 pub const MAX_PAST_FRAMES: u32 = 16;
-/// Most words that a performance names as unknown to its pack.
+/// Most words that a performance reports as unknown to its pack.
 pub const MAX_UNKNOWN_WORDS: usize = 8;
 
-/// What a character is to act out.
+/// A command to perform a text.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PerformCommand {
-    /// What to do, in words.
+    /// What to do, as a sentence.
     pub text: Arc<str>,
-    /// Name of the pack that makes motion of the words.
+    /// Name of the pack that makes motion of the text.
     pub pack: Arc<str>,
-    /// Frames that the pack reads as the past: at most [`MAX_PAST_FRAMES`] are given.
+    /// Past frames that the pack reads; it gets at most [`MAX_PAST_FRAMES`].
     pub past_frames: u32,
-    /// Frames to make, at most [`MAX_PERFORMANCE_FRAMES`]. `None`: as many as the model wants, and
-    /// at most those.
+    /// Frames to make, at most [`MAX_PERFORMANCE_FRAMES`]. `None`: as many as the model chooses, up
+    /// to that.
     pub frames: Option<u32>,
     /// Sampling temperature. `None`: the pack's.
     pub temperature: Option<f32>,
-    /// Words that the pack does not know, at most [`MAX_UNKNOWN_WORDS`].
+    /// Words of the text that the pack does not know, at most [`MAX_UNKNOWN_WORDS`].
     pub unknown_words: Vec<String>,
 }
 
-/// Words to ask a pack for.
+/// A request for the frames of a performance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WordsRequest {
-    /// Number of the command.
+    /// Sequence number of the command.
     pub number: u64,
-    /// What to act out.
+    /// The text, and how to make motion of it.
     pub command: PerformCommand,
-    /// The frames that the words go on from, in their segment frame: the last is at its origin.
+    /// The frames before the performance, in their segment frame: the last is at its origin.
     pub past: Vec<KeyTensors>,
     /// Seed of all random choices.
     pub seed: u64,
-    /// Frames until the words are to take over.
+    /// Frames until the performance is to take over.
     pub splice_in_frames: u32,
 }
 
 /// Why a performance ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PerformanceEnd {
-    /// It went through to its end.
+    /// It came to its end.
     Done,
-    /// A command, or a fall, broke it off.
+    /// A command or a fall broke it off.
     Interrupted,
-    /// The pack gave no motion, for this reason.
+    /// The pack made no motion, for this reason.
     Failed(String),
-    /// Its frames did not come in time.
+    /// Its frames did not arrive in time.
     Late,
-    /// The server was started again.
+    /// The server was restarted.
     Restarted,
 }
 
 impl PerformanceEnd {
-    /// Words of all ends, in messages and metrics.
+    /// All ends in messages and metric labels.
     pub const WORDS: [&'static str; 5] = ["DONE", "INTERRUPTED", "FAILED", "LATE", "RESTARTED"];
 
-    /// Its word in messages and metrics.
+    /// The end in messages and metric labels.
     pub fn word(&self) -> &'static str {
         let place = match self {
             Self::Done => 0,
@@ -100,37 +100,41 @@ impl PerformanceEnd {
 /// A performance, from its command to its end.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Performance {
-    /// Number of its command.
+    /// Sequence number of its command.
     number: u64,
     command: PerformCommand,
-    stage: Stage,
-    /// Frames that have come and are not in the buffer yet. Gone where the process ends, and the
-    /// performance with them.
+    state: PerformanceState,
+    /// Frames that have arrived and are not in the buffer yet. Not saved: a restart ends the
+    /// performance.
     #[serde(skip)]
     script: Script,
+    /// A request that the server has not taken yet.
+    #[serde(skip)]
+    request: Option<WordsRequest>,
+    /// A clock that waits goes no further than this frame before more frames have arrived.
+    barrier: Option<i64>,
 }
 
 /// How far a performance is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-enum Stage {
-    /// Words are to be asked for as soon as nothing is on its way that changes the frames that they
-    /// go on from.
+enum PerformanceState {
+    /// To be asked for once no plan on its way can change the frames that it starts from.
     Due,
-    /// Words were asked for.
+    /// Asked for, and not begun.
     Asked {
-        /// At this frame.
+        /// The frame of the request.
         at: i64,
-        /// To take over here, or later.
+        /// The earliest frame to take over at.
         splice: i64,
     },
-    /// Its frames are in the buffer.
+    /// Begun: its frames enter the buffer.
     Playing {
-        /// The root that its segment frame is that of.
+        /// The root whose segment frame the frames are relative to.
         origin: GlobalRoot,
     },
-    /// All its frames are in the buffer, and locomotion takes over from frame `until` on.
+    /// All its frames are in the buffer, and locomotion takes over.
     Leaving {
-        /// That frame.
+        /// The frame from which locomotion has taken over.
         until: i64,
     },
 }
@@ -140,30 +144,40 @@ impl Performance {
         Self {
             number,
             command,
-            stage: Stage::Due,
+            state: PerformanceState::Due,
             script: Script::default(),
+            request: None,
+            barrier: None,
         }
     }
 
-    /// What it acts out, where it is seen.
+    /// The frame at which a clock that waits stops until more frames have arrived.
+    pub(super) fn barrier(&self) -> Option<i64> {
+        self.barrier
+    }
+
+    /// The text, once the performance shows.
     pub(super) fn shown(&self) -> Option<&Arc<str>> {
-        match self.stage {
-            Stage::Due | Stage::Asked { .. } => None,
-            Stage::Playing { .. } | Stage::Leaving { .. } => Some(&self.command.text),
+        match self.state {
+            PerformanceState::Due | PerformanceState::Asked { .. } => None,
+            PerformanceState::Playing { .. } | PerformanceState::Leaving { .. } => Some(&self.command.text),
         }
     }
 
-    /// Where its frames lie in the world, once it has begun.
+    /// The segment frame of its frames while they enter the buffer.
     fn lies(&self) -> Option<SegmentFrame> {
-        match self.stage {
-            Stage::Playing { origin } => Some(SegmentFrame::from_root(origin)),
-            Stage::Due | Stage::Asked { .. } | Stage::Leaving { .. } => None,
+        match self.state {
+            PerformanceState::Playing { origin } => Some(SegmentFrame::from_root(origin)),
+            PerformanceState::Due | PerformanceState::Asked { .. } | PerformanceState::Leaving { .. } => None,
         }
     }
 
-    /// Whether it waits for words.
+    /// Whether it waits for frames.
     fn listens(&self) -> bool {
-        let begun = matches!(self.stage, Stage::Asked { .. } | Stage::Playing { .. });
+        let begun = matches!(
+            self.state,
+            PerformanceState::Asked { .. } | PerformanceState::Playing { .. }
+        );
         begun && !self.script.is_whole()
     }
 }

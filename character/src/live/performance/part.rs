@@ -1,4 +1,4 @@
-//! From what a pack of words made to frames of a character.
+//! Turns what a pack of words makes into frames of a character.
 
 use std::sync::Arc;
 
@@ -9,29 +9,30 @@ use troupe_motion::{Joint, Quat, Skeleton, Vec3};
 
 use crate::post::{NonFinite, check_finite, contact_bits, hold_live, parent_relative, roots};
 
-/// Frames over which what a part lacks of the one before fades out.
+/// Frames over which the difference to the part before fades out.
 const SEAM_FRAMES: usize = 8;
 
 /// Consecutive frames of a performance in its segment frame, by column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WordsPart {
-    /// Root positions, one a frame.
+    /// Root positions, one a frame, metres.
     pub roots: Vec<Vec3>,
-    /// `frames * joints`: joint 0 in the segment, others relative to their parents.
+    /// `frames * joints`: joint 0 in the segment frame, others relative to their parents.
     pub rotations: Vec<Quat>,
     /// One a frame: bit i for contact joint i of the character.
     pub contacts: Vec<u8>,
 }
 
-/// Reads the parts of a pack of words, one after another, for characters of another pack, whose
-/// joints are the same. Feet that stand are held.
+/// Reads the parts that a pack of words makes one after another, for characters of another pack
+/// with the same joints. Standing feet are held.
 #[derive(Debug, Clone)]
 pub struct PartReader {
     words: Arc<Rig>,
     own: Arc<Rig>,
     /// The last frame of the part before.
     seam: Option<Seam>,
-    /// For each contact joint of the words, its bit in the character's frames; 0 where it has none.
+    /// For each contact joint of the pack of words, its bit in the character's frames; 0 if the
+    /// character has no such contact joint.
     contacts: Vec<u8>,
 }
 
@@ -40,28 +41,28 @@ pub struct PartReader {
 struct Seam {
     root: Vec3,
     contacts: u8,
-    /// Its pose with the feet held.
+    /// The pose with held feet.
     pose: Vec<Quat>,
-    /// For each joint, how that differs from what the model made.
+    /// For each joint, the difference to the pose that the model made.
     turned: Vec<Quat>,
 }
 
-/// Why a character cannot act out what a pack makes.
+/// Why a character cannot perform what a pack makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum OtherSkeleton {
-    /// Their joints differ.
-    #[error("its joints are others than the session's")]
+    /// The pack has other joints, or another order.
+    #[error("its joints differ from the session's")]
     Joints,
-    /// Their rates differ.
-    #[error("its frames have another rate than the session's")]
+    /// The pack has another frame rate.
+    #[error("its frame rate differs from the session's")]
     Rate,
 }
 
 impl PartReader {
-    /// For characters of `own` that act out what a pack of `words` makes.
+    /// A reader for characters of `own` that perform what the pack of `words` makes.
     ///
     /// # Errors
-    /// [`OtherSkeleton`] where its joints are not those of the characters, in their order.
+    /// [`OtherSkeleton`] if joints, their order or the frame rate differ.
     pub fn new(words: &Arc<Rig>, own: &Arc<Rig>) -> Result<Self, OtherSkeleton> {
         if !same_joints(&words.skeleton, &own.skeleton) {
             return Err(OtherSkeleton::Joints);
@@ -90,7 +91,7 @@ impl PartReader {
     /// The frames of the next part.
     ///
     /// # Errors
-    /// [`NonFinite`] where the model gave numbers that are not finite.
+    /// [`NonFinite`] if the model gave numbers that are not finite.
     pub fn read(&mut self, motion: &Motion) -> Result<WordsPart, NonFinite> {
         check_finite(motion)?;
         let (frames, dims) = (motion.frames(), &self.words.dims);
@@ -109,8 +110,7 @@ impl PartReader {
         Ok(part)
     }
 
-    /// Holds the feet of a part; those that stand at the end of the one before go on standing
-    /// there.
+    /// Holds the feet of a part. Feet that stand at the end of the part before keep their place.
     fn hold_feet(&mut self, part: &mut WordsPart) {
         let joints = self.own.skeleton.joint_count();
         if part.roots.is_empty() {
@@ -147,7 +147,7 @@ impl PartReader {
 }
 
 impl Seam {
-    /// What the frame had of its own fades out of the frames behind it.
+    /// Fades the difference at the seam out of the frames after it.
     fn fade(&self, rotations: &mut [Quat], joints: usize) {
         for (step, pose) in rotations.chunks_exact_mut(joints).enumerate().take(SEAM_FRAMES) {
             let left = 1.0 - smoothstep((step + 1) as f32 / (SEAM_FRAMES + 1) as f32);

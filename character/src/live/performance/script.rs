@@ -1,4 +1,4 @@
-//! Frames of a performance that have come and are not in the buffer yet.
+//! Frames of a performance that have arrived and are not in the buffer yet.
 
 use troupe_motion::SegmentFrame;
 
@@ -6,30 +6,30 @@ use super::super::buffer::Frames;
 use super::super::policy::MARGIN_FRAMES;
 use super::{MAX_PERFORMANCE_FRAMES, WordsPart};
 
-/// Frames with which a performance begins: what a fade takes, and some more.
+/// Fewest frames with which a performance begins: a fade, and some more.
 pub(super) const BEGIN_FRAMES: usize = 2 * MARGIN_FRAMES as usize;
-/// About how many frames a part has.
+/// Usual frames of a part.
 const PART_FRAMES: i64 = 32;
-/// Frames that the next part is expected to take at least: the first may have come before others
-/// asked for theirs.
+/// Fewest frames that the next part is expected to take. The first may have been fast because no
+/// other performance asked for parts then.
 const LEAST_EXPECTED: i64 = 30;
 
-/// Frames in their segment frame, by column, and how they came.
+/// The frames that wait, in their segment frame, and when they arrived.
 #[derive(Debug, Default)]
 pub(super) struct Script {
     waiting: WordsPart,
-    /// Frames that have come so far.
+    /// Number of frames that have arrived so far.
     come: usize,
-    /// The frame at which the newest came.
+    /// The frame at which the newest arrived.
     newest_at: i64,
-    /// No more will come.
+    /// No more will arrive.
     whole: bool,
-    /// Why, where that is no end that the model gave.
+    /// Why no more will arrive, unless the model ended.
     failure: Option<String>,
 }
 
 impl Script {
-    /// Takes frames that came at frame `now`, as many as a performance may have.
+    /// Takes frames that arrive at frame `now`, up to the longest performance.
     pub(super) fn take(&mut self, part: WordsPart, now: i64, is_last: bool) {
         let room = (MAX_PERFORMANCE_FRAMES as usize).saturating_sub(self.come);
         let part = part.first(room);
@@ -39,37 +39,37 @@ impl Script {
         self.waiting.append(part);
     }
 
-    /// No more will come.
+    /// Notes that no more frames will arrive, because of a failure.
     pub(super) fn fail(&mut self, reason: String) {
         self.whole = true;
         self.failure = Some(reason);
     }
 
-    /// No more will come.
+    /// Whether no more frames will arrive.
     pub(super) fn is_whole(&self) -> bool {
         self.whole
     }
 
-    /// Why no more come, where that is no end.
+    /// Takes the failure that ended the frames; none if the model ended.
     pub(super) fn take_failure(&mut self) -> Option<String> {
         self.failure.take()
     }
 
-    /// All frames that have come are in the buffer.
+    /// All frames that have arrived are in the buffer.
     pub(super) fn is_empty(&self) -> bool {
         self.waiting.frames() == 0
     }
 
-    /// Whether a performance may begin for one who waits for every frame of it: there are more than
-    /// the last `reserve` frames.
+    /// Whether a performance may begin on a clock that waits for its frames: more than the last
+    /// `reserve` are there.
     pub(super) fn is_enough(&self, reserve: i64) -> bool {
         let held = self.waiting.frames();
         self.whole || held >= BEGIN_FRAMES && held as i64 > reserve
     }
 
-    /// Whether a performance that was asked for at frame `asked` may begin for one who waits for
-    /// nothing: beyond the last `reserve` frames there are as many as the next part is expected to
-    /// take, by the time that those before took.
+    /// Whether a performance that was asked for at frame `asked` may begin on a clock that does not
+    /// wait. Beyond the last `reserve` frames there must be as many as the next part is expected to
+    /// take, from the time that parts took so far.
     pub(super) fn will_last(&self, asked: i64, reserve: i64) -> bool {
         let held = self.waiting.frames() as i64;
         let took = (self.newest_at - asked).max(1);
@@ -77,7 +77,7 @@ impl Script {
         self.is_enough(reserve) && (self.whole || held >= reserve + expected)
     }
 
-    /// The first `count` of the frames that wait, or all, where they lie in the world.
+    /// Hands over the first `count` frames that wait, or all, moved into the world by `lies`.
     pub(super) fn give(&mut self, count: usize, lies: &SegmentFrame) -> WordsPart {
         let mut part = self.waiting.split_off_first(count);
         part.lay(lies);
@@ -86,7 +86,7 @@ impl Script {
 }
 
 impl WordsPart {
-    /// How many.
+    /// Number of frames.
     pub fn frames(&self) -> usize {
         self.roots.len()
     }
@@ -127,7 +127,7 @@ impl WordsPart {
         }
     }
 
-    /// Brings frames from the segment frame into the world.
+    /// Moves frames from the segment frame into the world.
     fn lay(&mut self, lies: &SegmentFrame) {
         let joints = self.joints();
         for root in &mut self.roots {

@@ -1,4 +1,4 @@
-//! Performances of a doll whose words go straight ahead (see [`crate::live::behaviour::testing`]).
+//! Performances of a doll whose frames go straight ahead (see [`crate::live::behaviour::testing`]).
 
 use std::sync::Arc;
 
@@ -41,7 +41,7 @@ fn ended(kind: &EventKind) -> bool {
 }
 
 #[test]
-fn words_take_over_and_locomotion_takes_up_again_what_it_did() {
+fn a_performance_takes_over_and_locomotion_resumes_after_it() {
     for clock in [Clock::Waits, Clock::Runs] {
         let mut rig = walking();
         rig.clock = clock;
@@ -56,7 +56,7 @@ fn words_take_over_and_locomotion_takes_up_again_what_it_did() {
             }
         );
         rig.run(30);
-        // As the words say: 0.02 m a frame.
+        // At the speed of the frames: 0.02 m each.
         assert!((speed(&rig) - 0.6).abs() < 0.02, "{} m/s", speed(&rig));
         let end = rig.until(120, ended).unwrap();
         assert_eq!(
@@ -87,7 +87,7 @@ fn words_take_over_and_locomotion_takes_up_again_what_it_did() {
 }
 
 #[test]
-fn a_clock_that_runs_walks_until_words_will_last() {
+fn on_a_running_clock_a_performance_begins_when_its_frames_will_last() {
     let mut rig = walking();
     rig.clock = Clock::Runs;
     rig.words_come = Words {
@@ -101,7 +101,7 @@ fn a_clock_that_runs_walks_until_words_will_last() {
     rig.run(20);
     assert!(!rig.words().contains(&"performing") && speed(&rig) > 1.0);
     let start = rig.until(100, began).unwrap();
-    // The first part would have been gone before the next came.
+    // The first part would have been used up before the next arrived.
     assert!(start > 40 + 30, "{start}");
     rig.until(300, ended).unwrap();
     assert_eq!(ends(&rig), [PerformanceEnd::Done]);
@@ -114,7 +114,7 @@ fn a_clock_that_runs_walks_until_words_will_last() {
 }
 
 #[test]
-fn words_that_are_late_give_way_to_locomotion_in_time() {
+fn a_late_performance_gives_way_to_locomotion_in_time() {
     let mut rig = walking();
     rig.clock = Clock::Runs;
     rig.words_come = Words {
@@ -131,9 +131,12 @@ fn words_that_are_late_give_way_to_locomotion_in_time() {
     rig.run(60);
     assert_eq!(rig.character.stats().underruns, 0);
     assert!(speed(&rig) > 1.0, "{} m/s", speed(&rig));
-    assert!(!rig.character.wants_words(2), "what comes now is of no use");
+    assert!(
+        !rig.character.wants_words(2),
+        "frames that arrive now are of no use"
+    );
     rig.character.words_arrived(2, WordsPart::default(), true);
-    // Words that never come are not waited for without end.
+    // A performance does not wait forever.
     rig.words_come.first = 10_000;
     rig.perform("go slowly");
     let asked = rig.character.frame();
@@ -142,7 +145,7 @@ fn words_that_are_late_give_way_to_locomotion_in_time() {
 }
 
 #[test]
-fn every_command_that_moves_it_ends_a_performance() {
+fn every_command_that_moves_the_character_ends_a_performance() {
     let standing =
         |rig: &Harness| Intent::Locomote(crate::primitives::LocomotionCommand::standing(&rig.style));
     for way in 0..4 {
@@ -189,7 +192,7 @@ fn dropping_and_ending_leave_a_performance_alone() {
 }
 
 #[test]
-fn who_sits_stands_up_before_it_performs() {
+fn a_seated_character_stands_up_before_it_performs() {
     let mut rig = Harness::new();
     rig.interact("bench", "").unwrap();
     rig.until(
@@ -208,8 +211,8 @@ fn who_sits_stands_up_before_it_performs() {
 }
 
 #[test]
-fn words_that_fail_are_told_and_what_came_is_shown() {
-    let failed = PerformanceEnd::Failed("it was asked to".to_owned());
+fn a_failed_performance_is_an_event_and_its_frames_are_shown() {
+    let failed = PerformanceEnd::Failed("the test says so".to_owned());
     for (fails_after, begins) in [(0, false), (2, true)] {
         for clock in [Clock::Waits, Clock::Runs] {
             let mut rig = walking();
@@ -228,7 +231,7 @@ fn words_that_fail_are_told_and_what_came_is_shown() {
 }
 
 #[test]
-fn a_follower_of_a_path_stands_behind_its_performance() {
+fn a_character_on_a_path_stands_after_its_performance() {
     let mut rig = Harness::new();
     rig.follow(0.0, 8.0, false).unwrap();
     rig.run(60);
@@ -240,7 +243,7 @@ fn a_follower_of_a_path_stands_behind_its_performance() {
 }
 
 #[test]
-fn a_performance_has_an_end_whatever_the_model_says() {
+fn a_performance_has_a_longest_length() {
     let mut rig = walking();
     rig.words_come.frames = usize::MAX;
     rig.perform("go on");
@@ -252,7 +255,7 @@ fn a_performance_has_an_end_whatever_the_model_says() {
 }
 
 #[test]
-fn a_buffer_stays_short_whatever_has_come() {
+fn the_buffer_stays_short_however_many_frames_arrive() {
     let mut rig = walking();
     rig.clock = Clock::Runs;
     rig.words_come = Words {
@@ -270,7 +273,7 @@ fn a_buffer_stays_short_whatever_has_come() {
 }
 
 #[test]
-fn words_are_drawn_by_the_seed_and_the_number_of_the_command() {
+fn a_performance_depends_on_seed_and_command_number() {
     let seeds = |commands: usize| {
         let mut rig = Harness::new();
         for _ in 0..commands {
@@ -290,7 +293,7 @@ fn words_are_drawn_by_the_seed_and_the_number_of_the_command() {
 }
 
 #[test]
-fn a_restored_character_says_that_its_words_are_gone() {
+fn restoring_a_character_ends_its_performance() {
     for run in [1, 30] {
         let mut rig = walking();
         rig.clock = Clock::Runs;
@@ -316,9 +319,9 @@ fn a_restored_character_says_that_its_words_are_gone() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Parts may come at any time and be of any size.
+    /// Parts of any size may arrive at any time.
     #[test]
-    fn a_clock_that_waits_shows_the_same_however_words_come(
+    fn a_waiting_clock_does_not_depend_on_when_parts_arrive(
         frames in 1usize..120,
         ways in prop::collection::vec((1usize..70, 0u32..30, 0u32..30), 2),
         at in 0usize..50,
@@ -375,7 +378,7 @@ fn only_packs_of_the_same_joints_are_read() {
         PartReader::new(&words, &Arc::new(faster)).map(drop),
         Err(OtherSkeleton::Rate)
     );
-    // Contacts of joints that the character does not have are left out.
+    // Contacts of joints that the character does not have are dropped.
     let mut skeleton = (*own.skeleton).clone();
     skeleton.contacts = None;
     let mut bare = PartReader::new(&words, &Arc::new(rig_of("bare", skeleton))).unwrap();
@@ -388,7 +391,7 @@ fn only_packs_of_the_same_joints_are_read() {
     assert_eq!(bare.read(&motion).unwrap().contacts, [0]);
 }
 
-/// Feet that slide a little under somebody who stands, in parts of every size.
+/// Feet that slide a little under a standing character, in parts of every size.
 #[test]
 fn feet_that_stand_are_held_across_parts() {
     let rig = doll_rig();
@@ -430,7 +433,7 @@ fn feet_that_stand_are_held_across_parts() {
         .map(|two| two[0].distance(two[1]))
         .fold(0.0, f32::max);
     assert!(slides < 2e-4, "{slides} m a frame");
-    // As the model has it they slide by up to 1.8 mm a frame.
+    // In the model's own frames they slide by up to 1.8 mm a frame.
     let made = places(&[PartReader::new(&rig, &rig)
         .unwrap()
         .read(&Motion {

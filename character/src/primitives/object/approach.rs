@@ -1,9 +1,9 @@
 //! The way to an object: steering, slowing down, and the moment at which the first set may begin.
 //!
-//! A character that walks hands over on the way: the first set's motion begins 1.4 seconds of
-//! walking before its keyframe. One that is to stop first (the set says so, or it stood close by
-//! already) goes to the keyframe's place, stops there facing as the keyframe does, and hands over
-//! when it stands.
+//! A walking character hands over on the way: the first set's motion begins 1.4 seconds of walking
+//! before its keyframe. Some characters stop first, because the set says so or because they stood
+//! close by already. They go to the keyframe's place, stop there with its heading, and hand over
+//! when they stand.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -20,48 +20,47 @@ use super::recipe::{
 use crate::primitives::LocomotionCommand;
 use crate::style::Style;
 
-/// Where an approach leads.
+/// The goal of an approach.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// Where the first keyframe has the root over the ground, and the way it faces. y is not used.
+    /// Position over the ground and heading of the first keyframe; y is ignored.
     pub key: GlobalRoot,
     /// A place to pass on the way, over the ground.
     pub via: Option<Vec3>,
     /// Whether the character stops before the first set.
     pub from_stand: bool,
-    /// The first set begins wherever the character comes to stand: the place of `key` is not used,
-    /// nor is its heading.
+    /// The first set begins wherever the character comes to stand. `key` is ignored.
     pub anywhere: bool,
 }
 
-/// A character as it will be when the next plan takes over.
+/// The state in which the character will be when the next plan takes over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Here {
-    /// The frame of the timeline.
+    /// Frame of that moment.
     pub frame: Frame,
-    /// Where its root is and faces. y is not used.
+    /// Position and heading; y is ignored.
     pub root: GlobalRoot,
-    /// Its velocity over the ground, m/s.
+    /// Velocity over the ground, m/s.
     pub velocity: Vec3,
 }
 
 /// What an approach says about a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Going {
-    /// Go on.
+    /// Go on as before.
     On,
     /// Go on with another command.
     Command {
-        /// The command.
+        /// The new command.
         command: LocomotionCommand,
-        /// Whether it is worth a plan of its own.
-        anew: bool,
-        /// Where to stand, over the ground, for a command that stands.
+        /// Whether to ask for a plan at once.
+        replan: bool,
+        /// The place to stand at, over the ground, for a command to stand.
         stand_at: Option<Vec3>,
     },
     /// The first set may begin.
     HandOver,
-    /// It takes too long.
+    /// The approach takes too long.
     TimedOut,
 }
 
@@ -73,22 +72,22 @@ pub struct Approach {
     style: Arc<Style>,
     began: Frame,
     state: State,
-    /// Since when it has been near.
+    /// The frame since which the character has been near.
     near_since: Option<Frame>,
-    /// The command that it goes by, and the frame of the last look at the way.
+    /// The current command, and the frame at which the direction was last checked.
     commanded: Option<(LocomotionCommand, Frame)>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum State {
-    /// It has not looked yet.
+    /// Before the first check.
     New,
     /// On the way.
     Going {
-        /// To stop before the first set.
+        /// Whether it stops before the first set.
         stops: bool,
     },
-    /// It stops since a frame.
+    /// Stopping since this frame.
     Stopping(Frame),
 }
 
@@ -105,12 +104,13 @@ impl Approach {
         }
     }
 
-    /// Where it leads.
+    /// The goal of the approach.
     pub fn entry(&self) -> &Entry {
         &self.entry
     }
 
-    /// Leads elsewhere from now on: the object has moved. A stop that had begun is over.
+    /// Leads to another goal from now on, because the object has moved. A stop that had begun is
+    /// called off.
     pub fn redirect(&mut self, entry: Entry) {
         if entry == self.entry {
             return;
@@ -123,7 +123,7 @@ impl Approach {
         self.entry = entry;
     }
 
-    /// What to do for a character that will be `here`.
+    /// Decides what a character does that will be `here`.
     pub fn step(&mut self, here: &Here) -> Going {
         if here.frame - self.began > APPROACH_FRAMES {
             return Going::TimedOut;
@@ -174,7 +174,7 @@ impl Approach {
         }
     }
 
-    /// For how many frames it has been near.
+    /// Number of frames since the character came near.
     fn near_for(&mut self, frame: Frame, way: f32) -> Frame {
         match way <= NEAR_M {
             true => frame - *self.near_since.get_or_insert(frame),
@@ -185,7 +185,7 @@ impl Approach {
         }
     }
 
-    /// Forgets the place on the way once the character is there.
+    /// Drops the place on the way once the character has passed it.
     fn pass(&mut self, here: &Here, speed: f32) {
         let (seconds, least) = PASSED;
         let there = |via: Vec3| flat(via - here.root.position).length() <= (seconds * speed).max(least);
@@ -216,11 +216,11 @@ impl Approach {
             ..LocomotionCommand::standing(&self.style)
         };
         self.commanded = Some((command.clone(), here.frame));
-        // A slower pace alone comes with the next plan; a character at rest has none coming.
-        let anew = first || (turned.is_finite() && turned > SHARP_TURN) || speed < STOPPED_MPS;
+        // A slower speed alone can wait for the next plan. A character at rest has none coming.
+        let replan = first || (turned.is_finite() && turned > SHARP_TURN) || speed < STOPPED_MPS;
         Going::Command {
             command,
-            anew,
+            replan,
             stand_at: None,
         }
     }
@@ -247,14 +247,14 @@ impl Approach {
         self.commanded = Some((command.clone(), frame));
         Going::Command {
             command,
-            anew: true,
+            replan: true,
             stand_at: there.map(|key| key.position),
         }
     }
 }
 
-/// Whether a character that moves by `velocity` is on its way to what is `left`, and slow enough to
-/// meet it there.
+/// Whether a character moving at `velocity` is on its way along `left`, and slow enough for the
+/// first set.
 fn comes(velocity: Vec3, left: Vec3) -> bool {
     let velocity = flat(velocity);
     let speed = velocity.length();

@@ -8,7 +8,7 @@ use crate::style::testing::walker_style;
 
 const FPS: f32 = 30.0;
 
-/// A point that takes up every command at once, within its acceleration.
+/// A point that follows every command at once, within its acceleration.
 struct TestWalker {
     approach: Approach,
     frame: Frame,
@@ -44,7 +44,7 @@ impl TestWalker {
         }
     }
 
-    /// Goes on until the approach is over: how it ended.
+    /// Goes on until the approach ends, and returns how it ended.
     fn go(&mut self) -> Going {
         loop {
             match self.approach.step(&self.here()) {
@@ -81,7 +81,7 @@ fn entry(x: f32, z: f32, heading: f32) -> Entry {
 }
 
 #[test]
-fn one_that_walks_hands_over_on_the_way() {
+fn a_walking_character_hands_over_on_the_way() {
     let mut walker = TestWalker::new(entry(0.0, 6.0, PI), Vec3::ZERO, Vec3::ZERO);
     assert_eq!(walker.go(), Going::HandOver);
     let (left, speed) = (6.0 - walker.place.z, walker.velocity.length());
@@ -100,9 +100,9 @@ fn a_run_is_slowed_down_in_time() {
     assert!(walker.velocity.length() < NEAR_MPS + 0.05, "{}", walker.velocity);
 }
 
-/// However it runs past or away, it comes and is slow enough when the first set begins.
+/// A character that runs past or away still arrives, and is slow enough when the first set begins.
 #[test]
-fn one_that_runs_past_turns_around_first() {
+fn a_character_that_runs_past_turns_around_first() {
     for (velocity, place) in [
         (Vec3::X * 4.0, Vec3::ZERO),
         (Vec3::NEG_Z * 3.0, Vec3::ZERO),
@@ -120,10 +120,10 @@ fn one_that_runs_past_turns_around_first() {
     }
 }
 
-/// A character that cannot come in the right direction, or not slowly, is not let run on for ever:
+/// A character that cannot take the right direction, or cannot slow down, does not run on for ever:
 /// it stops first.
 #[test]
-fn one_that_cannot_slow_down_stops() {
+fn a_character_that_cannot_slow_down_stops() {
     let mut approach = Approach::new(entry(0.0, 0.0, 0.0), Arc::new(walker_style()), 0);
     let circling = |frame: Frame| {
         let angle = frame as f32 * 0.1;
@@ -144,16 +144,16 @@ fn one_that_cannot_slow_down_stops() {
 }
 
 #[test]
-fn one_that_is_there_begins_at_once() {
+fn a_character_at_its_goal_begins_at_once() {
     let mut walker = TestWalker::new(entry(0.1, 0.0, 2.0), Vec3::ZERO, Vec3::ZERO);
     assert_eq!((walker.go(), walker.frame), (Going::HandOver, 0));
-    // Not while it walks past.
+    // It does not begin while it walks past.
     let mut walker = TestWalker::new(entry(0.0, 0.1, 0.0), Vec3::ZERO, Vec3::Z * 1.2);
     assert_eq!(walker.go(), Going::HandOver);
 }
 
 #[test]
-fn one_that_stands_near_goes_there_and_stops() {
+fn a_character_that_stands_near_goes_there_and_stops() {
     for (x, z) in [(0.5, 0.3), (-0.9, 0.0), (0.0, -0.4)] {
         let mut walker = TestWalker::new(entry(x, z, 2.0), Vec3::ZERO, Vec3::ZERO);
         assert_eq!(walker.go(), Going::HandOver);
@@ -176,7 +176,7 @@ fn a_set_may_ask_for_a_stop() {
 }
 
 #[test]
-fn where_any_place_will_do_it_only_stops() {
+fn a_goal_anywhere_only_stops_the_character() {
     let anywhere = Entry {
         anywhere: true,
         ..entry(50.0, 50.0, 1.0)
@@ -199,7 +199,7 @@ fn it_passes_the_place_on_the_way() {
     let mut walker = TestWalker::new(around, Vec3::ZERO, Vec3::ZERO);
     let mut nearest = f32::INFINITY;
     while walker.approach.step(&walker.here()) != Going::HandOver && walker.frame < 400 {
-        // The same steps as `go` takes, one by one.
+        // Takes the same steps as `go`, one by one.
         let mut one = TestWalker {
             approach: walker.approach.clone(),
             commands: Vec::new(),
@@ -235,10 +235,10 @@ fn it_follows_an_object_that_moves() {
         walker.frame += 1;
     }
     walker.approach.redirect(entry(6.0, 0.0, 0.0));
-    let Going::Command { command, anew, .. } = walker.approach.step(&walker.here()) else {
-        panic!("it goes on as before");
+    let Going::Command { command, replan, .. } = walker.approach.step(&walker.here()) else {
+        panic!("it goes on unchanged");
     };
-    assert!(anew && command.velocity.x > 1.0 && command.velocity.z.abs() < 0.1);
+    assert!(replan && command.velocity.x > 1.0 && command.velocity.z.abs() < 0.1);
 }
 
 proptest! {

@@ -1,5 +1,5 @@
-//! The state machine of an interaction: which set comes next, from which frame on, and what has
-//! happened by a frame.
+//! The state machine of an interaction: which set comes next and when, and what has happened by a
+//! frame.
 //!
 //! ```text
 //! Approach ──Arrived──► Waiting ──Planned──► In { now, next } ──┐ the next set's motion takes over
@@ -8,10 +8,10 @@
 //!                                             └──Leaving──► Leaving ──Frame──► Over
 //! ```
 //!
-//! It says what it wants ([`Interaction::want`]) and is told what came of it ([`Input`]); every
-//! change of state is in [`Interaction::on`]. The motion of a set takes over at a frame that is
-//! known only when it is there: one that comes late takes over later, the keyframe before it being
-//! held meanwhile.
+//! [`Interaction::want`] says which motion it needs. [`Input`] brings what came of that, and
+//! [`Interaction::on`] makes every change of state. The frame at which a set's motion takes over is
+//! known only once the motion is there. Late motion takes over later, and the keyframe before it is
+//! held until then.
 
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use super::Frame;
 use crate::object::{Definition, Hold, Set};
 
-/// Fewest frames that a soft set is in before the next takes over: as many as a motion fades in.
+/// Fewest frames of a soft set before the next takes over: as many as a motion needs to fade in.
 const LEAST_FRAMES: Frame = 8;
 
 /// The frames of one set.
@@ -28,29 +28,28 @@ const LEAST_FRAMES: Frame = 8;
 pub struct Stretch {
     /// Index of the set in the definition.
     pub set: usize,
-    /// The frame from which on its motion goes.
+    /// The first frame of the set's motion.
     pub from: Frame,
-    /// The frame of its last keyframe.
+    /// The frame of the set's last keyframe.
     pub key: Frame,
 }
 
-/// What an interaction is told.
+/// Inputs of an interaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input {
-    /// The character is where the first set may begin.
+    /// The character is at a place from which the first set may begin.
     Arrived,
-    /// The motion of the set that was wanted goes from frame `from` on, to its last keyframe at
-    /// `key`.
+    /// The motion of the wanted set exists.
     Planned {
-        /// First frame.
+        /// Its first frame.
         from: Frame,
-        /// Last keyframe.
+        /// The frame of its last keyframe.
         key: Frame,
     },
-    /// The newest motion is wanted once more: that of the set to come, or else of the set that it
-    /// is in, from where the character then is.
+    /// The newest motion is to be made once more: that of the next set if it exists, otherwise that
+    /// of the current set from where the character then is.
     Again,
-    /// Locomotion takes over at this frame, as was wanted.
+    /// Locomotion takes over at this frame, as wanted.
     Leaving(Frame),
     /// A command ends what is held.
     End,
@@ -58,21 +57,21 @@ pub enum Input {
     At(Frame),
 }
 
-/// What has happened.
+/// Something that has happened, with its frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Output {
     /// A set began.
     Entered(Frame, usize),
-    /// A set's last keyframe was reached, or left out for the next set.
+    /// A set's last keyframe was reached, or skipped for the next set.
     Reached(Frame, usize),
-    /// A set was left.
+    /// The character left a set.
     Left(Frame, usize),
-    /// The interaction went through to its end.
+    /// The interaction came to its end.
     Over(Frame),
 }
 
 impl Output {
-    /// The same, at frame `now` where it is to happen later.
+    /// The same output, at frame `now` if it would be later.
     pub fn no_later_than(self, now: Frame) -> Self {
         match self {
             Self::Entered(at, set) => Self::Entered(at.min(now), set),
@@ -83,30 +82,30 @@ impl Output {
     }
 }
 
-/// What motion is wanted next.
+/// The motion that an interaction wants next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Want {
     /// That of a set.
     Set {
         /// Index of the set in the definition.
         set: usize,
-        /// The frame at which it is to take over. `None`: as soon as it can.
+        /// The frame at which it should take over. `None`: as soon as possible.
         from: Option<Frame>,
     },
-    /// Locomotion's, from this frame on.
+    /// Locomotion, from this frame on.
     Leave(Frame),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum State {
     Approach,
-    /// The first set's motion is not there yet.
+    /// The first set's motion does not exist yet.
     Waiting,
     In {
-        /// `None`: before the first set.
+        /// The current set. `None`: before the first.
         now: Option<Stretch>,
         reached: bool,
-        /// Motion that takes over at a frame to come.
+        /// The set whose motion exists and takes over later.
         next: Option<Stretch>,
         /// The motion of `now` is wanted once more.
         again: bool,
@@ -119,23 +118,23 @@ enum State {
     Over,
 }
 
-/// One use of an object, from the approach to the end.
+/// One use of an object, from the approach to its end.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Interaction {
     #[serde(with = "crate::saved::definition")]
     definition: Arc<Definition>,
     variant: usize,
-    /// Sets to come, by index in the definition.
+    /// Sets to come, as indices into the definition.
     coming: VecDeque<usize>,
-    /// A command has ended what is held, or will be held.
+    /// A command has ended what is held, or will be.
     ended: bool,
-    /// The sets of the exit are to come or under way, and no others.
+    /// Only the sets of the exit are left.
     exits: bool,
     state: State,
 }
 
 impl Interaction {
-    /// An interaction by the variant of index `variant`, that begins with the approach.
+    /// An interaction by the variant of index `variant`, beginning with the approach.
     pub fn new(definition: Arc<Definition>, variant: usize) -> Self {
         let sets = definition.variants.get(variant).map(|variant| &variant.entry);
         Self {
@@ -148,7 +147,7 @@ impl Interaction {
         }
     }
 
-    /// The way out alone, for an object that was taken by that variant and is in the hand still.
+    /// Only the way out, for an object that this variant took and that is still in the hand.
     pub fn way_out(definition: Arc<Definition>, variant: usize) -> Self {
         let mut interaction = Self::new(definition, variant);
         interaction.coming = interaction.exit();
@@ -161,7 +160,7 @@ impl Interaction {
         variant.map_or_else(VecDeque::new, |variant| variant.exit.iter().copied().collect())
     }
 
-    /// The definition that it goes by, whatever becomes of the name.
+    /// The definition that it began with, even if the name has another by now.
     pub fn definition(&self) -> &Arc<Definition> {
         &self.definition
     }
@@ -171,17 +170,17 @@ impl Interaction {
         self.variant
     }
 
-    /// Whether the character is on its way.
+    /// Whether the character is on its way to the object.
     pub fn approaches(&self) -> bool {
         self.state == State::Approach
     }
 
-    /// Whether it is on the way out: no sets but those of the exit are to come.
+    /// Whether only the sets of the exit are left.
     pub fn exits(&self) -> bool {
         self.exits
     }
 
-    /// Whether it has gone through to its end.
+    /// Whether it has come to its end.
     pub fn is_over(&self) -> bool {
         self.state == State::Over
     }
@@ -191,7 +190,7 @@ impl Interaction {
         matches!(self.state, State::Leaving { .. } | State::Over)
     }
 
-    /// The set that it is in, and whether its last keyframe has been reached.
+    /// The current set, and whether its last keyframe has been reached.
     pub fn now(&self) -> Option<(Stretch, bool)> {
         match self.state {
             State::In { now, reached, .. } | State::Leaving { now, reached, .. } => Some((now?, reached)),
@@ -199,7 +198,7 @@ impl Interaction {
         }
     }
 
-    /// The set whose motion is there and takes over later.
+    /// The set whose motion exists and takes over later.
     pub fn next(&self) -> Option<Stretch> {
         match self.state {
             State::In { next, .. } => next,
@@ -212,7 +211,7 @@ impl Interaction {
         self.definition.sets.get(*self.coming.front()?)
     }
 
-    /// What motion is wanted, unless it is there already.
+    /// The motion that is wanted, unless it exists already.
     pub fn want(&self) -> Option<Want> {
         match self.state {
             State::Waiting => Some(match self.coming.front() {
@@ -257,7 +256,7 @@ impl Interaction {
         }
     }
 
-    /// Takes an input; what happened by it is added to `out`, in order. An input that does not suit
+    /// Takes an input, and adds what happened by it to `out`, in order. An input that does not suit
     /// the state changes nothing.
     pub fn on(&mut self, input: Input, out: &mut Vec<Output>) {
         self.state = match (self.state, input) {
@@ -303,7 +302,7 @@ impl Interaction {
                     again: false,
                 }
             }
-            // What takes over later is planned again, or what goes on now.
+            // The motion that takes over later is planned again, or else the current one.
             (
                 State::In {
                     now,
@@ -353,14 +352,14 @@ impl Interaction {
         };
     }
 
-    /// Takes note of an end by command: the sets to come are those of the exit, where the set that
-    /// is held waits for it. The exit comes once: an end on its way changes nothing, but where it
-    /// holds until ended itself.
+    /// Notes that a command ends what is held. If a held set waits for that, the sets to come
+    /// become those of the exit. The exit comes only once: a further end changes nothing, unless a
+    /// set of the exit is itself held until ended.
     fn end(&mut self, state: State) {
         if matches!(state, State::Leaving { .. } | State::Over) || self.ended {
             return;
         }
-        // Where the next motion is there, what it follows has been ended or needed no end.
+        // The newest motion follows a set that was ended, or needed no end.
         let newest = match state {
             State::In { now, next, .. } => next.or(now),
             _ => None,
@@ -373,7 +372,7 @@ impl Interaction {
         let is_coming = (self.coming.iter()).any(|&set| self.holds_until_ended(set));
         if is_in || is_coming {
             (self.ended, self.exits) = (true, true);
-            // Sets behind the one that waits are left out.
+            // Sets after the waiting one are dropped.
             while let Some(set) = self.coming.pop_back() {
                 if !is_in
                     && self.holds_until_ended(set)
@@ -397,7 +396,7 @@ impl Interaction {
         set.is_some_and(|set| set.hold == Hold::UntilEnded)
     }
 
-    /// What happens up to a frame.
+    /// Lets everything happen up to a frame.
     fn pass(&self, frame: Frame, out: &mut Vec<Output>) -> State {
         let mut state = self.state;
         loop {
@@ -450,7 +449,7 @@ impl Interaction {
     }
 }
 
-/// The end of a set at a frame, reached or left early.
+/// Ends a set at a frame, after its keyframe or early.
 fn leave(now: Option<Stretch>, reached: bool, at: Frame, out: &mut Vec<Output>) {
     let Some(now) = now else { return };
     if !reached {

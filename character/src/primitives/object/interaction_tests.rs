@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::object::testing::definition;
 
-/// Sets of the definition: reach (hard), lift (soft by 6, held until ended), grab (hard, held for
-/// 10), put-down (hard).
+/// Indices of the definition's sets: reach (hard), lift (soft by 6, held until ended), grab (hard,
+/// held for 10), put-down (hard).
 const REACH: usize = 0;
 const LIFT: usize = 1;
 const PUT_DOWN: usize = 3;
@@ -42,7 +42,7 @@ fn sets_follow_one_another_to_the_end() {
     assert_eq!((out.as_slice(), cup.want()), (&[][..], None));
     cup.on(Input::At(104), &mut out);
     assert_eq!(out, [Output::Entered(104, REACH)]);
-    // Hard, and held for no time.
+    // Hard, and not held.
     assert_eq!(cup.want(), set(LIFT, 144));
     cup.on(Input::Planned { from: 144, key: 164 }, &mut out);
     out.clear();
@@ -100,8 +100,7 @@ fn an_end_before_the_held_set_is_remembered() {
     assert_eq!(cup.want(), set(PUT_DOWN, 64));
 }
 
-/// The exit's motion is made ahead of the frame at which it takes over: an end in between asks for
-/// no other.
+/// The exit's motion is made before it takes over. A second end in between asks for nothing more.
 #[test]
 fn a_second_end_does_not_bring_the_exit_again() {
     for entered in [false, true] {
@@ -122,7 +121,7 @@ fn a_second_end_does_not_bring_the_exit_again() {
 }
 
 #[test]
-fn an_exit_that_holds_until_ended_is_ended_by_an_end_of_its_own() {
+fn an_exit_held_until_ended_needs_its_own_end() {
     let mut definition = definition();
     definition.sets[PUT_DOWN].hold = Hold::UntilEnded;
     let mut cup = Interaction::way_out(Arc::new(definition), 0);
@@ -131,13 +130,13 @@ fn an_exit_that_holds_until_ended_is_ended_by_an_end_of_its_own() {
     cup.on(Input::End, &mut out);
     cup.on(Input::Planned { from: 4, key: 40 }, &mut out);
     cup.on(Input::At(50), &mut out);
-    assert_eq!(cup.want(), None, "an end before it is not for it");
+    assert_eq!(cup.want(), None, "an earlier end does not count");
     cup.on(Input::End, &mut out);
     assert_eq!(cup.want(), Some(Want::Leave(40)));
 }
 
 #[test]
-fn frames_of_hold_are_waited_for_and_an_end_changes_nothing_there() {
+fn a_hold_of_frames_is_not_ended_by_a_command() {
     let (mut cup, mut out) = begun(1);
     cup.on(Input::Planned { from: 4, key: 40 }, &mut out);
     cup.on(Input::At(4), &mut out);
@@ -147,7 +146,7 @@ fn frames_of_hold_are_waited_for_and_an_end_changes_nothing_there() {
 }
 
 #[test]
-fn motion_that_comes_late_takes_over_late() {
+fn late_motion_takes_over_late() {
     let (mut cup, mut out) = begun(0);
     cup.on(Input::Planned { from: 4, key: 40 }, &mut out);
     cup.on(Input::At(50), &mut out);
@@ -168,7 +167,7 @@ fn motion_that_comes_late_takes_over_late() {
 }
 
 #[test]
-fn motion_is_made_anew_for_an_object_that_moved() {
+fn motion_is_made_again_for_an_object_that_moved() {
     let (mut cup, mut out) = begun(0);
     cup.on(Input::Planned { from: 4, key: 40 }, &mut out);
     cup.on(Input::Again, &mut out);
@@ -194,14 +193,14 @@ fn motion_is_made_anew_for_an_object_that_moved() {
     cup.on(Input::At(70), &mut out);
     let once = [Output::Entered(8, REACH), Output::Reached(60, REACH)];
     assert_eq!(out, once, "it was entered once and reached once");
-    // The one to come.
+    // The set to come.
     cup.on(Input::Planned { from: 74, key: 90 }, &mut out);
     cup.on(Input::Again, &mut out);
     assert_eq!(cup.want(), set(LIFT, 60));
 }
 
 #[test]
-fn what_was_ended_stays_ended_when_motion_is_made_anew() {
+fn an_end_survives_motion_that_is_made_again() {
     let (mut cup, mut out) = begun(0);
     cup.on(Input::Planned { from: 4, key: 40 }, &mut out);
     cup.on(Input::At(4), &mut out);
@@ -225,7 +224,7 @@ fn the_way_out_alone() {
             from: None
         })
     );
-    // A variant without one is over at once.
+    // A variant without an exit is over at once.
     let mut cup = Interaction::way_out(Arc::new(definition()), 1);
     cup.on(Input::Arrived, &mut out);
     assert_eq!(cup.want(), Some(Want::Leave(Frame::MIN)));
@@ -254,10 +253,10 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    /// Whatever comes: every set is entered before it is reached and reached before it is left, in
-    /// the order of frames, and none is entered twice.
+    /// Every set is entered before it is reached, and reached before it is left, in the order of
+    /// frames, and none is entered twice.
     #[test]
-    fn what_happens_is_in_order(events in prop::collection::vec(event(), 1..120), variant in 0_usize..2) {
+    fn outputs_come_in_order(events in prop::collection::vec(event(), 1..120), variant in 0_usize..2) {
         let (mut cup, mut out) = begun(variant);
         let mut frame = 0;
         for event in events {

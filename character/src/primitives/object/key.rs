@@ -1,4 +1,4 @@
-//! Keyframes worked out in full, and what the networks are asked for to meet them.
+//! Works out full keyframes, and what to ask the networks for to meet them.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::fk::joint_transform;
@@ -16,60 +16,60 @@ use crate::primitives::{CONTEXT_FRAMES, PlanTargets, TargetKey};
 use crate::style::StyleKey;
 use troupe_motion::model::{Dims, Rig};
 
-/// How near hips come to the place that a keyframe says, metres, in at most so many rounds.
+/// How near the hips come to a keyframe's place, metres, in at most this many rounds.
 const PLACED_M: f32 = 0.002;
 const PLACE_ROUNDS: usize = 6;
 
-/// What a character is made of, as far as keyframes need it.
+/// The parts of a character's body that keyframes need.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyParts<'a> {
     /// The pack's skeleton.
     pub skeleton: &'a Skeleton,
-    /// Its legs.
+    /// The legs of that skeleton, in its order.
     pub legs: &'a [Leg],
-    /// The pose that it stands in: what a keyframe does not say is as in it.
+    /// The standing pose, which completes what a keyframe leaves out.
     pub standing: &'a StyleKey,
 }
 
-/// A keyframe in full. Heights count from what the character stands on there.
+/// A full keyframe. Heights count from what the character stands on there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Key {
-    /// Position of the root joint.
+    /// Position of the root joint, metres.
     pub root: Vec3,
     /// The pose: joint 0 in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
-    /// The joints that the keyframe has points for, and these.
+    /// The joints that the keyframe has points for, with their positions in metres.
     pub points: Vec<(usize, Vec3)>,
 }
 
-/// How far a motion is from a keyframe.
+/// Distance of a motion from a keyframe.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct KeyframeError {
-    /// Root joint, metres.
+    /// Of the root joint, metres.
     pub root_m: f32,
-    /// Heading, radians.
+    /// Of the heading, radians.
     pub heading: f32,
-    /// The farthest joint, metres.
+    /// Of the farthest joint, metres.
     pub joint_m: f32,
 }
 
-/// A point that no pose comes to.
+/// A point that no pose reaches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unreachable {
-    /// The joint.
+    /// Index of the joint in the skeleton.
     pub joint: usize,
-    /// How far it stays from its point, metres.
+    /// Remaining distance to the point, metres.
     pub short_m: f32,
 }
 
 impl Key {
-    /// Root with the heading of the pose.
+    /// The root with the heading of the pose.
     pub fn global_root(&self, left_axis: Vec3) -> GlobalRoot {
         let pelvis = self.rotations.first().copied().unwrap_or_default();
         GlobalRoot::of_pose(self.root, pelvis, left_axis)
     }
 
-    /// The same as one frame.
+    /// The keyframe as one frame of a motion.
     pub fn posed(&self) -> Posed<'_> {
         Posed {
             root: self.root,
@@ -77,7 +77,7 @@ impl Key {
         }
     }
 
-    /// How far `frame` is from it.
+    /// Distance of `frame` from the keyframe.
     pub fn error(&self, skeleton: &Skeleton, frame: Posed<'_>) -> KeyframeError {
         let heading =
             |pose: &[Quat]| heading_of(pose.first().copied().unwrap_or_default(), skeleton.left_axis);
@@ -89,7 +89,7 @@ impl Key {
     }
 }
 
-/// The farthest that a joint is apart in two frames, metres.
+/// Largest distance of a joint between two frames, metres.
 fn farthest(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
     let place = |frame: Posed<'_>, joint| joint_transform(skeleton, frame.root, frame.rotations, joint).0;
     (0..skeleton.joint_count())
@@ -97,7 +97,7 @@ fn farthest(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
         .fold(0.0, f32::max)
 }
 
-/// Frames that the steps take between two poses, whose feet step one after the other.
+/// Frames that the steps between two poses take; the feet step one after the other.
 fn stepping_frames(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
     let place =
         |posed: Posed<'_>, leg: &Leg| joint_transform(skeleton, posed.root, posed.rotations, leg.foot).0;
@@ -109,10 +109,10 @@ fn stepping_frames(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
         .sum()
 }
 
-/// The keyframes of `set`, anchored by `anchor`, for a character that comes from the frame `from`
-/// (its root's height over what it stands on) and stands at height `ground_y` in the world at the
-/// keyframes. What a keyframe does not say is as in the standing pose, its place and heading as in
-/// the one before.
+/// The full keyframes of `set`, anchored by `anchor`. The character comes from the frame `from`,
+/// whose root height counts from what it stands on, and stands at height `ground_y` in the world at
+/// the keyframes. What a keyframe leaves out comes from the standing pose; place and heading come
+/// from the keyframe before.
 ///
 /// # Errors
 /// [`Unreachable`] for the first point that is out of reach.
@@ -164,7 +164,7 @@ fn key(
         });
     }
     let options = ReachOptions {
-        // A height that is given is kept; else the hips go where the hand needs them.
+        // A given height is kept. Otherwise the hips go to where the hand needs them.
         root: height.map(|_| root_m),
         ..ReachOptions::default()
     };
@@ -177,8 +177,8 @@ fn key(
     };
     let mut reached = reach(root_m);
     if given.place.is_some() {
-        // Who bows moves the hips back: the feet stand so far ahead that the hips come to the place
-        // that is given.
+        // Bowing moves the hips back. So the feet stand far enough ahead for the hips to come to
+        // the given place.
         let mut base = root_m;
         for _ in 0..PLACE_ROUNDS {
             let off = (root_m - reached.root).with_y(0.0);
@@ -201,8 +201,8 @@ fn key(
     })
 }
 
-/// The standing pose at a root. At another height its feet stay on the ground: where they are, for
-/// one that comes from `before` close by, or else below the root.
+/// The standing pose at a root. At another height the feet stay on the ground: in place, if
+/// the character comes from `before` close by, otherwise below the root.
 fn upright(root: GlobalRoot, before: GlobalRoot, body: &BodyParts<'_>) -> (Vec3, Vec<Quat>) {
     let standing_at = |root: GlobalRoot| {
         let mut rotations = body.standing.rotations.clone();
@@ -239,7 +239,7 @@ pub fn suits_stance(set: &Set, keys: &[Key], from: Posed<'_>) -> bool {
     }
 }
 
-/// Frames of a motion without the networks to `key`, and how far it leans on the way, radians.
+/// Frames of a motion to `key` without the networks, and its lean on the way, radians.
 pub fn stance_frames(set: &Set, skeleton: &Skeleton, from: Posed<'_>, key: &Key) -> (u32, f32) {
     let way = key.root - from.root;
     let low = from.root.y.min(key.root.y) < set.low_hips_m;
@@ -256,18 +256,18 @@ pub fn stance_frames(set: &Set, skeleton: &Skeleton, from: Posed<'_>, key: &Key)
     (set.frames.unwrap_or(frames).max(1), lean)
 }
 
-/// Where a motion to keyframes starts.
+/// The start of a motion to keyframes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Way {
-    /// The root.
+    /// Position and heading of the root.
     pub from: GlobalRoot,
-    /// Its velocity over the ground, m/s.
+    /// Velocity over the ground, m/s.
     pub velocity: Vec3,
-    /// They are the first keyframes of an interaction.
+    /// Whether the keyframes are the first of an interaction.
     pub first: bool,
 }
 
-/// What the networks of `pack` are asked for to bring a character to `keys`.
+/// What to ask the networks for, to bring a character to `keys`.
 pub fn targets(set: &Set, keys: &[Key], rig: &Rig, way: &Way) -> PlanTargets {
     let left_axis = rig.skeleton.left_axis;
     let target = |key: &Key| TargetKey {
@@ -297,7 +297,7 @@ pub fn targets(set: &Set, keys: &[Key], rig: &Rig, way: &Way) -> PlanTargets {
     }
 }
 
-/// Token counts with which the way, and the turn, are not too quick.
+/// Token counts that give the way and the turn enough time.
 fn token_counts(dims: &Dims, fps: f32, way: &Way, to: GlobalRoot) -> Vec<u32> {
     let Way {
         from,

@@ -5,14 +5,14 @@ use crate::live::behaviour::testing::{HAND, definitions, doll_rig, doll_style};
 use crate::object::{Definition, Keyframe, Point};
 use crate::scene::Transform;
 
-/// The set of this name of a definition, and that.
+/// The definition of `object`, and its set of this name.
 fn set_of(object: &str, name: &str) -> (std::sync::Arc<Definition>, Set) {
     let definition = definitions(&doll_rig()).get(object).unwrap().definition;
     let set = definition.set(name).unwrap().clone();
     (definition, set)
 }
 
-/// The doll as it stands at a place.
+/// The doll, standing at a place.
 fn standing(x: f32, z: f32, heading: f32) -> (Vec3, Vec<Quat>) {
     let style = doll_style();
     let mut rotations = style.idle().rotations.clone();
@@ -44,7 +44,7 @@ fn worked_out(
 fn a_hand_is_brought_to_its_point() {
     let (cup, reach) = set_of("cup", "reach");
     let object = Transform::upright(Vec3::new(1.0, 1.0, 2.0), 0.3);
-    // From the object's own +Z side, on ground of 0.2 m.
+    // From the object's own +Z side, on ground at 0.2 m.
     let anchor = cup.anchor(object, 0.0, 0.2);
     let key = &worked_out(&reach, &anchor, 0.2, &standing(0.0, 0.0, 0.0)).unwrap()[0];
     let place = object.point(Vec3::new(0.0, 0.0, 0.45));
@@ -63,7 +63,7 @@ fn a_hand_is_brought_to_its_point() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_said() {
+fn a_point_out_of_reach_is_an_error() {
     let (cup, reach) = set_of("cup", "reach");
     let anchor = cup.anchor(Transform::upright(Vec3::new(0.0, 2.6, 0.0), 0.0), 0.0, 0.0);
     let unreachable = worked_out(&reach, &anchor, 0.0, &standing(0.0, 1.0, 0.0)).unwrap_err();
@@ -72,7 +72,7 @@ fn what_is_out_of_reach_is_said() {
 }
 
 #[test]
-fn what_a_keyframe_leaves_out_is_as_it_was() {
+fn a_keyframe_is_completed_by_the_one_before() {
     let (_, mut set) = set_of("sign", "rise");
     set.keyframes = vec![Keyframe {
         heading: Some(1.0),
@@ -116,10 +116,10 @@ fn motions_without_the_networks() {
     let anchor = Anchor::of_character(GlobalRoot::new(from.0, 0.0), 0.0);
     let (_, mut lift) = set_of("cup", "lift");
     let keys = worked_out(&lift, &anchor, 0.0, &from).unwrap();
-    assert!(suits_stance(&lift, &keys, posed), "nothing but a point");
+    assert!(suits_stance(&lift, &keys, posed), "only a point");
     let (frames, lean) = stance_frames(&lift, skeleton, posed, &keys[0]);
     assert!((10..=24).contains(&frames) && lean == 0.0);
-    // Both feet step: one after the other they take longer than what moves as far at once.
+    // Both feet step one after the other, which takes longer than the same distance at once.
     let aside = Key {
         root: keys[0].root + Vec3::X * 0.15,
         ..keys[0].clone()
@@ -138,7 +138,7 @@ fn motions_without_the_networks() {
     let seat = worked_out(&sit, &anchor, 0.0, &from).unwrap();
     assert!(suits_stance(&sit, &seat, posed) && suits_stance(&sit, &[], seat[0].posed()));
     assert_eq!(stance_frames(&sit, skeleton, posed, &seat[0]), LOW_STANCE);
-    // The feet stay where they were.
+    // The feet stay in place.
     let foot = |root, rotations: &[Quat]| joint_transform(skeleton, root, rotations, 12).0;
     assert!(foot(seat[0].root, &seat[0].rotations).distance(foot(from.0, &from.1)) < 0.02);
 }
@@ -165,11 +165,11 @@ fn counts(set: &Set, way: f32, turn: f32, speed: f32, first: bool) -> Vec<u32> {
 #[test]
 fn a_plan_has_time_for_its_way() {
     let (_, set) = set_of("sign", "nod");
-    // At half of 1.4 m/s two metres take 2.9 s: 16 tokens, of which 15 may be asked for.
+    // At half of 1.4 m/s, two metres take 2.9 s: 16 tokens, of which 15 may be asked for.
     assert_eq!(counts(&set, 2.0, 0.0, 1.4, true), [15, 16]);
     assert_eq!(counts(&set, 0.8, 0.0, 2.0, true), (7..=16).collect::<Vec<_>>());
     assert_eq!(counts(&set, 0.0, 3.0, 0.0, true), (6..=16).collect::<Vec<_>>());
-    // From one keyframe to the next about a second, and longer for a turn.
+    // From one keyframe to the next it takes about a second, and longer with a turn.
     assert_eq!(counts(&set, 0.0, 0.0, 0.0, false), [5, 6, 7, 8]);
     assert_eq!(counts(&set, 0.1, 1.57, 0.0, false), [9, 10, 11, 12]);
     assert_eq!(counts(&set, 0.5, 0.0, 0.0, false), (9..=16).collect::<Vec<_>>());
@@ -193,8 +193,8 @@ fn frames_that_a_set_gives_are_kept_to() {
     );
 }
 
-/// A hand that reaches far and low has the body bow, and bowing hips go back: but not from the
-/// place that is given.
+/// A hand that reaches far and low makes the body bow. Bowing moves hips back, but not away from a
+/// given place.
 #[test]
 fn hips_come_to_the_place_that_is_given() {
     let (cup, reach) = set_of("cup", "reach");

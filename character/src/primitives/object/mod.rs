@@ -1,16 +1,15 @@
-//! Smart objects (paper section 6.2): from an object's keyframes and a character's state to
+//! Smart objects (paper section 6.2): turn an object's keyframes and a character's state into
 //! keyframe constraints.
 //!
-//! * [`Approach`] steers the character to where the first set begins, as a
-//!   [`LocomotionCommand`](super::LocomotionCommand).
-//! * [`Interaction`] is the state machine of the sets: which one's motion is wanted next and from
-//!   which frame on, and what happens as the frames go by.
-//! * [`Key`] is a keyframe worked out in full: where the root is and the whole pose, single joints
-//!   brought to their points by inverse kinematics. [`targets`] makes of them what the networks are
-//!   asked for.
+//! * [`Approach`] steers the character to where the first set begins, by
+//!   [`LocomotionCommand`](super::LocomotionCommand)s.
+//! * [`Interaction`] is the state machine of the sets: which motion is wanted next and when, and
+//!   what happens as the frames go by.
+//! * [`Key`] is a full keyframe: root and pose, with single joints brought to their points by
+//!   inverse kinematics. [`targets`] turns keys into what the networks are asked for.
 //!
-//! All of it is pure: it knows no clock, no scene and no networks. Frames are those of the
-//! character's timeline.
+//! All of it is pure: it knows no clock, no scene and no networks. Frames count on the character's
+//! timeline.
 
 mod approach;
 mod interaction;

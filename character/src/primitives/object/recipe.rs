@@ -1,105 +1,103 @@
-//! The numbers of smart objects, in one place.
+//! The constants of smart objects, in one place.
 //!
-//! They were found by running approaches to keyframes in a closed loop on the default pack, 40 to
-//! 120 a figure, and comparing foot skate and joint acceleration with the walks of the same styles;
-//! "fine" below means at most twice the skate and 1.5 times the acceleration.
+//! They come from approaches to keyframes in a closed loop on the default pack, 40 to 120 for each
+//! figure. Foot skate and joint acceleration were compared with the walks of the same styles.
+//! "Fine" means at most twice the skate and 1.5 times the acceleration.
 
-/// A character slows down to this when it comes near, m/s: fine in 97 % from runs, against 82 % at
-/// 2.0.
+/// Speed to which a character slows down near its goal, m/s: fine in 97 % from runs, compared with
+/// 82 % at 2.0.
 pub const NEAR_MPS: f32 = 1.5;
-/// Near is within this of the target, metres: a run has slowed down by the time that the first set
-/// begins.
+/// Near means within this distance of the goal, metres: enough for a run to slow down before the
+/// first set begins.
 pub const NEAR_M: f32 = 4.0;
-/// Speed of an approach in a style that has no speed of its own, m/s.
+/// Speed of an approach in a style without its own speed, m/s.
 pub const PACE_MPS: f32 = 1.2;
-/// The first set begins so many seconds of the character's speed before its keyframe. 1.2 to 1.8
-/// are alike (84 % fine from any side, 97 % in the seeds that it was chosen on); at 1.0, 87 % of
-/// these.
+/// The first set begins this many seconds of the character's speed before its keyframe. 1.2 to 1.8
+/// are alike: 84 % fine from any side, and 97 % in the seeds that it was chosen on. At 1.0, 87 % of
+/// the latter.
 pub const HAND_OVER_S: f32 = 1.4;
-/// And no nearer than this, metres.
+/// The first set begins at least this far before its keyframe, metres.
 pub const HAND_OVER_M: f32 = 0.3;
-/// But not by a character that is faster than this, m/s, or whose way is off the keyframe's
-/// direction by more than this, radians: plans from there end up to 2 m short. It slows down and
+/// A character faster than this, m/s, does not hand over, nor does one whose direction is off the
+/// keyframe's by more than [`HAND_OVER_TURN`]: such plans end up to 2 m short. It slows down and
 /// turns around first.
 pub const HAND_OVER_MPS: f32 = 1.8;
-/// See [`HAND_OVER_MPS`].
+/// See [`HAND_OVER_MPS`], radians.
 pub const HAND_OVER_TURN: f32 = 60.0 * DEGREE;
-/// A character that has been near for so many frames, and could not hand over on the way, stops
-/// first.
+/// A character that has been near for this many frames without handing over on the way stops first.
 pub const NEAR_FRAMES: i64 = 150;
-/// A character within this of the keyframe, metres, that is slower than [`STANDS_MPS`] needs no
-/// approach: any heading is met where it stands, 95 % fine.
+/// A character within this distance of the keyframe, metres, and slower than [`STANDS_MPS`] needs
+/// no approach: any heading is met from there, 95 % fine.
 pub const IN_PLACE_M: f32 = 0.15;
-/// A character that is slower than this stands, m/s.
+/// A character slower than this stands, m/s.
 pub const STANDS_MPS: f32 = 0.3;
-/// A character that stands and has no farther to go than this, metres, goes there and stops: to
-/// begin the set on the way is fine in 27 to 78 % only.
+/// A standing character with at most this far to go, metres, goes there and stops: beginning the
+/// set on the way is fine in only 27 to 78 %.
 pub const STAND_NEAR_M: f32 = 1.0;
-/// Seconds of the character's speed before the keyframe at which it stops, where it is to stop
-/// first.
+/// A character that is to stop first stops this many seconds of its speed before the keyframe.
 pub const STOP_S: f32 = 0.6;
-/// And no nearer than this, metres.
+/// It stops at least this far before the keyframe, metres.
 pub const STOP_M: f32 = 0.12;
-/// Slower than this a character has stopped, m/s. At 0.3 it is fine in 73 % instead of 87 %.
+/// A character slower than this has stopped, m/s. At 0.3 the result is fine in 73 % instead of 87
+/// %.
 pub const STOPPED_MPS: f32 = 0.12;
-/// And no farther from the keyframe's heading than this, radians.
+/// A character that has stopped is within this angle of the keyframe's heading, radians.
 pub const STOPPED_TURN: f32 = 35.0 * DEGREE;
-/// Frames that a stop takes at least and at most.
+/// Fewest and most frames of a stop.
 pub const STOP_FRAMES: (i64, i64) = (10, 75);
-/// A place on the way counts as passed within so many seconds of the character's speed, and within
-/// the second, metres.
+/// A place on the way counts as passed within this many seconds of the character's speed, and
+/// within the second value, metres.
 pub const PASSED: (f32, f32) = (0.6, 0.3);
-/// Frames between looks at the way.
+/// Frames between checks of the direction.
 pub const STEER_FRAMES: i64 = 3;
-/// A command is changed where the way has turned by more than this, radians.
+/// A command changes if the direction has turned by more than this, radians.
 pub const STEER_TURN: f32 = 1.0 * DEGREE;
-/// And a plan asked for at once where it has turned by more than this, radians.
+/// A plan is asked for at once if the direction has turned by more than this, radians.
 pub const SHARP_TURN: f32 = 20.0 * DEGREE;
-/// Frames after which an approach has failed.
+/// An approach fails after this many frames.
 pub const APPROACH_FRAMES: i64 = 600;
 
-/// Share of the character's speed, and least speed (m/s), at which a plan covers the way to its
-/// keyframe at the slowest. Plans that choose for themselves take too few tokens: 42 % fine against
-/// 68 % with the best count.
+/// A plan covers the way to its keyframe at no less than this share of the character's speed, and
+/// no less than the second value, m/s. Plans that choose for themselves take too few tokens: 42 %
+/// fine, compared with 68 % for the best count.
 pub const SLOWEST: (f32, f32) = (0.5, 0.5);
-/// Tokens of the plan to the first keyframe: at least the first number, and more where the way asks
-/// for it, up to the second; at most the third.
+/// Tokens of the plan to the first keyframe: at least the first number; more, up to the second, if
+/// the way needs them; never more than the third.
 pub const FIRST_TOKENS: (u32, u32, u32) = (6, 15, 16);
-/// The same for plans from one keyframe to the next: about a second where the character stays. Any
-/// count from 5 is fine.
+/// The same for plans from one keyframe to the next: about a second if the character stays in
+/// place. Any count from 5 on is fine.
 pub const NEXT_TOKENS: (u32, u32, u32) = (5, 15, 16);
-/// Tokens beyond the fewest that a plan where the character stays may have.
+/// Tokens that a plan may have beyond the fewest, if the character stays in place.
 pub const SPARE_TOKENS: u32 = 3;
-/// A keyframe nearer than this is where the character stands, metres.
+/// A keyframe nearer than this counts as in place, metres.
 pub const STAYS_M: f32 = 0.2;
-/// Fewest frames from where a plan takes over to its keyframe: it has faded in one frame before.
+/// Fewest frames from where a plan takes over to its keyframe: one more than its fade.
 pub const LEAST_PLAN_FRAMES: u32 = 9;
-/// Quickest turn on the spot, rad/s.
+/// Fastest turn on the spot, rad/s.
 pub const TURN_RPS: f32 = 90.0 * DEGREE;
-/// Frames over which a plan fades into the still pose of its keyframe: the joints' acceleration
-/// there falls from 2.5 times a walk's to half of it.
+/// Frames over which a plan fades into the still pose of its keyframe. They lower the joints'
+/// acceleration there from 2.5 times a walk's to half of it.
 pub const SETTLE_FRAMES: usize = 14;
-/// Frames that must be left before a keyframe for its motion to be planned again.
+/// A motion is planned again only if at least this many frames are left before its keyframe.
 pub const REPLAN_LEFT_FRAMES: i64 = 8;
 
-/// Frames of a motion without the networks: to or from low hips
-/// ([`troupe_motion::model::Rig::low_hips_m`]), and how far it leans on the way, radians, where the
-/// hips go forward or back.
+/// A motion to or from low hips ([`troupe_motion::model::Rig::low_hips_m`]) without the networks:
+/// its frames, and its lean if the hips go forward or back, radians.
 pub const LOW_STANCE: (u32, f32) = (36, 0.7);
-/// The same for hips that go straight down or up.
+/// Frames of such a motion if the hips go straight up or down.
 pub const LOW_FRAMES: u32 = 33;
-/// Hips that go farther than this over the ground lean, metres.
+/// Hips that move farther than this over the ground lean, metres.
 pub const LEAN_M: f32 = 0.15;
-/// Fewest and most frames of one that stays up, and how many it takes for a joint that moves by a
-/// metre; they grow with the square root of the way.
+/// Fewest and most frames of a motion with high hips, and frames for a joint that moves by a metre.
+/// They grow with the square root of the distance.
 pub const STANCE_FRAMES: (u32, u32, f32) = (10, 24, 24.0);
-/// Frames of such a motion for each foot that steps a metre in it, by the square root of the way
-/// too: in fewer the knee jerks.
+/// Frames for each foot that steps a metre, growing with the square root too. With fewer the knee
+/// jerks.
 pub const STEP_FRAMES: f32 = 24.0;
-/// A foot that stands elsewhere by less does not count as one that steps, metres.
+/// A foot that moves by less than this does not step, metres.
 pub const NO_STEP_M: f32 = 0.02;
-/// Feet stay where they are for a pose at another height whose root is within so many metres and
-/// radians of where it was.
+/// For a pose at another height, the feet stay in place if the root has moved by at most this
+/// distance and angle, metres and radians.
 pub const FEET_STAY: (f32, f32) = (0.6, 0.6);
 /// Farthest that a joint may stay from its point, metres.
 pub const REACHED_M: f32 = 0.05;

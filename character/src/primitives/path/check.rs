@@ -1,4 +1,4 @@
-//! What a path may be.
+//! Checks paths that requests ask for.
 
 use std::sync::Arc;
 
@@ -10,27 +10,27 @@ use crate::primitives::recipe::STANDING_MPS;
 use crate::style::Style;
 use crate::{FieldError, Path};
 
-/// The shortest time from one point to the next where the points have no times: a frame, seconds.
+/// Shortest time between two points of a path without times, seconds: a frame.
 const LEAST_STEP_S: f32 = 1.0 / 30.0;
-/// Points nearer to each other are one place, metres.
+/// Points nearer to each other than this are one place, metres.
 const SAME_PLACE_M: f32 = 0.01;
-/// Speed of a path where neither request nor style has one, m/s.
+/// Speed of a path if neither request nor style has one, m/s.
 const USUAL_MPS: f32 = 1.0;
 
-/// A point as a request has it, in the native convention.
+/// A point of a requested path, in the native convention.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AskedPoint {
-    /// Where to be; y does not count.
+    /// World position, metres; y is ignored.
     pub position: Vec3,
     /// Where to face, radians.
     pub heading: Option<f32>,
-    /// When to be there, seconds from the command.
+    /// Time at the point, seconds from the command.
     pub time_s: Option<f32>,
 }
 
 impl PathCommand {
-    /// Checks a path. `path` is the message's place in the request, for errors. Positions and
-    /// headings are finite. `speed_mps` is for points without times. `None`: the style's.
+    /// Checks a path. `path` is its place in the request, for errors. Positions and headings must
+    /// be finite. `speed_mps` is the speed of a path without times; `None`: the style's.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
@@ -94,7 +94,7 @@ fn speed(path: &Path<'_>, speed_mps: Option<f32>, style: &Style) -> Result<f32, 
     }
 }
 
-/// Times of points without, at a speed.
+/// Times of points that have none, at a constant speed.
 fn spread(path: &Path<'_>, points: &[AskedPoint], speed_mps: f32) -> Result<Vec<f32>, FieldError> {
     let mut time_s = 0.0;
     let mut times = vec![time_s];
@@ -111,7 +111,7 @@ fn spread(path: &Path<'_>, points: &[AskedPoint], speed_mps: f32) -> Result<Vec<
     }
 }
 
-/// The times that points have: all of them, and increasing.
+/// The points' own times: every point has one, and they increase.
 fn given(path: &Path<'_>, points: &[AskedPoint], speed_mps: Option<f32>) -> Result<Vec<f32>, FieldError> {
     if let Some(speed) = speed_mps {
         return Err(path.field("speed").error(
@@ -135,7 +135,7 @@ fn given(path: &Path<'_>, points: &[AskedPoint], speed_mps: Option<f32>) -> Resu
         if let (Some(&before), Some(from)) = (times.last(), index.checked_sub(1)) {
             if time_s <= before {
                 return Err(place.error(
-                    format!("is {time_s}, and that of the point before {before}"),
+                    format!("is {time_s}, and the time of the point before is {before}"),
                     "times that increase",
                 ));
             }
@@ -152,7 +152,7 @@ fn given(path: &Path<'_>, points: &[AskedPoint], speed_mps: Option<f32>) -> Resu
     Ok(times)
 }
 
-/// Seconds from the last point back to the first, as fast as the path is on average.
+/// Seconds from the last point back to the first, at the path's mean speed.
 fn closing(path: &Path<'_>, points: &[PathPoint]) -> Result<f32, FieldError> {
     let [first, .., last] = points else {
         return Ok(LEAST_STEP_S);
@@ -170,7 +170,7 @@ fn closing(path: &Path<'_>, points: &[PathPoint]) -> Result<f32, FieldError> {
         true => Ok(closing_s.max(LEAST_STEP_S)),
         false => Err(path.field("loop").error(
             format!("takes {closing_s} s from the last point back to the first, beside {length_s} s"),
-            format!("at most {MAX_PATH_S} s in all"),
+            format!("at most {MAX_PATH_S} s in total"),
         )),
     }
 }

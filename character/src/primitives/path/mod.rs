@@ -1,7 +1,7 @@
-//! A path that a character is to follow: where to be and how to face, point by point.
+//! A path that a character is to follow: positions and headings, point by point.
 //!
-//! A path is a smooth curve through its points ([`PathCommand::at`]). How a character comes to it,
-//! keeps to it and falls behind is [`run`].
+//! A path is a smooth curve through its points ([`PathCommand::at`]). [`run`] has a character join
+//! it, keep to it and fall behind it.
 
 mod check;
 pub(super) mod run;
@@ -17,67 +17,67 @@ use crate::style::Style;
 
 pub use check::AskedPoint;
 
-/// Points of a path.
+/// Fewest and most points of a path.
 pub const PATH_POINTS: RangeInclusive<usize> = 2..=1024;
-/// The longest path, seconds.
+/// Longest duration of a path, seconds.
 pub const MAX_PATH_S: f32 = 600.0;
-/// The fastest path, m/s.
+/// Highest speed of a path, m/s.
 pub const MAX_PATH_MPS: f32 = 15.0;
-/// The slowest speed that a path without times may have, m/s.
+/// Lowest speed of a path without times, m/s.
 pub const MIN_PATH_MPS: f32 = 0.05;
-/// How far a path may begin from the character, metres.
+/// Farthest that a path may begin from the character, metres.
 pub const MAX_LEAD_M: f32 = 5.0;
 
-/// Seconds over which a path begins and ends: half of them before the first and the last point,
-/// half behind.
+/// Seconds over which a path begins and ends: half of them before the first or last point, half
+/// after.
 const EASE_S: f32 = 0.6;
-/// A tangent is at most so many times as fast as the slower side of its point. Wider curves would
-/// leave the way between two points.
+/// A tangent is at most this many times as fast as the slower side of its point. A wider curve
+/// would leave the way between two points.
 const TANGENT_LIMIT: f32 = 2.0;
-/// A path that is slower has no direction to face, m/s.
+/// A slower path has no direction to face, m/s.
 const FACING_MPS: f32 = 0.1;
 
 /// A point of a path, in the world.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PathPoint {
-    /// Where to be over the ground; y is 0.
+    /// World position over the ground, metres; y is 0.
     pub position: Vec3,
-    /// Where to face, radians. `None`: the way that the path goes.
+    /// Heading, radians. `None`: the direction of the path.
     pub heading: Option<f32>,
-    /// When to be there, seconds from the command.
+    /// Time at the point, seconds from the command.
     pub time_s: f32,
 }
 
 /// A checked path and the style to follow it in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PathCommand {
-    /// The style.
+    /// Its gaits limit how fast the character can follow.
     #[serde(with = "crate::saved::style")]
     pub style: Arc<Style>,
-    /// The points, [`PATH_POINTS`] of them; times increase.
+    /// The points, as many as [`PATH_POINTS`] allows; times increase.
     pub points: Vec<PathPoint>,
-    /// Seconds from the last point back to the first, where the path begins again. `None`: it ends.
+    /// Seconds from the last point back to the first, to begin again. `None`: the path ends.
     pub closing_s: Option<f32>,
 }
 
-/// A path at a time.
+/// The state of a path at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PathMoment {
-    /// Where to be; y is 0.
+    /// World position, metres; y is 0.
     pub(super) position: Vec3,
     /// Velocity over the ground, m/s.
     pub(super) velocity: Vec3,
-    /// Where to face, radians, not wrapped.
+    /// Heading, radians, not wrapped.
     pub(super) heading: f32,
 }
 
 impl PathCommand {
-    /// Whether it goes on for ever.
+    /// Whether the path goes on for ever.
     pub fn is_loop(&self) -> bool {
         self.closing_s.is_some()
     }
 
-    /// How far the first point is from a place over the ground, metres.
+    /// Distance of the first point from a place over the ground, metres.
     pub fn lead_m(&self, place: Vec3) -> f32 {
         let first = self.points.first().map_or(place, |point| point.position);
         (first - place).with_y(0.0).length()
@@ -91,13 +91,13 @@ impl PathCommand {
         self.points.last().map_or(0.0, |point| point.time_s)
     }
 
-    /// Seconds of a round, or none where the path ends.
+    /// Seconds of a round; none if the path ends.
     pub(super) fn round_s(&self) -> Option<f32> {
         let closing_s = self.closing_s?;
         Some(self.last_s() - self.first_s() + closing_s)
     }
 
-    /// Seconds until it stands at its end, or none where it does not end.
+    /// Seconds until it stands at its end; none if it does not end.
     pub(super) fn ends_s(&self) -> Option<f32> {
         let ease_s = self.ease_s();
         (!self.is_loop()).then(|| self.last_s() + ease_s)
@@ -107,7 +107,7 @@ impl PathCommand {
         (EASE_S / 2.0).min((self.last_s() - self.first_s()) / 2.0)
     }
 
-    /// The path's own time and how fast it passes, at a time from the command: it begins and ends
+    /// The path's own time, and its rate, at a time from the command. The path begins and ends
     /// smoothly.
     fn eased(&self, time_s: f32) -> (f32, f32) {
         let (first, last, ease) = (self.first_s(), self.last_s(), self.ease_s());
@@ -123,7 +123,7 @@ impl PathCommand {
         (last - ease + 2.0 * ease * (part - part * part / 2.0), 1.0 - part)
     }
 
-    /// The path at a time from the command.
+    /// The state of the path at a time from the command, seconds.
     pub(super) fn at(&self, time_s: f32) -> PathMoment {
         let (mut own_s, rate) = self.eased(time_s);
         if let Some(round_s) = self.round_s() {
@@ -135,7 +135,7 @@ impl PathCommand {
         let u = ((own_s - a.time_s) / length_s).clamp(0.0, 1.0);
         let (start, end) = (self.tangent(from) * length_s, self.tangent(from + 1) * length_s);
         let way = b.position - a.position;
-        // The cubic from one point to the next, and its derivative.
+        // The cubic curve between the two points, and its derivative.
         let position = a.position
             + way * (u * u * (3.0 - 2.0 * u))
             + start * (u * (1.0 - u) * (1.0 - u))
@@ -157,7 +157,7 @@ impl PathCommand {
         }
     }
 
-    /// Point `index`, counted on through further rounds where there are any.
+    /// Point `index`. On a loop, indices count on through further rounds.
     fn point(&self, index: usize) -> PathPoint {
         let count = self.points.len();
         match self.is_loop() {
@@ -166,7 +166,7 @@ impl PathCommand {
         }
     }
 
-    /// The two ends of the segment behind point `from`, and how long it takes, seconds.
+    /// The two ends of the segment after point `from`, and its duration in seconds.
     fn segment(&self, from: usize) -> ([PathPoint; 2], f32) {
         let count = self.points.len();
         let length_s = match (from % count + 1 == count, self.closing_s) {
@@ -177,8 +177,8 @@ impl PathCommand {
         ([self.point(from), self.point(from + 1)], length_s)
     }
 
-    /// Mean velocity of the segment behind point `from`, and its time in seconds. None where the
-    /// path has no such segment.
+    /// Mean velocity of the segment after point `from`, and its duration in seconds. None if there
+    /// is no such segment.
     fn slope(&self, from: Option<usize>) -> Option<(Vec3, f32)> {
         let from = from?;
         if !self.is_loop() && from + 1 >= self.points.len() {
@@ -188,8 +188,7 @@ impl PathCommand {
         Some(((b.position - a.position) / length_s, length_s))
     }
 
-    /// Velocity at point `index`, m/s: that of the way from the point before to the one behind, no
-    /// faster than a limit.
+    /// Velocity at point `index`, m/s: from the point before to the point after, limited.
     fn tangent(&self, index: usize) -> Vec3 {
         let before = match self.is_loop() {
             true => Some(index + self.points.len() - 1),
@@ -205,7 +204,7 @@ impl PathCommand {
         }
     }
 
-    /// Where to face at point `index`, radians.
+    /// Heading at point `index`, radians.
     fn facing(&self, index: usize) -> f32 {
         if let Some(heading) = self.point(index).heading {
             return heading;
@@ -214,7 +213,8 @@ impl PathCommand {
         if tangent.length() > FACING_MPS {
             return tangent.x.atan2(tangent.z);
         }
-        // A point where it stands: as it came, or as it will go.
+        // The path stands at this point: it keeps the direction in which it came, or takes the one
+        // in which it goes on.
         let count = self.points.len();
         let moves = |from: &usize| {
             self.slope(Some(*from))

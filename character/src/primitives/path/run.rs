@@ -1,11 +1,11 @@
 //! A character on a path.
 //!
-//! The path has a clock of its own. It passes as time does while the character keeps up. Where the
-//! character is off the path, or the path is faster than it can go, the clock slows down, and the
-//! character is late from then on.
+//! The path has its own clock. It runs with time while the character keeps up. If the character is
+//! off the path, or the path is faster than the character can be, the clock slows down, and from
+//! then on the character is late.
 //!
-//! Every plan is a [`Leg`]: the path from the clock's time on, plus what the character is off by,
-//! which fades.
+//! Every plan is a [`Leg`]: the path from the clock's time on, plus the character's distance from
+//! it, which fades out.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
@@ -17,14 +17,14 @@ use super::super::recipe::{RESYNC_TURN, STANDING_MPS};
 use super::{PathCommand, PathMoment};
 use crate::style::Style;
 
-/// Least time in which what a character is off by fades, seconds.
+/// Least time over which a distance from the path fades out, seconds.
 const FADE_S: f32 = 0.5;
-/// The same for headings, seconds, and seconds more for each radian.
+/// The same for headings: seconds, and more seconds for each radian.
 const TURN_FADE_S: (f32, f32) = (0.5, 0.35);
-/// Off by less than the first, metres, a character keeps up with the clock; off by more than the
-/// second, the clock waits.
+/// A character nearer to the clock's place than the first value keeps up with it; from the second
+/// value on the clock waits, metres.
 const OFF_M: (f32, f32) = (0.25, 1.25);
-/// A path has come to its end where the character is nearer to it than this, metres, or this many
+/// A path has ended once the character is within this distance of its end, metres, or this many
 /// seconds later.
 const ARRIVED: (f32, f32) = (0.2, 1.0);
 /// Step of numeric derivatives, seconds.
@@ -36,32 +36,32 @@ pub(in crate::primitives) struct PathRun {
     pub(in crate::primitives) command: PathCommand,
     /// Frame of the command, from which time counts.
     since: u64,
-    /// The newest plan's; none before the first.
+    /// The newest plan's leg; none before the first.
     leg: Option<Leg>,
-    /// How much the clock is behind, seconds.
+    /// Delay of the clock, seconds.
     late_s: f32,
 }
 
-/// The way of one plan.
+/// The part of a path that one plan covers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Leg {
-    /// The frame from which it counts.
+    /// The frame at which it begins.
     frame: u64,
     /// The path's time there, seconds.
     clock_s: f32,
-    /// How fast the clock passes, 0 to 1.
+    /// Rate of the clock, 0 to 1.
     rate: f32,
     off: Fade,
     /// Heading at its start, radians.
     heading: f32,
     turn_off: Fade,
-    /// Where to face on the way to a path that is far away, radians.
+    /// Heading on the way to a path that is far away, radians.
     towards: Option<f32>,
-    /// Added to the path's headings: the style cannot go so far aside.
+    /// Added to the path's headings, radians, because the style cannot step aside that far.
     aside: f32,
 }
 
-/// Something that fades to nothing. Headings use x alone.
+/// A difference that fades to zero. Headings use only x.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Fade {
     from: Vec3,
@@ -75,40 +75,40 @@ impl Fade {
         if left <= 0.0 {
             return Vec3::ZERO;
         }
-        // The cubic to 0 at rest.
+        // The cubic curve that ends at 0, at rest.
         let u = 1.0 - left;
         self.from * (left * left * (1.0 + 2.0 * u)) + self.rate * (t * left * left)
     }
 }
 
-/// What a character is when a plan begins.
+/// State of a character when a plan begins.
 pub(in crate::primitives) struct Now {
     pub(in crate::primitives) frame: u64,
     pub(in crate::primitives) fps: f32,
     pub(in crate::primitives) position: Vec3,
-    /// Without the sway of its steps, m/s.
+    /// Velocity without the sway of steps, m/s.
     pub(in crate::primitives) velocity: Vec3,
-    /// Radians, as it faces.
+    /// Heading of the pose, radians.
     pub(in crate::primitives) heading: f32,
 }
 
-/// The way of a plan, by seconds from its start.
+/// A plan's course, by seconds from its start.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::primitives) struct Way<'a> {
     path: &'a PathCommand,
     leg: Leg,
 }
 
-/// A path that has come to its end.
+/// How a path ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PathEnd {
-    /// How much later than its times, seconds.
+    /// Delay against the path's times, seconds.
     pub(crate) late_s: f32,
-    /// How far from its last point the character is, metres.
+    /// Distance of the character from the last point, metres.
     pub(crate) off_m: f32,
-    /// Where the last point is.
+    /// World position of the last point.
     pub(in crate::primitives) place: Vec3,
-    /// Where to face there, radians.
+    /// Heading there, radians.
     pub(in crate::primitives) heading: f32,
 }
 
@@ -131,20 +131,20 @@ impl PathRun {
         }
     }
 
-    /// Heading (radians) and turn rate at a frame; none before the first plan.
+    /// Heading (radians) and turn rate (rad/s) at a frame; none before the first plan.
     pub(in crate::primitives) fn facing(&self, frame: u64, fps: f32) -> Option<(f32, f32)> {
         let way = self.way()?;
         Some(way.heading(frame.saturating_sub(way.leg.frame) as f32 / fps))
     }
 
-    /// The newest plan's way; none before the first.
+    /// The newest plan's course; none before the first.
     pub(in crate::primitives) fn way(&self) -> Option<Way<'_>> {
         let path = &self.command;
         self.leg.map(|leg| Way { path, leg })
     }
 
-    /// Begins the plan that starts now and goes on for `horizon_s`. `spring` has the heading before
-    /// the first.
+    /// Begins a plan that starts now and lasts for `horizon_s`. `spring` has the heading before the
+    /// first plan.
     pub(in crate::primitives) fn plan(&mut self, now: &Now, horizon_s: f32, spring: &HeadingSpring) {
         let mut clock_s = self.clock_s(now.frame, now.fps);
         if let Some(leg) = &self.leg {
@@ -166,7 +166,7 @@ impl PathRun {
         self.leg = Some(leg);
     }
 
-    /// The end of the path, where the character at `position` has come to it at a frame.
+    /// The end of the path, if the character at `position` has come to it at a frame.
     pub(in crate::primitives) fn end(&self, frame: u64, fps: f32, position: Vec3) -> Option<PathEnd> {
         let (ends_s, clock_s) = (self.command.ends_s()?, self.clock_s(frame, fps));
         let leg = self.leg.filter(|leg| leg.frame <= frame)?;
@@ -239,7 +239,7 @@ impl Leg {
     }
 }
 
-/// How fast a style can go at a moment of a path, against the path's speed: 0 to 1.
+/// How fast a style can move at a moment of a path, relative to the path: 0 to 1.
 fn possible(style: &Style, moment: &PathMoment) -> f32 {
     let speed = moment.velocity.length();
     if speed < STANDING_MPS {
@@ -248,16 +248,16 @@ fn possible(style: &Style, moment: &PathMoment) -> f32 {
     (fastest(style, moment.velocity / speed, moment.heading) / speed).min(1.0)
 }
 
-/// How fast a style goes in a direction while facing another, m/s.
+/// Highest speed of a style in a direction while facing another, m/s.
 pub(super) fn fastest(style: &Style, direction: Vec3, facing: f32) -> f32 {
-    /// Faster than anybody goes.
+    /// Faster than any style.
     const FAST_MPS: f32 = 100.0;
     let most = reach::nearest(style, None, direction * FAST_MPS, facing);
     most.velocity.length()
 }
 
 impl Way<'_> {
-    /// Where to be after `t` seconds; y is 0.
+    /// Position after `t` seconds, metres; y is 0.
     pub(in crate::primitives) fn position(&self, t: f32) -> Vec3 {
         let Leg {
             clock_s, rate, off, ..
@@ -265,12 +265,12 @@ impl Way<'_> {
         self.path.at(clock_s + rate * t).position + off.at(t)
     }
 
-    /// How fast, m/s.
+    /// Velocity after `t` seconds, m/s.
     pub(in crate::primitives) fn velocity(&self, t: f32) -> Vec3 {
         (self.position(t + STEP_S) - self.position(t - STEP_S)) / (2.0 * STEP_S)
     }
 
-    /// Where to face after `t` seconds once nothing is left of how the character faced, radians.
+    /// Heading after `t` seconds without what is left of the character's own heading, radians.
     fn goal(&self, t: f32) -> f32 {
         let Leg {
             clock_s,
@@ -292,7 +292,7 @@ impl Way<'_> {
         (heading, wrap_angle(at(t + STEP_S) - heading) / STEP_S)
     }
 
-    /// The mean motion of the first `horizon_s` seconds, as near as the style can.
+    /// Mean motion of the first `horizon_s` seconds, or the nearest that the style can do.
     pub(in crate::primitives) fn feasible(&self, horizon_s: f32) -> Feasible {
         let velocity = (self.position(horizon_s) - self.position(0.0)) / horizon_s;
         reach::nearest(&self.path.style, None, velocity, self.goal(horizon_s))

@@ -15,7 +15,7 @@ fn style() -> Arc<Style> {
     Arc::new(walker_style())
 }
 
-/// A style that plans by paths.
+/// A style of a pack that plans by paths.
 fn words() -> Arc<Style> {
     Arc::new(Style {
         name: PLAIN.to_owned(),
@@ -71,7 +71,7 @@ fn it_passes_its_points_at_their_times() {
         (path.points[2].position, Vec3::ZERO)
     );
     assert_eq!(path.ends_s(), Some(6.0 + EASE_S / 2.0));
-    // It faces where it goes.
+    // It faces the direction of travel.
     assert!((path.at(1.0).heading - 0.0).abs() < 0.2 && (path.at(5.5).heading - FRAC_PI_2).abs() < 0.2);
     assert!((path.at(3.0).heading - FRAC_PI_2 / 2.0).abs() < 1e-3);
 }
@@ -115,7 +115,7 @@ fn a_loop_begins_again() {
         assert!(a.position.distance(b.position) < 1e-3 && a.velocity.distance(b.velocity) < 1e-2);
     }
     assert_eq!(path.ends_s(), None);
-    // One that is closed already takes no time back.
+    // A path that is already closed takes no time for the way back.
     let square = [(0.0, 0.0), (0.0, 2.0), (2.0, 2.0), (0.0, 0.0)].map(|(x, z)| point(x, z, None));
     assert!((made(&square, Some(1.0), true).round_s().unwrap() - (4.0 + 8f32.sqrt())) < 0.05);
 }
@@ -131,7 +131,7 @@ fn it_waits_where_points_stay() {
 }
 
 #[test]
-fn headings_go_the_short_way() {
+fn headings_turn_the_short_way() {
     let facing = |x, heading| AskedPoint {
         heading: Some(heading),
         ..point(x, 0.0, None)
@@ -142,7 +142,7 @@ fn headings_go_the_short_way() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_its_name() {
+fn errors_name_the_field() {
     let two = [point(0.0, 0.0, None), point(0.0, 1.0, None)];
     assert_eq!(wrong(&two[..1], None), ("points".into(), "2 to 1024".into()));
     assert_eq!(wrong(&[two[0]; 1025], None).0, "points");
@@ -176,12 +176,12 @@ fn what_cannot_be_is_refused_by_its_name() {
     assert_eq!(error.field, "style");
 }
 
-/// A body that is wherever its plan had it, and plans every so many frames.
+/// A body that follows its plans exactly, and plans at a fixed interval.
 struct Follower {
     locomotion: Locomotion,
     roots: [GlobalRoot; 4],
     frame: u64,
-    /// How far it was from the path's clock, in each frame of a second and more after the command.
+    /// Distance from the path's clock in each frame from a second after the command on, metres.
     off_m: Vec<f32>,
 }
 
@@ -198,7 +198,7 @@ impl Follower {
         }
     }
 
-    /// Goes on until the path ends, for at most so many frames.
+    /// Goes on until the path ends, for at most `frames` frames.
     fn run(&mut self, frames: u64) -> Option<run::PathEnd> {
         let skeleton = walker();
         let rotations = vec![Quat::IDENTITY; 4 * skeleton.joint_count()];
@@ -237,7 +237,7 @@ impl Follower {
 }
 
 #[test]
-fn it_is_followed_from_where_the_character_is_to_its_end() {
+fn it_is_followed_from_the_character_to_its_end() {
     for style in [style(), words()] {
         let path = PathCommand { style, ..corner() };
         let mut follower = Follower::new(Vec3::new(0.2, 0.0, -0.1), path);
@@ -252,21 +252,21 @@ fn it_is_followed_from_where_the_character_is_to_its_end() {
 }
 
 #[test]
-fn one_that_is_far_away_goes_there_first() {
+fn a_character_far_away_goes_there_first() {
     let mut follower = Follower::new(Vec3::new(-4.0, 0.0, 0.0), corner());
     let end = follower.run(900).unwrap();
     assert!((2.0..6.0).contains(&end.late_s) && end.off_m < 0.05, "{end:?}");
 }
 
 #[test]
-fn one_that_is_too_fast_is_followed_late() {
+fn a_path_that_is_too_fast_is_followed_late() {
     let fast = made(
         &[point(0.0, 0.0, Some(0.0)), point(0.0, 60.0, Some(6.0))],
         None,
         false,
     );
     let end = Follower::new(Vec3::ZERO, fast).run(900).unwrap();
-    // The walker goes no faster than its run.
+    // The walker is no faster than its run.
     assert!(end.late_s > 2.0 && end.off_m < 0.2, "{end:?}");
 }
 

@@ -4,8 +4,7 @@ use std::fmt::Display;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Args, ValueEnum};
-use troupe_proto::docs::Motion;
+use clap::Args;
 
 use crate::files::Scale;
 use crate::pack_folder::PackFrom;
@@ -16,13 +15,12 @@ const WRITING: &str = "Writing";
 
 /// Make a definition from a motion clip.
 ///
-/// Each of FRAMES becomes one phase (a set), in order: a character comes to the pose that the clip
-/// has there, at the place where the clip has it as seen from the object. Between two of them it
-/// takes as long as the clip does, where that is between the fewest and the most frames of a
-/// segment. The object is imagined into the clip: --distance before the character, or in its hand
-/// (--hand).
+/// Each of FRAMES becomes one phase (a set), in order: the character comes to the pose of that
+/// frame, at the same place relative to the object. From one to the next it takes the time of the
+/// clip, if a segment can have that many frames. The clip has no object, so the command places one:
+/// --distance before the character, or in its hand (--hand).
 ///
-/// Frames count from 0, at the pack's rate. What is written is TOML with comments; docs/objects.md
+/// Frames count from 0, at the pack's rate. The output is TOML with comments; docs/objects.md
 /// explains its fields.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
@@ -40,8 +38,8 @@ pub(crate) struct New {
     #[arg(long, value_name = "FILE")]
     pub(super) from: PathBuf,
 
-    /// Frames of the clip that become keyframes, one set each, in the order in which a character
-    /// comes to them. A frame may come again.
+    /// Frames of the clip that become keyframes, one set each, in the order of the sets. A frame
+    /// may come again.
     #[arg(long, required = true, value_delimiter = ',', value_name = "FRAME,...")]
     pub(super) frames: Vec<usize>,
 
@@ -49,17 +47,17 @@ pub(crate) struct New {
     #[arg(long, value_parser = name, required_unless_present = "into", help_heading = THING)]
     pub(super) name: Option<String>,
 
-    /// What it is, for people.
+    /// A sentence for people.
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true, help_heading = THING)]
     pub(super) description: String,
 
     /// Size of the object, metres: width, height and depth of a box that stands on its origin.
-    /// Without it 0.4,0.9,0.4; for what a hand takes 0.08,0.12,0.08, and 0.45,M,0.45 for a seat.
+    /// Default: 0.4,0.9,0.4; with --hand 0.08,0.12,0.08; with --seat 0.45,M,0.45.
     #[arg(long, value_name = "box:W,H,D", help_heading = THING)]
     pub(super) shape: Option<Size>,
 
-    /// How far the object stands before the character at --object-frame, metres; below 0 it is
-    /// behind it.
+    /// Distance of the object before the character at --object-frame, metres. Below 0 it is behind
+    /// the character.
     #[arg(
         long,
         default_value_t = 0.6,
@@ -70,8 +68,8 @@ pub(crate) struct New {
     )]
     pub(super) distance: f32,
 
-    /// Height of the object's origin over the ground in the clip, metres: for what hangs on a wall.
-    /// Points count from there.
+    /// Height of the object's origin over the ground in the clip, metres, for things that hang on a
+    /// wall. Points count from there.
     #[arg(
         long,
         default_value_t = 0.0,
@@ -83,81 +81,71 @@ pub(crate) struct New {
     )]
     pub(super) height: f32,
 
-    /// Frame at which the object is there. Without it the first of FRAMES.
+    /// Frame at which the object is placed. Default: the first of FRAMES.
     #[arg(long, value_name = "FRAME", help_heading = THING)]
     pub(super) object_frame: Option<usize>,
 
-    /// Whether keyframes turn about the object with the side that the character comes from, so that
-    /// it works from every side. If not, a character comes from within 60 degrees of the object's
-    /// front, which faces the character of the clip.
+    /// Whether keyframes turn about the object to the side from which the character comes, so that
+    /// it works from every side. If not, the character must come from within 60 degrees of the
+    /// object's front, which faces the character of the clip.
     #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "BOOL", help_heading = THING)]
     pub(super) pivot: bool,
 
-    /// Any number of characters may use it at once.
+    /// Let any number of characters use it at once.
     #[arg(long, help_heading = THING, conflicts_with = "hand")]
     pub(super) shared: bool,
 
-    /// It is a mere place: rays and boxes do not hit it.
-    #[arg(long, help_heading = THING)]
-    pub(super) not_solid: bool,
-
-    /// Write a skill of a pack instead of an object: what a character does where it stands. Each
-    /// keyframe is given from the one before it, the first from --start. It belongs into the pack's
-    /// folder `skills`.
+    /// Write a skill of a pack instead of an object. A character does a skill on the spot. Each
+    /// keyframe is relative to the one before it, the first to --start. The file belongs into the
+    /// folder `skills` of the pack.
     #[arg(
         long,
-        conflicts_with_all = ["shape", "distance", "height", "object_frame", "pivot", "shared", "not_solid", "points", "seat", "from_stand",
+        conflicts_with_all = ["shape", "distance", "height", "object_frame", "pivot", "shared", "points", "seat", "from_stand",
             "hand", "release"],
         help_heading = THING
     )]
     pub(super) skill: bool,
 
-    /// Frame of the clip at which the skill begins. Without it the first of FRAMES, which is then
+    /// Frame of the clip at which the skill begins. Default: the first of FRAMES, which is then
     /// done on the spot.
     #[arg(long, value_name = "FRAME", requires = "skill", help_heading = THING)]
     pub(super) start: Option<usize>,
 
-    /// At the last frame the character stands as its style does, at that place: the pose of the
-    /// clip is of no account.
+    /// At the last frame let the character stand as in its style, at that place, instead of in the
+    /// pose of the clip.
     #[arg(long, requires = "skill", help_heading = THING)]
     pub(super) stand: bool,
 
-    /// Name of this way to use the object. Without it the name of the definition.
+    /// Name of this way to use the object. Default: the name of the definition.
     #[arg(long, value_name = "NAME", value_parser = name, help_heading = USE)]
     pub(super) variant: Option<String>,
 
-    /// How often it is chosen, compared with others.
+    /// How often it is chosen, relative to other variants.
     #[arg(long, default_value_t = 1.0, value_name = "0-1000", allow_negative_numbers = true, help_heading = USE)]
     pub(super) weight: f32,
 
-    /// Names of the sets, as many as FRAMES. Without them the variant's name and a number.
+    /// Names of the sets, as many as FRAMES. Default: the variant's name and a number.
     #[arg(long, value_delimiter = ',', value_name = "NAME,...", value_parser = name, help_heading = USE)]
     pub(super) sets: Vec<String>,
 
-    /// Only where these joints are, instead of whole poses. The rest of the body follows, at
-    /// whatever height the object is.
+    /// Positions of these joints alone, instead of whole poses. The rest of the body follows, at
+    /// any height of the object.
     #[arg(long, value_delimiter = ',', value_name = "JOINT,...", help_heading = USE)]
     pub(super) points: Vec<String>,
 
-    /// How motion is made: by the networks, or without them with the feet held where they stand.
-    /// Without it as it suits: without them where the hips are below 0.70 m, which the default pack
-    /// has no motion for.
-    #[arg(long, value_enum, value_name = "HOW", help_heading = USE)]
-    pub(super) motion: Option<How>,
-
-    /// Hold this frame until the interaction is ended; the frames after it are then how it is left.
-    /// With FRAME=COUNT it is held for so many frames. May be given again.
+    /// Hold this frame until the interaction is ended. The frames after it show how to leave. With
+    /// FRAME=COUNT it is held for that number of frames. May be given again.
     #[arg(long, value_name = "FRAME[=COUNT]", value_parser = hold, help_heading = USE)]
     pub(super) hold: Vec<At<Option<u32>>>,
 
-    /// The set of this frame need not be reached: what follows may begin up to TAU frames before
-    /// it. May be given again.
+    /// The set of this frame need not be reached: the next may begin up to TAU frames before it.
+    /// May be given again.
     #[arg(long, value_name = "FRAME=TAU", value_parser = at::<u32>, help_heading = USE)]
     pub(super) soft: Vec<At<u32>>,
 
-    /// Sit at this frame, on a seat of this height in metres (0.3 to 0.7), for clips without one:
-    /// the hips of the clip's pose go down and back, the feet stay, the hands lie on the thighs.
-    /// The object is the seat, and the character's back is to it.
+    /// Sit at this frame, on a seat of this height in metres (0.3 to 0.7), in a clip without a
+    /// seat: the hips go down and back, the feet stay, the hands lie on the thighs. The object is
+    /// the seat, behind the character.
     #[arg(
         long,
         value_name = "FRAME=M",
@@ -167,16 +155,16 @@ pub(crate) struct New {
     )]
     pub(super) seat: Option<At<f32>>,
 
-    /// Stop before the first set: calmer, and about a second slower.
+    /// Stop before the first set. It looks calmer, and takes about a second longer.
     #[arg(long, help_heading = USE)]
     pub(super) from_stand: bool,
 
-    /// Joint that takes the object, at --object-frame. The object is imagined there, its middle
-    /// --grip beyond the joint, and held so.
+    /// Joint that takes the object at --object-frame. The middle of the object is --grip beyond the
+    /// joint, and stays there.
     #[arg(long, value_name = "JOINT", conflicts_with = "distance", help_heading = USE)]
     pub(super) hand: Option<String>,
 
-    /// How far beyond the joint, along its bone, the middle of the object is held, metres.
+    /// Distance from the joint, along its bone, to the middle of the object, metres.
     #[arg(long, default_value_t = 0.09, value_name = "M", value_parser = metres, help_heading = USE)]
     pub(super) grip: f32,
 
@@ -184,25 +172,24 @@ pub(crate) struct New {
     #[arg(long, value_name = "FRAME", requires = "hand", help_heading = USE)]
     pub(super) release: Option<usize>,
 
-    /// Have the server's pack rebuild every pose from the motion around it, so that the definition
-    /// holds poses that its networks make, and none of the clip.
+    /// Have the networks of the server's pack rebuild every pose from the motion around it, so that
+    /// the definition holds none of the clip.
     #[arg(long, conflicts_with = "pack_folder", help_heading = WRITING)]
     pub(super) rebuild: bool,
 
-    /// File to write; without it standard output.
+    /// File to write. Default: standard output.
     #[arg(long, value_name = "FILE", help_heading = WRITING)]
     pub(super) out: Option<PathBuf>,
 
-    /// Write --out even where there is such a file; what it holds is gone then, variants that were
-    /// added too.
+    /// Replace --out if it exists, with all variants that were added to it.
     #[arg(long, requires = "out", help_heading = WRITING)]
     pub(super) force: bool,
 
-    /// Definition (TOML) to add to, as one more variant. All that it says of the object stays.
+    /// Definition (TOML) to add a variant to. The object itself stays as it is.
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["out", "name", "description", "shape", "shared", "not_solid"],
+        conflicts_with_all = ["out", "name", "description", "shape", "shared"],
         requires = "variant",
         help_heading = WRITING
     )]
@@ -215,29 +202,11 @@ pub(crate) struct New {
     pub(super) scale: Scale,
 }
 
-/// Something of one frame.
+/// A value for one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct At<T> {
     pub(super) frame: usize,
     pub(super) value: T,
-}
-
-/// How motion is made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum How {
-    /// By the networks.
-    Plan,
-    /// Without them, the feet held where they stand.
-    Stance,
-}
-
-impl From<How> for Motion {
-    fn from(how: How) -> Self {
-        match how {
-            How::Plan => Self::Plan,
-            How::Stance => Self::Stance,
-        }
-    }
 }
 
 /// Size of a box along x, y and z, metres.
@@ -248,13 +217,13 @@ impl FromStr for Size {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let told = || "must be box:W,H,D, each 0.002 to 2000 metres, such as box:0.4,0.9,0.4".to_owned();
-        let sizes = text.strip_prefix("box:").ok_or_else(told)?;
+        let wrong = || "must be box:W,H,D, each 0.002 to 2000 metres, such as box:0.4,0.9,0.4".to_owned();
+        let sizes = text.strip_prefix("box:").ok_or_else(wrong)?;
         let sizes: Vec<f32> =
-            (sizes.split(',').map(str::parse).collect::<Result<_, _>>()).map_err(|_| told())?;
+            (sizes.split(',').map(str::parse).collect::<Result<_, _>>()).map_err(|_| wrong())?;
         match <[f32; 3]>::try_from(sizes) {
             Ok(sizes) if sizes.iter().all(|size| (0.002..=2000.0).contains(size)) => Ok(Self(sizes)),
-            _ => Err(told()),
+            _ => Err(wrong()),
         }
     }
 }
@@ -290,7 +259,7 @@ fn metres(text: &str) -> Result<f32, String> {
     }
 }
 
-/// A name as definitions have them.
+/// A name of a definition, variant or set.
 fn name(text: &str) -> Result<String, String> {
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     match (1..=64).contains(&text.len()) && text.chars().all(fits) {

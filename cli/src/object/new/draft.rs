@@ -7,31 +7,30 @@ use troupe_proto::docs::{
 };
 
 use super::args::{New, Size};
-use super::stage::{Pose, Stage, rounded};
+use super::placement::{Placement, Pose, rounded};
 use super::wish::{Limits, Wish};
 use super::wrong::Wrong;
 
 /// Sets that a definition may have.
 const MAX_SETS: usize = 32;
-/// Sizes where none is given.
+/// Sizes without --shape, metres.
 const SIZE: Size = Size([0.4, 0.9, 0.4]);
 const SIZE_IN_HAND: Size = Size([0.08, 0.12, 0.08]);
 /// Width and depth of a seat, metres.
 const SEAT_M: f32 = 0.45;
-/// A trigger reaches so much farther than the keyframes are, metres.
+/// Reach of a trigger beyond the farthest keyframe, metres.
 const TRIGGER_SPARE_M: f32 = 0.4;
 
 /// A definition that was made from a clip.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Draft {
     pub(super) doc: ObjectDoc,
-    /// What its maker may want to know.
+    /// Notes for its maker.
     pub(super) notes: Vec<String>,
 }
 
-/// Makes the definition that is asked for. `clip` is at the pack's rate, on its skeleton. `into`:
-/// the definition that it is added to; then all that is made but sockets, variant and sets is of no
-/// account.
+/// Makes a definition. `clip` is at the pack's rate, on its skeleton. With `into`, the definition
+/// to add to, only sockets, variant and sets of the result count.
 pub(super) fn draft(
     new: &New,
     clip: &Clip,
@@ -51,15 +50,15 @@ pub(super) fn draft(
         None => ShapeDoc::Box(standing_box(new.shape.unwrap_or(size))),
     };
     let subject = &poses[wish.object];
-    let stage = match (wish.seat, wish.hand) {
-        (Some((nth, _)), _) => Stage::under(&clip.skeleton, &poses[nth]),
-        (None, Some(joint)) => Stage::in_hand(&clip.skeleton, subject, joint, new.grip, middle(&shape)),
-        (None, None) => Stage::before(&clip.skeleton, subject, new.distance, new.height),
+    let placement = match (wish.seat, wish.hand) {
+        (Some((nth, _)), _) => Placement::under(&clip.skeleton, &poses[nth]),
+        (None, Some(joint)) => Placement::in_hand(&clip.skeleton, subject, joint, new.grip, middle(&shape)),
+        (None, None) => Placement::before(&clip.skeleton, subject, new.distance, new.height),
     };
     let mut notes = Vec::new();
     let start = new.start.map(|frame| Pose::of(clip, frame));
     let sets: Vec<SetDoc> = (0..poses.len())
-        .map(|nth| wish.set(nth, &poses, start.as_ref(), &stage, &mut notes))
+        .map(|nth| wish.set(nth, &poses, start.as_ref(), &placement, &mut notes))
         .collect();
     let name = new.name.clone().unwrap_or_default();
     let farthest = sets.iter().flat_map(|set| &set.keyframes).filter_map(from_object);
@@ -68,7 +67,7 @@ pub(super) fn draft(
         format: 1,
         name,
         description: new.description.clone(),
-        solid: !new.not_solid,
+        solid: true,
         shared: new.shared,
         shape,
         trigger: TriggerDoc {
@@ -78,7 +77,7 @@ pub(super) fn draft(
         anchor: AnchorDoc::default(),
         release: ReleaseDoc::default(),
         approaches: if new.pivot { Vec::new() } else { vec![front(&sets)] },
-        sockets: wish.socket(subject, &stage).into_iter().collect(),
+        sockets: wish.socket(subject, &placement).into_iter().collect(),
         variants: vec![VariantDoc {
             name: wish.variant.clone(),
             weight: new.weight,
@@ -151,12 +150,12 @@ fn standing_box(Size([width, height, depth]): Size) -> BoxDoc {
     }
 }
 
-/// How far a keyframe's root is from the object, metres.
+/// Distance of a keyframe's root from the object, metres.
 fn from_object(key: &KeyframeDoc) -> Option<f32> {
     key.place_m.map(|[x, z]| x.hypot(z))
 }
 
-/// The side that a character comes from where keyframes do not turn: about the object's front.
+/// The side from which characters come if keyframes do not turn: around the object's front.
 fn front(sets: &[SetDoc]) -> ApproachDoc {
     const SIDE_DEG: f32 = 60.0;
     /// A character that has to turn round first gets so much more room, metres.

@@ -2,8 +2,8 @@
 
 mod args;
 mod draft;
+mod placement;
 mod seat;
-mod stage;
 mod wish;
 mod write;
 mod wrong;

@@ -1,10 +1,10 @@
 //! Seated poses, which clips seldom have: the hips of a standing one go down onto a seat, the feet
-//! stay where they stand.
+//! stay in place.
 
 use troupe_motion::ik::{Leg, Posed, arms, legs, pose_at, two_bone};
 use troupe_motion::{Quat, Skeleton, Vec3};
 
-use super::stage::Pose;
+use super::placement::Pose;
 
 /// Lowest and highest seat, metres.
 pub(super) const HEIGHTS_M: (f32, f32) = (0.3, 0.7);
@@ -12,12 +12,12 @@ pub(super) const HEIGHTS_M: (f32, f32) = (0.3, 0.7);
 const HIPS_OVER_SEAT_M: f32 = 0.1;
 /// The feet are this share of their farthest place before the hips.
 const FEET_AHEAD: f32 = 0.95;
-/// How far the trunk leans forward, radians.
+/// Forward lean of the trunk, radians.
 const LEAN: f32 = 0.1;
 /// Hands lie this far along the thighs, from hip to knee, and this far above them, metres.
 const ON_THIGH: (f32, f32) = (0.62, 0.09);
 
-/// The pose on a seat of `height` metres. None where the skeleton has no legs that can be bent.
+/// The pose on a seat of `height` metres. None if the skeleton has no legs that can be bent.
 pub(super) fn seated(skeleton: &Skeleton, pose: &Pose, height: f32) -> Option<Pose> {
     let legs = legs(skeleton);
     let hips = skeleton.ground_y_m + height + HIPS_OVER_SEAT_M;
@@ -74,7 +74,7 @@ fn straighten(skeleton: &Skeleton, rotations: &mut [Quat], [_, middle, end]: [us
     }
 }
 
-/// How far a foot stands before the hips where the shin is upright, metres.
+/// Distance of a foot before the hips if the shin is upright, metres.
 fn feet_ahead(skeleton: &Skeleton, leg: &Leg, pose: &Pose, hips: f32) -> f32 {
     let [thigh, shin] = [leg.lower, leg.foot].map(|joint| skeleton.joints[joint].offset_m.length());
     let hip = hips + pose.positions[leg.upper].y - pose.root.position.y;

@@ -64,7 +64,7 @@ fn made(line: &str) -> Draft {
 fn wrong(line: &str) -> String {
     match parse(line) {
         Ok(new) => draft(&new, &clip(), LIMITS, None).unwrap_err().to_string(),
-        Err(told) => told,
+        Err(text) => text,
     }
 }
 
@@ -175,7 +175,6 @@ fn low_hips_do_without_the_networks() {
         [None, stance, stance],
         "down, and up again"
     );
-    assert_eq!(motions("--frames 45,80 --motion plan"), [Some(Motion::Plan); 2]);
     assert_eq!(
         motions("--frames 45,80 --points Hand"),
         [None, None],
@@ -206,7 +205,7 @@ fn a_hand_takes_the_object_where_it_is() {
     let rotation = from_wxyz(socket.rotation.unwrap());
     let held = rotation * (Vec3::Y * 0.06) + Vec3::from(socket.position_m);
     assert!(near(&held.to_array(), &[0.0, -0.1, 0.0]), "{held}");
-    // It is upright and faces the character where it is taken.
+    // It is upright and faces the character that takes it.
     let turned = Quat::from_rotation_x(-1.5 * 0.55) * rotation;
     assert!(
         angle_between(turned, yaw(std::f32::consts::PI)) < 1e-3,
@@ -268,7 +267,7 @@ fn points_leave_the_rest_of_the_body_free() {
 
 #[test]
 fn what_is_wrong_is_named_with_what_would_do() {
-    for (line, told) in [
+    for (line, wanted) in [
         (
             "--frames 0,100",
             "--frames: 100 is not in the clip; allowed: 0 to 99",
@@ -323,7 +322,7 @@ fn what_is_wrong_is_named_with_what_would_do() {
         ("", "--frames"),
     ] {
         let said = wrong(line);
-        assert!(said.contains(told), "{line}: {said}");
+        assert!(said.contains(wanted), "{line}: {said}");
     }
 }
 
@@ -362,13 +361,13 @@ fn a_variant_is_added_to_a_definition() {
     assert!(again.doc.sockets.is_empty());
     assert_eq!(again.doc.sets[0].events[0].attach.as_deref(), Some("hand"));
 
-    let told = add("--frames 50 --variant slow").unwrap_err();
+    let error = add("--frames 50 --variant slow").unwrap_err();
     assert!(
-        told.contains("--variant: \"slow\" is a variant that the definition has"),
-        "{told}"
+        error.contains("--variant: \"slow\" is a variant that the definition has"),
+        "{error}"
     );
-    let told = add("--frames 50 --variant x --sets slow-1").unwrap_err();
-    assert!(told.contains("--sets: \"slow-1\" is a set"), "{told}");
+    let error = add("--frames 50 --variant x --sets slow-1").unwrap_err();
+    assert!(error.contains("--sets: \"slow-1\" is a set"), "{error}");
 }
 
 #[test]

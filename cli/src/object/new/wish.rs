@@ -1,4 +1,4 @@
-//! What is asked for, worked out: sets, keyframes and sockets.
+//! The arguments worked out: sets, keyframes and sockets.
 
 use troupe_motion::Skeleton;
 use troupe_motion::clip::Clip;
@@ -6,15 +6,15 @@ use troupe_motion::stance::low_hips_m;
 use troupe_proto::docs::{EventDoc, KeyframeDoc, Motion, Origin, SetDoc, SocketDoc};
 
 use super::args::New;
+use super::placement::{Placement, Pose, View, keyframe};
 use super::seat::{HEIGHTS_M, seated};
-use super::stage::{Pose, Stage, View, keyframe};
 use super::wrong::Wrong;
 
 /// Most frames by which a soft set may be left early.
 const MAX_DROP_FRAMES: u32 = 64;
 /// Most frames that a set may be held.
 const MAX_HOLD_FRAMES: u32 = 9000;
-/// A character whose root moves by less, metres, and turns by less, radians, stays where it is.
+/// A character whose root moves by less, metres, and turns by less, radians, counts as standing.
 const STAYS: (f32, f32) = (0.15, 0.35);
 
 /// Frames that a set may take in the pack, from the last frame before it to its keyframe.
@@ -24,23 +24,23 @@ pub(super) struct Limits {
     pub(super) most: u32,
 }
 
-/// What is asked for, with frames as indices into --frames and joints as indices into the skeleton.
+/// The arguments, with frames as indices into --frames and joints as indices into the skeleton.
 pub(super) struct Wish<'a> {
     new: &'a New,
     skeleton: &'a Skeleton,
     limits: Limits,
     pub(super) variant: String,
-    /// Where the object is, and is taken.
+    /// The frame at which the object is placed, or taken.
     pub(super) object: usize,
     /// Joint that takes it.
     pub(super) hand: Option<usize>,
     release: Option<usize>,
-    /// Where it sits, and the height of the seat, metres.
+    /// The frame of sitting, and the height of the seat, metres.
     pub(super) seat: Option<(usize, f32)>,
     points: Vec<usize>,
-    /// Held until ended.
+    /// The frame that is held until the interaction is ended.
     held: Option<usize>,
-    /// For how many frames each is held.
+    /// Frames for which each keyframe is held.
     holds: Vec<u32>,
     drops: Vec<u32>,
 }
@@ -104,7 +104,7 @@ impl<'a> Wish<'a> {
         Ok(poses)
     }
 
-    /// Whether the motion to a set is not that of the clip, which does not sit.
+    /// Whether the motion to a set differs from the clip, which does not sit.
     fn is_from_or_to_seat(&self, nth: usize) -> bool {
         self.seat.is_some_and(|(seat, _)| nth == seat || nth == seat + 1)
     }
@@ -165,7 +165,7 @@ impl<'a> Wish<'a> {
         u32::try_from(self.new.frames[nth].abs_diff(before)).ok()
     }
 
-    /// The same, where a segment may take as long.
+    /// The same, if a segment may have that many frames.
     fn timing(&self, nth: usize) -> Option<u32> {
         let Limits { least, most } = self.limits;
         self.clip_frames(nth)
@@ -177,7 +177,7 @@ impl<'a> Wish<'a> {
         given.unwrap_or_else(|| format!("{}-{}", self.variant, nth + 1))
     }
 
-    /// The first set with which what is held is left.
+    /// The first set of the way out of a held keyframe.
     pub(super) fn exit(&self) -> Option<usize> {
         self.held
             .map(|held| held + 1)
@@ -189,13 +189,13 @@ impl<'a> Wish<'a> {
         self.hand.is_some() && nth > self.object
     }
 
-    /// The set of a pose. `start`: where a skill begins.
+    /// The set of a pose. A skill begins at `start`.
     pub(super) fn set(
         &self,
         nth: usize,
         poses: &[Pose],
         start: Option<&Pose>,
-        stage: &Stage,
+        placement: &Placement,
         notes: &mut Vec<String>,
     ) -> SetDoc {
         let pose = &poses[nth];
@@ -233,22 +233,19 @@ impl<'a> Wish<'a> {
             },
             hold_until_ended: self.held == Some(nth),
             events: attach.into_iter().chain(release).collect(),
-            keyframes: vec![self.keyframe(pose, (before, nth + 1 == poses.len()), taken, stage)],
+            keyframes: vec![self.keyframe(pose, (before, nth + 1 == poses.len()), taken, placement)],
         }
     }
 
     fn motion(&self, pose: &Pose, before: Option<&Pose>) -> Option<Motion> {
         if self.new.skill {
-            // The networks make it where nothing else is said.
-            return self.new.motion.map(Motion::from);
+            // The networks make it.
+            return None;
         }
         let low_m = low_hips_m(self.skeleton);
         let low = |pose: &Pose| pose.root.position.y - self.skeleton.ground_y_m < low_m;
         let low = self.points.is_empty() && (low(pose) || before.is_some_and(low));
-        self.new
-            .motion
-            .map(Motion::from)
-            .or(low.then_some(Motion::Stance))
+        low.then_some(Motion::Stance)
     }
 
     fn keyframe(
@@ -256,7 +253,7 @@ impl<'a> Wish<'a> {
         pose: &Pose,
         (before, is_last): (Option<&Pose>, bool),
         taken: bool,
-        stage: &Stage,
+        placement: &Placement,
     ) -> KeyframeDoc {
         let ground = self.skeleton.ground_y_m;
         if self.new.skill {
@@ -274,16 +271,15 @@ impl<'a> Wish<'a> {
         }
         let view = match before {
             Some(before) if taken => View::of_character(before, ground),
-            _ => View::of_object(stage, ground),
+            _ => View::of_object(placement, ground),
         };
         if self.points.is_empty() {
             return keyframe(pose, &view, self.new.pivot && !taken);
         }
         let stays = before.is_some_and(|before| pose.stays_at(before, STAYS));
-        // A thing that stands on something may stand higher or lower in a scene: hands go where it
-        // is.
-        let raised = !taken && stage.origin.y > ground;
-        let heights = if raised { stage.origin.y } else { ground };
+        // A thing that stands on something may be higher or lower in a scene, and hands follow it.
+        let raised = !taken && placement.origin.y > ground;
+        let heights = if raised { placement.origin.y } else { ground };
         KeyframeDoc {
             place_m: (!stays).then(|| view.place(pose.root.position)),
             heading_deg: (!stays).then(|| view.heading_deg(pose.root.heading)),
@@ -308,10 +304,10 @@ impl<'a> Wish<'a> {
         joint.unwrap_or_default().chars().map(fits).collect()
     }
 
-    /// Where the hand holds the object: as it is there when it takes it.
-    pub(super) fn socket(&self, pose: &Pose, stage: &Stage) -> Option<SocketDoc> {
+    /// The place of the object in the hand, as it is when the hand takes it.
+    pub(super) fn socket(&self, pose: &Pose, placement: &Placement) -> Option<SocketDoc> {
         let joint = self.hand?;
-        let (position_m, rotation) = stage.in_joint(pose, joint);
+        let (position_m, rotation) = placement.in_joint(pose, joint);
         Some(SocketDoc {
             name: self.socket_name(),
             joint: self.skeleton.joints[joint].name.clone(),

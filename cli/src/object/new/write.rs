@@ -64,7 +64,7 @@ pub(super) fn whole(doc: &ObjectDoc, source: &Source<'_>) -> String {
 pub(super) fn skill(doc: &ObjectDoc, source: &Source<'_>) -> String {
     let mut text = Text::default();
     text.comment(format_args!("{}, {}.", doc.name, made(source)));
-    text.comment("Metres, degrees about +Y, rotations as w, x, y, z. docs/skills.md explains the fields. Each set is given from where the");
+    text.comment("Metres, degrees about +Y, rotations as w, x, y, z. docs/skills.md explains the fields. Each set is relative to the place at which the");
     text.comment("character is as it begins.");
     text.gap();
     text.value("format", doc.format);
@@ -87,7 +87,7 @@ pub(super) fn addition(doc: &ObjectDoc, source: &Source<'_>) -> String {
     text.0
 }
 
-/// How it was made.
+/// The command that made it.
 fn made(source: &Source<'_>) -> String {
     let frames: Vec<_> = source.frames.iter().map(usize::to_string).collect();
     let whose = match source.rebuilt {
@@ -170,7 +170,7 @@ impl Text {
             self.string("next", next);
         }
         if set.origin == Origin::Character {
-            self.comment("From where the character is by then.");
+            self.comment("Relative to the character at that moment.");
             self.line("origin = \"character\"");
         }
         match set.motion {

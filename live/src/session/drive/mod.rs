@@ -4,10 +4,8 @@
 //! makes no sense, or when the server shuts down. Its sessions are let go of then, whatever the
 //! reason.
 
-mod audience;
-mod outbox;
-mod roster;
-mod said;
+mod hear;
+pub(super) mod roster;
 mod watching;
 
 use std::sync::Arc;
@@ -20,16 +18,13 @@ use troupe_proto::v1;
 use troupe_proto::v1::drive_request::Message as Ask;
 
 use super::encode::Form;
-use super::{Sessions, commands, step};
+use super::sessions::Sessions;
+use super::stream::{Audience, Closing, Departure, Outbox, Said, Tick};
+use super::{SessionError, step};
 use crate::wire::units;
-use troupe_character::live::CommandOutcome;
+use hear::{command, drained};
+use roster::Roster;
 use troupe_character::{FieldError, Path};
-
-pub(super) use audience::Audience;
-use outbox::Tick;
-pub use outbox::{Outbox, Outgoing, Outlet, outbox};
-pub(super) use roster::Roster;
-pub use said::{Attached, Closing, Departure, Said};
 use watching::Watching;
 
 /// Longest time that characters catch up on after ticks that the server missed. What is longer they
@@ -43,8 +38,33 @@ pub struct StreamPermit {
     sessions: Arc<Sessions>,
 }
 
+impl Sessions {
+    /// A place for a stream.
+    ///
+    /// # Errors
+    /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts
+    /// down.
+    pub fn open_stream(self: &Arc<Self>) -> Result<StreamPermit, SessionError> {
+        if *self.draining().borrow() {
+            return Err(SessionError::ShuttingDown);
+        }
+        match self.places().clone().try_acquire_owned() {
+            Ok(permit) => Ok(StreamPermit::new(permit, self.clone())),
+            Err(_) => Err(SessionError::TooManyStreams {
+                limit: self.limits().streams,
+            }),
+        }
+    }
+
+    fn roster(&self, close_at_end: bool, audience: &Arc<Audience>) -> Roster {
+        let (registry, time) = (self.registry().clone(), self.time().clone());
+        let limit = self.limits().per_stream;
+        Roster::new(registry, time, limit, close_at_end, audience)
+    }
+}
+
 impl StreamPermit {
-    pub(super) fn new(permit: OwnedSemaphorePermit, sessions: Arc<Sessions>) -> Self {
+    fn new(permit: OwnedSemaphorePermit, sessions: Arc<Sessions>) -> Self {
         sessions.streams_changed(0);
         Self {
             _permit: permit,
@@ -116,14 +136,6 @@ impl Drop for StreamPermit {
     fn drop(&mut self) {
         // The permit itself goes after this.
         self.sessions.streams_changed(1);
-    }
-}
-
-/// Ends when the server shuts down.
-async fn drained(draining: &mut watch::Receiver<bool>) {
-    if draining.wait_for(|draining| *draining).await.is_err() {
-        // The sender is gone with the server's handle; the server itself goes on.
-        std::future::pending().await
     }
 }
 
@@ -269,17 +281,6 @@ impl Drop for Driving {
     fn drop(&mut self) {
         self.audience.end();
     }
-}
-
-/// Gives a client's commands to the characters. Those that were accepted are not told of.
-async fn command(sessions: &Sessions, request: &v1::CommandRequest) -> Result<Option<Said>, FieldError> {
-    let root = Path::root();
-    let path = root.field("command");
-    let commands = &path.field("commands");
-    units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
-    let mut results = sessions.apply(&request.commands).await;
-    results.retain(|result| !matches!(result.outcome, Ok(CommandOutcome::Accepted)));
-    Ok((!results.is_empty()).then_some(Said::Commands(results)))
 }
 
 fn left(sessions: Vec<Departure>) -> Option<Said> {

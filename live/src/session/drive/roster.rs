@@ -6,13 +6,14 @@ use std::time::Instant;
 
 use troupe_proto::v1;
 
-use super::audience::Audience;
-use super::said::{Attached, Departure};
 use crate::session::LivePack;
-use crate::session::cell::{End, Held, Owner, SessionCell};
+use crate::session::cell::{Held, SessionCell};
 use crate::session::encode::{BlockWriter, Form};
 use crate::session::executor::Turn;
-use crate::session::planner::{self, Patience};
+use crate::session::owner::{End, Owner};
+use crate::session::planner;
+use crate::session::stream::{Attached, Audience, Departure};
+use crate::session::wants::Patience;
 use crate::session::{Registry, TimeSource, events};
 use crate::session::{SessionError, SessionProblem};
 use troupe_character::Path;
@@ -172,7 +173,7 @@ impl Roster {
                 live.character.sample(&mut self.out);
                 let wants = cell.settle(&mut live);
                 if cell.scene().is_some() {
-                    in_hands.extend(events::held(&live, member.slot, cell.convention()));
+                    in_hands.extend(events::held(&live.character, member.slot, cell.convention()));
                 }
                 if let Some(happened) = &mut happened {
                     happened.extend(live.events.take(member.slot, cell.id(), cell.convention()));

@@ -9,11 +9,10 @@ use troupe_character::{FieldError, Path};
 use troupe_proto::v1;
 use troupe_proto::v1::drive_request::Message as Ask;
 
-use super::audience::{Ending, Ticket};
-use super::said::{Closing, Said};
-use super::{Outbox, command, drained};
-use crate::session::Sessions;
-use crate::session::cell::Owner;
+use super::hear::{command, drained};
+use crate::session::owner::Owner;
+use crate::session::sessions::Sessions;
+use crate::session::stream::{Closing, Ending, Outbox, Said, Ticket};
 
 /// Time between looks whether the reader takes anything.
 const LOOK_EVERY: Duration = Duration::from_millis(500);

@@ -15,8 +15,9 @@ use crate::testing::{biped, walk};
 
 const SIX: &str = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation";
 
-/// A root that places the hips, hips with two legs, six channels everywhere: `(placing root, hips,
-/// left leg)` positions a frame, no rotation but 90° about Y at the placing root.
+/// A root that places the hips, hips with two legs, and six channels everywhere. `frames` gives the
+/// positions `(placing root, hips, left leg)`. The only rotation is 90° about Y at the placing
+/// root.
 fn placed(frames: &[([f64; 3], [f64; 3], [f64; 3])]) -> BvhFile {
     let mut text = format!(
         "HIERARCHY ROOT place {{ OFFSET 0 0 0 {SIX} JOINT Hips {{ OFFSET 7 7 7 {SIX}
@@ -45,7 +46,7 @@ fn a_small_clip_by_hand() {
             .abs_diff_eq(Vec3::new(0.0, 0.1, 0.0), 1e-7)
     );
     let world = WorldMotion::from_clip(&clip);
-    // 90° about Z takes the chest from above the hips to -X of them.
+    // 90° about Z takes the chest from above the hips to their -X side.
     assert!(world.positions_at(0)[1].abs_diff_eq(Vec3::new(-0.09, 0.02, 0.03), 1e-6));
     assert!(
         angle_between(
@@ -77,8 +78,8 @@ fn a_static_placing_root_is_folded() {
             Quat::from_rotation_y(std::f32::consts::FRAC_PI_2)
         ) < 1e-6
     );
-    // Position channels replaced the OFFSET; where there are none it stays. Left is from the right
-    // leg to the left.
+    // Position channels replaced the OFFSETs; the others stay. Left points from the right leg to
+    // the left.
     let offsets: Vec<_> = clip.skeleton.joints[1..].iter().map(|j| j.offset_m).collect();
     assert!(offsets[0].abs_diff_eq(Vec3::new(0.01, 0.0, 0.0), 1e-6));
     assert!(offsets[1].abs_diff_eq(Vec3::new(-0.01, 0.0, 0.0), 1e-6));
@@ -88,7 +89,7 @@ fn a_static_placing_root_is_folded() {
 
 #[test]
 fn a_moving_placing_root_is_folded_too() {
-    // The way is in the root, the bob in the hips: a few of Bandai-Namco's clips are like this.
+    // The root carries the travel and the hips the bob, as in a few of Bandai-Namco's clips.
     let frame = |t: f64| ([0.0, 0.0, 10.0 * t], [0.0, 90.0 + t, 0.0], [1.0, 0.0, 0.0]);
     let clip = placed(&[0.0, 1.0, 2.0].map(frame))
         .to_clip(&BvhOptions::default())
@@ -120,8 +121,8 @@ fn a_root_that_moves_over_a_fixed_child_stays() {
 
 #[test]
 fn a_pelvis_with_an_only_child_stays() {
-    // Hips > Spine > two arms: the first joint that branches is not the pelvis. Whether the spine
-    // has position channels of its own, as every joint of some files has, or not.
+    // Hips > Spine > two arms: the first joint that branches is not the pelvis. With and without
+    // position channels at the spine, which every joint has in some files.
     for (channels, place) in [("CHANNELS 3 Zrotation Xrotation Yrotation", ""), (SIX, "0 10 0")] {
         let text = format!(
             "HIERARCHY ROOT Hips {{ OFFSET 0 0 0 {SIX} JOINT Spine {{ OFFSET 0 10 0 {channels}
@@ -179,7 +180,7 @@ fn legs() -> Arc<Skeleton> {
 }
 
 #[test]
-fn joints_go_onto_a_skeleton_by_name() {
+fn joints_are_matched_to_a_skeleton_by_name() {
     let frame = ([10.0, 0.0, 0.0], [0.0, 90.0, 5.0], [1.0, 0.0, 0.0]);
     let clip = placed(&[frame; 2])
         .to_clip_on(&legs(), &BvhOptions::default())
@@ -232,7 +233,7 @@ fn bones_of_another_length_are_reported() {
 }
 
 #[test]
-fn files_that_are_no_clip_are_refused() {
+fn files_that_cannot_be_a_clip_are_refused() {
     let options = BvhOptions::default();
     let (head, _) = SMALL.split_once("1 2 3").unwrap();
     let empty = parse(&head.replace("Frames: 2", "Frames: 0")).unwrap();
@@ -261,7 +262,8 @@ fn files_that_are_no_clip_are_refused() {
     }
 }
 
-/// A file of `joints` in a row, of which the first alone has a channel, with `frames` rows of "0".
+/// A file of `joints` joints in a chain, of which only the first has a channel, with `frames` rows
+/// of "0".
 fn long(joints: usize, frames: usize) -> BvhFile {
     let mut text = "HIERARCHY ROOT j0 { OFFSET 0 0 0 CHANNELS 1 Yrotation\n".to_owned();
     for n in 1..joints {
@@ -273,14 +275,14 @@ fn long(joints: usize, frames: usize) -> BvhFile {
 }
 
 #[test]
-fn joints_without_channels_do_not_ask_for_memory() {
+fn joints_without_channels_take_limited_memory() {
     let options = BvhOptions::default();
     let file = long(crate::bvh::MAX_JOINTS, crate::bvh::MAX_FRAMES);
     assert_eq!(
         file.to_clip(&options),
         Err(SkeletonError::TooManyJoints(crate::bvh::MAX_JOINTS).into())
     );
-    // As many as a skeleton may have, but too many frames of them.
+    // As many joints as a skeleton may have, but too many frames of them.
     let (joints, frames) = (MAX_JOINTS, MAX_ROTATIONS / MAX_JOINTS + 1);
     let too_long = ConvertError::TooLong { frames, joints };
     let file = long(joints, frames);
@@ -289,7 +291,7 @@ fn joints_without_channels_do_not_ask_for_memory() {
         too_long.to_string(),
         "131073 frames of 512 joints are too many: at most 131072 frames of so many joints are converted"
     );
-    // Onto a small skeleton too: the file's joints are all played.
+    // Onto a small skeleton too: all of the file's joints are played.
     let one = vec![Joint {
         name: "j0".to_owned(),
         parent: None,
@@ -297,7 +299,7 @@ fn joints_without_channels_do_not_ask_for_memory() {
     }];
     let skeleton = Arc::new(Skeleton::new(one, Vec3::X, 0.0, None).unwrap());
     assert_eq!(file.to_clip_on(&skeleton, &options), Err(too_long));
-    // The longest file there is, of few joints, is within the limit.
+    // The longest possible file, of few joints, is within the limit.
     let file = long(1, crate::bvh::MAX_FRAMES);
     let clip = file.to_clip_on(&skeleton, &options).unwrap();
     assert_eq!(clip.frames(), crate::bvh::MAX_FRAMES);
@@ -311,7 +313,7 @@ fn rates_near_whole_numbers_are_whole() {
     assert_eq!(fps("0.016667"), 60.0);
     assert!(
         (fps("0.0333667") - 29.97).abs() < 1e-3,
-        "television's rate is none"
+        "television's rate is not whole"
     );
     assert_eq!(fps("4"), 0.25);
 }
@@ -347,7 +349,7 @@ fn a_walk_goes_through_a_file_unchanged() {
     }
 }
 
-/// Any angle, and those at or near whole quarter turns.
+/// Any angle, and angles at or near quarter turns.
 fn angle() -> impl Strategy<Value = f32> {
     let near = prop_oneof![Just(0.0f32), -1e-4f32..1e-4];
     let quarters = (-3i32..=3, near).prop_map(|(q, near)| q as f32 * std::f32::consts::FRAC_PI_2 + near);

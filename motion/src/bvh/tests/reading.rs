@@ -1,4 +1,4 @@
-//! What the reader takes, and what it refuses and where.
+//! What the reader accepts, and what it refuses, with the line.
 
 use glam::DVec3;
 use proptest::prelude::*;
@@ -15,7 +15,7 @@ fn error(text: &str) -> (usize, BvhErrorKind) {
     (line, kind)
 }
 
-/// `SMALL` with one piece replaced, which must be there.
+/// `SMALL` with one piece, which it must contain, replaced.
 fn with(from: &str, to: &str) -> String {
     assert!(SMALL.contains(from), "{from}");
     SMALL.replacen(from, to, 1)
@@ -107,7 +107,7 @@ fn malformed_hierarchies_name_the_line() {
         error(&with("OFFSET 0 10 0", "OFFSET 0 x 0")),
         (8, expected("a number", "x"))
     );
-    // The third number is missing, so the next word stands in its place.
+    // The third number is missing, so the next word takes its place.
     assert_eq!(
         error(&with("OFFSET 0 10 0", "OFFSET 0 10")),
         (9, expected("a number", "CHANNELS"))
@@ -275,7 +275,7 @@ fn hostile_sizes_are_refused() {
         error(&with("Frames: 2", "Frames: 99999999999999")).1,
         too_many("frames", MAX_FRAMES)
     );
-    // The count is believed only as far as the rows go.
+    // Memory grows with the rows, not with the declared count.
     let declared = MAX_FRAMES;
     let kind = BvhErrorKind::FrameCount {
         declared,
@@ -286,7 +286,7 @@ fn hostile_sizes_are_refused() {
     assert!(matches!(found.1, BvhErrorKind::NotFinite(text) if text.len() == 40));
 }
 
-/// Whatever is read must hold together, and errors must point into the text.
+/// Whatever is read must be consistent, and errors must point into the text.
 fn check(text: &str) -> Result<(), TestCaseError> {
     match parse(text) {
         Ok(file) => {

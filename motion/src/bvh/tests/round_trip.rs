@@ -1,4 +1,4 @@
-//! Writing and reading back, on generated hierarchies.
+//! Writes generated hierarchies and reads them back.
 
 use std::collections::HashMap;
 
@@ -20,7 +20,7 @@ fn vector() -> impl Strategy<Value = DVec3> {
     [-300.0..300.0f64, -300.0..300.0f64, -300.0..300.0f64].prop_map(DVec3::from)
 }
 
-/// Whole quarter turns (gimbal lock), and all else.
+/// Whole quarter turns (gimbal lock), and other angles.
 fn value() -> impl Strategy<Value = f64> {
     prop_oneof![
         (-4..=4i32).prop_map(|q| f64::from(q) * 90.0),
@@ -30,7 +30,7 @@ fn value() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// Files with any hierarchy, parents before children but in no other order, with odd names.
+/// Files with any hierarchy, whose only order is that parents come before children, with odd names.
 fn files() -> impl Strategy<Value = BvhFile> {
     let joint = (
         any::<prop::sample::Index>(),
@@ -48,7 +48,7 @@ fn files() -> impl Strategy<Value = BvhFile> {
                     channels.push(Channel::Yrotation);
                 }
                 let parent = (i > 0).then(|| parent.index(i));
-                // The number keeps the names apart.
+                // The number makes names differ.
                 let name = format!("{}{i}", name.replace('{', "("));
                 BvhJoint {
                     name,
@@ -83,7 +83,8 @@ fn by_name(file: &BvhFile) -> ByName<'_> {
     out
 }
 
-/// The rotation of a joint from its channels, by matrices rather than by the code under test.
+/// The rotation of a joint from its channels, computed with matrices instead of the code under
+/// test.
 fn rotation(channels: &[Channel], values: &[f64]) -> DQuat {
     let mut m = glam::DMat3::IDENTITY;
     for (channel, value) in channels.iter().zip(values) {
@@ -130,7 +131,7 @@ proptest! {
 }
 
 #[test]
-fn the_small_file_is_written_as_one_would() {
+fn the_small_file_is_written_as_expected() {
     let text = write(&parse(SMALL).unwrap());
     assert!(
         text.contains(

@@ -1,4 +1,4 @@
-//! What networks are told of a body's rows, and which rows read which.
+//! What networks read of a body: a description of each row, and which rows read which.
 
 use glam::{Quat, Vec3};
 
@@ -15,9 +15,9 @@ pub const SLOTS: usize = 16;
 /// Slots of each row.
 type Slots<T> = Box<[[T; SLOTS]]>;
 
-/// Where in a description a row says that it is the root's place.
+/// Index of the flag for the root's place in a description.
 const IS_PLACE: usize = 14;
-/// Joints between a joint and the root count as so many eighths.
+/// Unit in which the joints between a joint and the root are counted.
 const DEPTH_UNIT: f32 = 8.0;
 
 /// Descriptions of all rows, `[J + 1]`.
@@ -68,11 +68,11 @@ pub(super) fn describe(
     rows.into()
 }
 
-/// Rows that each row reads, counted from the body's first, and 1 where a slot counts.
+/// Rows that each row reads, as indices from the body's first row, and 1 for a slot that is used.
 pub(super) fn slots(skeleton: &Skeleton) -> (Slots<i64>, Slots<f32>) {
     let row_of = |joint: usize| Some(joint + 1);
     let mut rows = Vec::with_capacity(skeleton.joint_count() + 1);
-    // The root's place reads the ends of limbs: what touches the ground first.
+    // The root's place reads the ends of limbs, contact joints first.
     let contacts = contact_joints(skeleton);
     let leaves = (0..skeleton.joint_count()).filter(|&joint| is_leaf(skeleton, joint));
     let leaves = leaves.filter(|joint| !contacts.contains(joint));
@@ -98,7 +98,7 @@ fn fill(read: impl Iterator<Item = Option<usize>>) -> ([i64; SLOTS], [f32; SLOTS
     (rows, reads)
 }
 
-/// The longest way down from each joint to an end below it, metres.
+/// Longest path from each joint down to an end, metres.
 fn reach(skeleton: &Skeleton, bones_m: &[Vec3]) -> Vec<f32> {
     let mut reach = vec![0.0_f32; bones_m.len()];
     for (index, joint) in skeleton.joints.iter().enumerate().rev() {
@@ -120,7 +120,7 @@ pub(super) fn is_leaf(skeleton: &Skeleton, joint: usize) -> bool {
     skeleton.joints.iter().all(|other| other.parent != Some(joint))
 }
 
-/// A joint's ancestors, the nearest first, the root last.
+/// A joint's ancestors, nearest first, the root last.
 fn ancestors(skeleton: &Skeleton, joint: usize) -> impl Iterator<Item = usize> {
     let parent = |joint: &usize| skeleton.joints.get(*joint)?.parent;
     std::iter::successors(parent(&joint), move |joint| parent(joint))

@@ -1,4 +1,4 @@
-//! What can be wrong with a body.
+//! Errors of bodies.
 
 use crate::robot::RobotError;
 use crate::skeleton::SkeletonError;
@@ -10,17 +10,17 @@ pub enum BodyError {
     /// A field out of its range.
     #[error("{field} is {found}; allowed: {allowed}")]
     Field {
-        /// The field's path, such as `skeleton.joints[3].parent`.
+        /// Path of the field, such as `skeleton.joints[3].parent`.
         field: String,
-        /// What it holds.
+        /// The value that it has.
         found: String,
-        /// What it may hold.
+        /// The values that are allowed.
         allowed: String,
     },
-    /// A skeleton that contradicts itself in another way.
+    /// The skeleton contradicts itself in another way.
     #[error("skeleton: {0}")]
     Skeleton(#[from] SkeletonError),
-    /// Hinges that do not make a robot of the skeleton.
+    /// The hinges do not make a robot of the skeleton.
     #[error("{0}")]
     Robot(#[from] RobotError),
 }

@@ -1,4 +1,4 @@
-//! Bodies of users: a skeleton alone, and what is left out is derived from it.
+//! Bodies of users: a skeleton from which everything that is left out is derived.
 
 use glam::{Quat, Vec3};
 
@@ -9,14 +9,14 @@ use crate::robot::RobotDoc;
 use crate::root::heading_of;
 use crate::skeleton::{ContactParams, Joint, Skeleton};
 
-/// Joints farther than this share of the body's extent from the middle have a side.
+/// Joints farther from the middle than this share of the body's extent have a side.
 const SIDE_SHARE: f32 = 0.02;
-/// Ends that are higher than this share of the body's extent above the lowest one do not touch the
-/// ground.
+/// Ends higher above the lowest one than this share of the body's extent do not touch the ground.
 const GROUND_SHARE: f32 = 0.05;
-/// A contact joint counts as touching the ground up to this height above where it stands, metres.
+/// A contact joint counts as touching the ground up to this height above its standing height,
+/// metres.
 const CONTACT_ROOM_M: f32 = 0.05;
-/// Feet that are faster do not stand, metres a second.
+/// Faster feet do not stand, m/s.
 const CONTACT_SPEED_MPS: f32 = 0.4;
 
 /// One joint of a user's skeleton.
@@ -24,9 +24,9 @@ const CONTACT_SPEED_MPS: f32 = 0.4;
 pub struct InlineJoint {
     /// Unique, not empty.
     pub name: String,
-    /// The parent's name; empty for the root, which comes first.
+    /// Name of the parent; empty for the root, which comes first.
     pub parent: String,
-    /// Offset from the parent in the parent's frame, metres. That of the root is not used.
+    /// Offset from the parent in the parent's frame of reference, metres. Ignored for the root.
     pub offset_m: Vec3,
 }
 
@@ -35,17 +35,17 @@ pub struct InlineJoint {
 pub struct InlineSkeleton {
     /// Parents before their children. The answer has the same order.
     pub joints: Vec<InlineJoint>,
-    /// The body's left in the root's own frame, unit length. Left out: what is +X in the neutral
+    /// The body's left in the root's frame of reference, unit length. `None`: +X in the neutral
     /// pose.
     pub left_axis: Option<Vec3>,
-    /// Names of the joints that touch the ground. Left out: the lowest ends.
+    /// Names of the joints that touch the ground. `None`: the lowest ends.
     pub contacts: Option<Vec<String>>,
-    /// World rotations of the neutral pose, one a joint. Left out: the rest pose, turned to head
+    /// World rotations of the neutral pose, one a joint. `None`: the rest pose, turned to head
     /// along +Z.
     pub neutral: Option<Vec<Quat>>,
-    /// 1 left, -1 right, 0 middle, one a joint. Left out: by the places of the neutral pose.
+    /// 1 left, -1 right, 0 middle, one a joint. `None`: by the places of the neutral pose.
     pub sides: Option<Vec<i8>>,
-    /// The hinges of a robot.
+    /// The hinges, for a robot.
     pub robot: Option<RobotDoc>,
 }
 
@@ -53,7 +53,7 @@ impl InlineSkeleton {
     /// The body of the skeleton. `dims` has the sizes of the pack's windows.
     ///
     /// # Errors
-    /// [`BodyError`], which names the field and its range.
+    /// [`BodyError`] with the field and its range.
     pub fn body(&self, name: &str, fps: f32, dims: &Dims) -> Result<Body, BodyError> {
         let left_axis = self.left_axis();
         let mut skeleton = Skeleton::new(self.linked()?, left_axis, 0.0, None)?;
@@ -90,7 +90,7 @@ impl InlineSkeleton {
         self.left_axis.unwrap_or_else(left)
     }
 
-    /// The joints with their parents found.
+    /// The joints with the indices of their parents.
     fn linked(&self) -> Result<Vec<Joint>, BodyError> {
         let count = self.joints.len();
         if !(1..=MAX_BODY_JOINTS).contains(&count) {
@@ -143,15 +143,14 @@ impl InlineSkeleton {
         self.joints.iter().position(|joint| joint.name == name)
     }
 
-    /// Whether the way up from a joint comes back to it.
+    /// Whether a joint is its own ancestor.
     fn is_in_cycle(&self, start: usize) -> bool {
         let up = |joint: &usize| self.place_of(&self.joints[*joint].parent);
         let way = std::iter::successors(up(&start), up);
         way.take(self.joints.len()).any(|joint| joint == start)
     }
 
-    /// The joints that touch the ground: where they stand in the neutral pose the lowest of them is
-    /// on the ground.
+    /// The joints that touch the ground. In the neutral pose the lowest of them is on the ground.
     fn contact_params(&self, skeleton: &Skeleton, places: &[Vec3]) -> Result<ContactParams, BodyError> {
         let joints = match &self.contacts {
             Some(names) => {
@@ -190,7 +189,7 @@ fn lowest_ends(skeleton: &Skeleton, places: &[Vec3]) -> Vec<usize> {
     ends().filter(|&joint| places[joint].y <= most).collect()
 }
 
-/// By the places of the neutral pose: +X is left.
+/// Sides by the places of the neutral pose: +X is left.
 fn sides(places: &[Vec3]) -> Vec<i8> {
     let most = SIDE_SHARE * extent(places);
     let side = |place: &Vec3| i8::from(place.x > most) - i8::from(place.x < -most);

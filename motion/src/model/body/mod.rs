@@ -1,10 +1,8 @@
-//! A body that one model of many bodies can move: a skeleton with a neutral pose, described joint
-//! by joint.
+//! A body for a model of many bodies: a skeleton with a neutral pose, described joint by joint.
 //!
 //! In the neutral pose the body stands upright, heads along +Z, and its limbs hang down. With
-//! `N[j]` the world rotation of a joint in that pose, `R[j] N[j]ᵀ` is how far it has turned in a
-//! frame, in world axes: the same bend on every body. The reference is
-//! `training/troupe_training/data/bodies.py`.
+//! `N[j]` the world rotation of a joint in that pose, `R[j] N[j]ᵀ` is its turn in a frame, in world
+//! axes: the same bend on every body. The reference is `training/troupe_training/data/bodies.py`.
 
 mod description;
 mod error;
@@ -22,51 +20,51 @@ pub use description::{DESCRIPTION, SLOTS};
 pub use error::BodyError;
 pub use inline::{InlineJoint, InlineSkeleton};
 
-/// The most joints of a body.
+/// Most joints of a body.
 pub const MAX_BODY_JOINTS: usize = 256;
 /// Smallest and largest size of a body, metres.
 const SIZES_M: [f32; 2] = [0.01, 100.0];
-/// The longest bone, metres.
+/// Longest bone, metres.
 const MAX_BONE_M: f32 = 100.0;
 /// Shorter bones count as none, metres.
 const MIN_BONE_M: f32 = 1e-4;
-/// How far a rotation may be from unit length.
+/// Largest difference of a rotation from unit length.
 const UNIT_TOLERANCE: f32 = 1e-3;
-/// Speed of a walk, sizes a second. People walk at 1.2 m/s with hips at 0.9 m.
+/// Speed of a walk, body sizes a second. People walk at 1.2 m/s with hips at 0.9 m.
 const USUAL_SPEED_PER_S: f32 = 1.3;
-/// The fastest path of a live character, sizes a second: that of a run.
+/// Highest speed of a live character's path, body sizes a second: that of a run.
 const MAX_SPEED_PER_S: f32 = 4.0;
-/// Roots lower than this share of the body's extent do not stand on legs.
+/// A body whose root is lower than this share of its extent does not stand on legs.
 const LEGS_SHARE: f32 = 0.15;
 
-/// What a body is made of. Lists have an entry a joint.
+/// The parts that a body is made of. Lists have an entry for each joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyParts {
-    /// Its name.
+    /// Name of the body in requests.
     pub name: String,
-    /// The skeleton, with the hinges of a robot and the joints that touch the ground.
+    /// The skeleton, with a robot's hinges and the contact joints.
     pub skeleton: Skeleton,
     /// World rotations of the neutral pose.
     pub neutral: Vec<Quat>,
     /// 1 left, -1 right, 0 middle.
     pub sides: Vec<i8>,
-    /// Height of the root in the neutral pose above the ground, metres. Left out: the lowest foot
-    /// stands on the ground.
+    /// Height of the root in the neutral pose above the ground, metres. `None`: with the lowest
+    /// foot on the ground.
     pub height_m: Option<f32>,
-    /// What lengths are divided by, metres. Left out: the root's height, or half the extent of what
-    /// does not stand on legs.
+    /// The unit of lengths for the networks, metres. `None`: the root's height, or half the extent
+    /// of a body that does not stand on legs.
     pub size_m: Option<f32>,
     /// The words that its clips show.
     pub words: Vec<String>,
 }
 
-/// A checked body, with what networks are told of it. It has J joints, and J + 1 rows: one for the
-/// place of its root, then one a joint.
+/// A checked body, with everything that networks read of it. It has J joints and J + 1 rows: one
+/// for the place of its root, then one for each joint.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// Its name.
+    /// Name of the body in requests.
     pub name: String,
-    /// The skeleton, a robot's hinges included, and the sizes of windows. Its name is the body's.
+    /// The skeleton with a robot's hinges, and the sizes of windows. Its name is the body's.
     pub rig: Arc<Rig>,
     /// World rotations of the neutral pose, `[J]`.
     pub neutral: Box<[Quat]>,
@@ -74,18 +72,18 @@ pub struct Body {
     pub sides: Box<[i8]>,
     /// Height of the root in the neutral pose above the ground, metres.
     pub height_m: f32,
-    /// What lengths are divided by, metres.
+    /// The unit of lengths for the networks, metres.
     pub size_m: f32,
-    /// The words that its clips show; none where it has no clips.
+    /// The words that its clips show. Empty without clips.
     pub words: Vec<String>,
     /// Bones in the neutral pose, world axes, `[J]`, metres: `N[parent] offset[j]`, zero for the
     /// root.
     pub bones_m: Box<[Vec3]>,
-    /// What networks are told of each row, `[J + 1]`. Lengths are shares of the size.
+    /// What networks read of each row, `[J + 1]`. Lengths are shares of the size.
     pub description: Box<[[f32; DESCRIPTION]]>,
-    /// Rows that the attention of each row reads, counted from the body's first row, `[J + 1]`.
+    /// Rows that each row's attention reads, as indices from the body's first row, `[J + 1]`.
     pub rows: Box<[[i64; SLOTS]]>,
-    /// 1 where a slot of `rows` counts, else 0, `[J + 1]`.
+    /// 1 if a slot of `rows` is used, otherwise 0, `[J + 1]`.
     pub reads: Box<[[f32; SLOTS]]>,
 }
 
@@ -94,7 +92,7 @@ impl Body {
     /// and contacts are the body's own.
     ///
     /// # Errors
-    /// [`BodyError`], which names the field and its range.
+    /// [`BodyError`] with the field and its range.
     pub fn new(parts: BodyParts, fps: f32, dims: &Dims) -> Result<Self, BodyError> {
         let BodyParts {
             name,
@@ -145,18 +143,18 @@ impl Body {
         })
     }
 
-    /// Joints J.
+    /// Number of joints J.
     pub fn joints(&self) -> usize {
         self.neutral.len()
     }
 
-    /// Rows: J + 1.
+    /// Number of rows, J + 1.
     pub fn row_count(&self) -> usize {
         self.neutral.len() + 1
     }
 }
 
-/// By what it is made of.
+/// Compares the parts.
 impl PartialEq for Body {
     fn eq(&self, other: &Self) -> bool {
         let parts = |body: &Self| (body.height_m, body.size_m, body.rig.dims, body.rig.fps);
@@ -202,7 +200,7 @@ fn check_lists(skeleton: &Skeleton, neutral: &[Quat], sides: &[i8]) -> Result<()
     }
 }
 
-/// Robots have joints of several axes in one place; others have a bone a joint.
+/// A robot has joints of several axes at one place; otherwise every joint has a bone.
 fn check_bones(skeleton: &Skeleton) -> Result<(), BodyError> {
     for (index, joint) in skeleton.joints.iter().enumerate().skip(1) {
         let length = joint.offset_m.length();
@@ -229,7 +227,7 @@ fn bones(skeleton: &Skeleton, neutral: &[Quat]) -> Box<[Vec3]> {
     skeleton.joints.iter().map(bone).collect()
 }
 
-/// How live characters with the body are planned for.
+/// How live characters with this body are planned for.
 fn by_path(
     skeleton: &Skeleton,
     neutral: &[Quat],
@@ -256,7 +254,7 @@ fn places(skeleton: &Skeleton, bones_m: &[Vec3]) -> Vec<Vec3> {
     places
 }
 
-/// Height and size, metres, as [`BodyParts`] has them where they are left out.
+/// Defaults of height and size, metres: see [`BodyParts`].
 fn scale(skeleton: &Skeleton, places: &[Vec3]) -> (f32, f32) {
     let contacts = skeleton.contacts.iter();
     let stands = contacts.flat_map(|contacts| contacts.joints.iter().zip(&contacts.clearance_m));
@@ -269,7 +267,7 @@ fn scale(skeleton: &Skeleton, places: &[Vec3]) -> (f32, f32) {
     }
 }
 
-/// Length of the diagonal of the box around all joints in the neutral pose, metres.
+/// Diagonal of the box around all joints in the neutral pose, metres.
 fn extent(places: &[Vec3]) -> f32 {
     let low = places.iter().fold(Vec3::ZERO, |low, place| low.min(*place));
     let high = places.iter().fold(Vec3::ZERO, |high, place| high.max(*place));

@@ -34,7 +34,7 @@ fn body_of(skeleton: &InlineSkeleton) -> Body {
 }
 
 #[test]
-fn what_is_left_out_is_derived() {
+fn missing_parts_are_derived() {
     let body = body_of(&inline());
     assert_eq!(body.sides[..], [0, 0, 1, 1, 1, -1, -1, -1]);
     let contacts = body.rig.skeleton.contacts.as_ref().unwrap();
@@ -54,7 +54,7 @@ fn what_is_left_out_is_derived() {
 }
 
 #[test]
-fn rows_read_themselves_their_root_and_what_is_above() {
+fn rows_read_themselves_their_root_and_their_ancestors() {
     let body = body_of(&inline());
     assert_eq!(body.rows[0][..6], [0, 0, 1, 5, 8, 2], "contacts, then the spine");
     assert_eq!(body.reads[0][..7], [1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0]);
@@ -79,7 +79,7 @@ fn a_rest_pose_that_heads_elsewhere_is_turned() {
 }
 
 #[test]
-fn hinges_may_lie_in_one_place_and_other_joints_may_not() {
+fn only_hinges_may_be_at_one_place() {
     let mut skeleton = inline();
     skeleton.joints[1].offset_m = Vec3::ZERO;
     let error = skeleton.body("mine", 30.0, &DIMS).unwrap_err().to_string();
@@ -104,7 +104,7 @@ fn hinges_may_lie_in_one_place_and_other_joints_may_not() {
         (&spine[6..9], spine[9], spine[10]),
         (&[0.0, 1.0, 0.0][..], 1.0, 0.0)
     );
-    assert_eq!((leg[9], leg[10]), (0.0, 1.0), "what is no hinge is fixed");
+    assert_eq!((leg[9], leg[10]), (0.0, 1.0), "a joint without hinge is fixed");
 }
 
 #[test]

@@ -14,9 +14,9 @@ use utoipa::ToSchema;
 
 use super::row::Row;
 use super::{ApiError, DOMAIN};
-use crate::api::refusals::Refusal;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_base::telemetry::RequestContext;
+use troupe_edge::is_grpc;
 
 impl ApiError {
     /// Name of the code, for metrics.
@@ -108,14 +108,10 @@ impl ApiError {
 
     /// The answer over gRPC, or over HTTP.
     pub(in crate::api) fn in_protocol(&self, grpc: bool) -> Response {
-        let mut response = match grpc {
+        match grpc {
             true => self.status().into_http::<Body>(),
             false => self.clone().into_response(),
-        };
-        if let Some(refusal) = Refusal::of(self) {
-            response.extensions_mut().insert(refusal);
         }
-        response
     }
 
     /// The error behind a gRPC status. The status is our own, or the gRPC library made it while it
@@ -138,13 +134,6 @@ impl ApiError {
             _ => Self::Malformed { message, field: None },
         }
     }
-}
-
-/// Whether the headers are those of a gRPC call.
-pub(in crate::api) fn is_grpc(headers: &HeaderMap) -> bool {
-    headers
-        .get(header::CONTENT_TYPE)
-        .is_some_and(|form| form.as_bytes().starts_with(b"application/grpc"))
 }
 
 /// Label of an answer's code, for the metrics.

@@ -104,9 +104,10 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::clients::Role;
     use crate::service::ServiceError;
     use troupe_batch::SubmitError;
+    use troupe_edge::EdgeError;
+    use troupe_edge::clients::Role;
     use troupe_engine::EngineError;
 
     #[test]
@@ -129,12 +130,13 @@ mod tests {
                 Code::SchemaValidation,
             ),
             (ApiError::WrongMethod("PUT".to_owned()), Code::InvalidRequest),
-            (ApiError::NoKey, Code::Unauthorized),
+            (EdgeError::NoKey.into(), Code::Unauthorized),
             (
-                ApiError::RoleTooLow {
+                EdgeError::RoleTooLow {
                     role: Role::Metrics,
                     needed: Role::Drive,
-                },
+                }
+                .into(),
                 Code::Forbidden,
             ),
             (ApiError::DeadlineExceeded(Duration::ZERO), Code::Timeout),

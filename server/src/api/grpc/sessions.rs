@@ -10,11 +10,12 @@ use troupe_proto::v1::sessions_server::Sessions;
 
 use super::answer;
 use crate::api::ours::ours;
-use crate::api::{ApiError, answers, opening, traffic};
-use crate::clients::Client;
+use crate::api::{ApiError, answers, opening};
 use crate::service::Service;
 use troupe_base::turns::Turns;
-use troupe_live::session::drive::{Outlet, outbox};
+use troupe_edge::clients::Client;
+use troupe_edge::traffic;
+use troupe_live::session::stream::{Outlet, outbox};
 
 /// The Sessions service.
 pub(super) struct SessionsApi {
@@ -117,7 +118,8 @@ impl Sessions for SessionsApi {
             .plan_step(request.get_ref())
             .map_err(|error| ApiError::from(error).status())?;
         let (turns, bytes) = (turns(&request), plan.answer_bytes() * traffic::COPIES_AS_PROTOBUF);
-        let reserved = traffic::reserve(client(&request).as_ref(), bytes).map_err(|error| error.status())?;
+        let reserved = traffic::reserve(client(&request).as_ref(), bytes)
+            .map_err(|error| ApiError::from(error).status())?;
         let stepped = sessions.step(request.into_inner(), plan, turns).await;
         let mut response = answer(stepped.map(answers::step))?;
         response.extensions_mut().insert(reserved);

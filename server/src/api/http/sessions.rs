@@ -13,10 +13,10 @@ use crate::api::answers;
 use crate::api::error::ApiError;
 use crate::api::opening;
 use crate::api::ours::Ours;
-use crate::api::traffic;
-use crate::clients::Client;
 use troupe_base::echo::cut;
 use troupe_character::FieldError;
+use troupe_edge::clients::Client;
+use troupe_edge::traffic;
 
 /// Open sessions, all or none
 #[utoipa::path(

@@ -1,111 +1,130 @@
-//! The documentation: the site that `scripts/docs.sh` builds from `docs/`, inside the program if it
-//! was built before the program.
+//! The documentation at `/docs/`: the site that `make docs` builds, read from a folder. So the
+//! server starts before the site is built, and shows it as soon as it is.
+
+use std::path::Path;
 
 use axum::Router;
-use axum::extract::Path;
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{Html, IntoResponse as _, Redirect, Response};
 use axum::routing::get;
-use rust_embed::Embed;
+use tower::ServiceExt as _;
+use tower_http::services::ServeDir;
 
-use super::files::{self, Keep};
-
-/// Where the interactive page of the HTTP interface is.
+/// The path of the interactive page of the HTTP interface.
 pub(super) const SWAGGER: &str = "/docs/api";
-/// The page of a folder.
-const PAGE: &str = "index.html";
-/// What `/docs/` shows if the program was built without the site.
+/// What `/docs/` shows while the folder has no site.
 const UNBUILT: &str = include_str!("unbuilt.html");
 /// The generator writes scripts and styles into its pages. Nothing comes from anywhere else.
 const POLICY: &str = "default-src 'self'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; \
     img-src 'self' data:; connect-src 'self'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'self'; \
     form-action 'none'";
 
-#[derive(Embed)]
-#[folder = "site"]
-struct Files;
-
-/// The site at `/docs/`, or how to build it.
-pub(super) fn router() -> Router {
+/// The site in `folder`, or how to build it.
+pub(super) fn router(folder: &Path) -> Router {
+    let pages = Router::new()
+        .fallback(get(page))
+        .with_state(ServeDir::new(folder).append_index_html_on_directories(true));
     Router::new()
         .route("/docs", get(|| async { Redirect::temporary("/docs/") }))
-        .route("/docs/", get(front))
-        .route(
-            "/docs/{*path}",
-            get(|Path(path): Path<String>, headers: HeaderMap| async move { file(&path, &headers) }),
-        )
+        .nest("/docs/", pages)
 }
 
-/// The first page.
-async fn front(headers: HeaderMap) -> Response {
-    if Files::get(PAGE).is_some() {
-        return file(PAGE, &headers);
+/// A file of the site. A folder's page is at the folder's name and a slash, so that its links are
+/// relative to the folder.
+async fn page(State(files): State<ServeDir>, uri: Uri, request: Request) -> Response {
+    let path = uri.path();
+    if !path.ends_with('/') && Path::new(path).extension().is_none() {
+        return Redirect::temporary(&format!("/docs{path}/")).into_response();
     }
-    let mut response = Html(UNBUILT).into_response();
-    let policy = HeaderValue::from_static(POLICY);
-    response
-        .headers_mut()
-        .insert(header::CONTENT_SECURITY_POLICY, policy);
+    let mut response = match files.oneshot(request).await {
+        Ok(response) if response.status() == StatusCode::NOT_FOUND && path == "/" => {
+            Html(UNBUILT).into_response()
+        }
+        Ok(response) => response.into_response(),
+        Err(never) => match never {},
+    };
+    complete(response.headers_mut());
     response
 }
 
-/// A file of the site. A folder's page is at the folder's name and a slash, so that its links lead
-/// on from there.
-fn file(path: &str, headers: &HeaderMap) -> Response {
-    if path.ends_with('/') {
-        return files::answer(Files::get(&format!("{path}{PAGE}")), headers, Keep::Ask, POLICY);
+/// What a browser may do with a file of the site.
+fn complete(headers: &mut HeaderMap) {
+    // The files are UTF-8, which browsers do not assume of text.
+    let text = headers
+        .get(header::CONTENT_TYPE)
+        .and_then(|kind| kind.to_str().ok())
+        .filter(|kind| kind.starts_with("text/") && !kind.contains("charset"))
+        .and_then(|kind| HeaderValue::from_str(&format!("{kind}; charset=utf-8")).ok());
+    if let Some(kind) = text {
+        headers.insert(header::CONTENT_TYPE, kind);
     }
-    let found = Files::get(path);
-    if found.is_none() && Files::get(&format!("{path}/{PAGE}")).is_some() {
-        return Redirect::temporary(&format!("/docs/{path}/")).into_response();
-    }
-    files::answer(found, headers, Keep::Ask, POLICY)
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    headers.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
+    headers.insert(
+        header::X_CONTENT_TYPE_OPTIONS,
+        HeaderValue::from_static("nosniff"),
+    );
+    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
 }
 
 #[cfg(test)]
 mod tests {
     use axum::body::{Body, to_bytes};
-    use axum::http::{Request, StatusCode};
-    use tower::ServiceExt as _;
+    use axum::http::Request;
 
     use super::*;
 
-    async fn get(path: &str) -> Response {
+    async fn get(folder: &Path, path: &str) -> Response {
         let request = Request::builder().uri(path).body(Body::empty()).unwrap();
-        router().oneshot(request).await.unwrap()
+        router(folder).oneshot(request).await.unwrap()
+    }
+
+    async fn text(response: Response) -> String {
+        let bytes = to_bytes(response.into_body(), 1 << 20).await.unwrap();
+        String::from_utf8(bytes.to_vec()).unwrap()
     }
 
     #[tokio::test]
-    async fn the_site_is_there_or_how_to_build_it() {
-        assert_eq!(get("/docs").await.headers()[header::LOCATION], "/docs/");
-        let answer = get("/docs/").await;
-        assert_eq!(answer.status(), StatusCode::OK);
-        assert_eq!(answer.headers()[header::CONTENT_SECURITY_POLICY], POLICY);
-        let text = to_bytes(answer.into_body(), 1 << 20).await.unwrap();
-        let text = std::str::from_utf8(&text).unwrap();
-        if Files::get(PAGE).is_none() {
-            assert!(
-                text.contains("make docs") && text.contains(r#"href="/docs/api/""#),
-                "{text}"
-            );
-            return;
-        }
-        assert!(text.contains("tutorials/first-character.html"), "{text}");
-        let folder = get("/docs/decisions").await;
-        assert_eq!(folder.headers()[header::LOCATION], "/docs/decisions/");
-        for page in [
-            "/docs/decisions/",
-            "/docs/search.json",
-            "/docs/tutorials/first-character.html",
-        ] {
-            assert_eq!(get(page).await.status(), StatusCode::OK, "{page}");
-        }
+    async fn a_site_is_shown_as_soon_as_it_is_built() {
+        let folder = tempfile::tempdir().unwrap();
+        let site = folder.path().join("site");
+        assert_eq!(get(&site, "/docs").await.headers()[header::LOCATION], "/docs/");
+        let unbuilt = get(&site, "/docs/").await;
+        assert_eq!(unbuilt.status(), StatusCode::OK);
+        assert_eq!(unbuilt.headers()[header::CONTENT_SECURITY_POLICY], POLICY);
+        let unbuilt = text(unbuilt).await;
+        assert!(
+            unbuilt.contains("make docs") && unbuilt.contains(r#"href="/docs/api/""#),
+            "{unbuilt}"
+        );
+
+        std::fs::create_dir_all(site.join("decisions")).unwrap();
+        std::fs::write(site.join("index.html"), "first page").unwrap();
+        std::fs::write(site.join("decisions/index.html"), "decisions").unwrap();
+        let front = get(&site, "/docs/").await;
+        assert_eq!(front.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
+        assert_eq!(front.headers()[header::CACHE_CONTROL], "no-cache");
+        assert_eq!(text(front).await, "first page");
+        let bare = get(&site, "/docs/decisions").await;
+        assert_eq!(bare.headers()[header::LOCATION], "/docs/decisions/");
+        assert_eq!(text(get(&site, "/docs/decisions/").await).await, "decisions");
     }
 
     #[tokio::test]
     async fn what_the_site_lacks_is_not_found() {
-        for path in ["/docs/none.html", "/docs/none/", "/docs/../Cargo.toml"] {
-            assert_eq!(get(path).await.status(), StatusCode::NOT_FOUND, "{path}");
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("site")).unwrap();
+        std::fs::write(folder.path().join("secret.toml"), "").unwrap();
+        for path in [
+            "/docs/none.html",
+            "/docs/none/",
+            "/docs/../secret.toml",
+            "/docs/%2e%2e/secret.toml",
+            "/docs/..%2fsecret.toml",
+        ] {
+            let answer = get(&folder.path().join("site"), path).await;
+            assert_eq!(answer.status(), StatusCode::NOT_FOUND, "{path}");
         }
     }
 }

@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
 use tokio::sync::mpsc;
 
-use super::super::listen::{Connection, Listen};
+use troupe_edge::port::Listen;
 
 /// Bytes that wait in a connection.
 const BUFFER: usize = 64 << 10;
@@ -32,7 +32,9 @@ impl Dial {
 }
 
 impl Listen for Port {
-    type Connection = DuplexStream;
+    type Stream = DuplexStream;
+    type Read = ReadHalf<DuplexStream>;
+    type Write = WriteHalf<DuplexStream>;
 
     async fn accept(&mut self) -> io::Result<(DuplexStream, SocketAddr)> {
         match self.0.recv().await {
@@ -40,14 +42,9 @@ impl Listen for Port {
             None => std::future::pending().await,
         }
     }
-}
 
-impl Connection for DuplexStream {
-    type Read = ReadHalf<Self>;
-    type Write = WriteHalf<Self>;
-
-    fn halves(self) -> (Self::Read, Self::Write) {
-        split(self)
+    fn halves(stream: DuplexStream) -> (Self::Read, Self::Write) {
+        split(stream)
     }
 }
 

@@ -1,6 +1,6 @@
 """How fast the network is in PyTorch: one motion alone, and a batch of all bodies in one ragged call.
 
-`python -m troupe_training.evaluate.unimogen.speed` beside `cargo run --release -p troupe-engine --example unimogen`, in turns.
+`python -m troupe_training.evaluate.unimogen.speed` beside `cargo run --release -p troupe-eval -- unimogen`, in turns.
 Weights are random: they cost the same.
 """
 

@@ -1,4 +1,4 @@
-//! Anything that may happen to a character, for property tests.
+//! Random events for property tests.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use super::super::super::Intent;
 use super::{Harness, Plans, Words};
 use crate::scene::Transform;
 
-/// What may happen to a character.
+/// Something that happens to a character or its scene.
 #[derive(Debug, Clone)]
 pub(crate) enum Event {
     Frames(usize),
@@ -27,7 +27,7 @@ pub(crate) enum Event {
     Back,
 }
 
-/// Anything that may happen.
+/// Any event.
 pub(crate) fn event() -> impl Strategy<Value = Event> {
     let object = || prop::sample::select(vec!["cup", "sign", "bench"]);
     let speed = || -12i8..=12;
@@ -67,7 +67,7 @@ pub(crate) fn words() -> impl Strategy<Value = Words> {
 }
 
 pub(crate) fn carry_out(rig: &mut Harness, event: &Event) {
-    // What is refused is as good as not asked for.
+    // A refused command changes nothing.
     match *event {
         Event::Frames(frames) => rig.run(frames),
         Event::Walk(x, z) => rig.walk(f32::from(x) / 10.0, f32::from(z) / 10.0),

@@ -31,21 +31,21 @@ pub(crate) fn options() -> CharacterOptions {
     }
 }
 
-/// How plans come.
+/// When plans arrive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Plans {
     /// At once.
     AtOnce,
-    /// So many frames after they were asked for.
+    /// This many frames after their request.
     After(u32),
-    /// Not at all, for the keyframes of objects.
+    /// Never for the keyframes of objects, otherwise at once.
     Never,
 }
 
-/// How words come: frames that go ahead, 0.02 m each.
+/// The words of a pack: frames that go ahead by 0.02 m each, and when they arrive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Words {
-    /// How many there are.
+    /// Frames in all.
     pub(crate) frames: usize,
     /// Frames of a part.
     pub(crate) part: usize,
@@ -53,7 +53,7 @@ pub(crate) struct Words {
     pub(crate) first: u32,
     /// Ticks between two parts.
     pub(crate) every: u32,
-    /// They fail after so many parts.
+    /// The words fail after this many parts.
     pub(crate) fails_after: Option<usize>,
 }
 
@@ -69,7 +69,7 @@ impl Default for Words {
     }
 }
 
-/// Words on their way.
+/// Words that are still arriving.
 struct Stream {
     request: WordsRequest,
     words: Words,
@@ -90,14 +90,14 @@ pub(crate) struct Harness {
     /// Sub-frames of a tick.
     pub(crate) sub_frames: u32,
     open: Option<(PlanRequest, u32)>,
-    /// How words come that are asked for from now on.
+    /// How the words of later requests arrive.
     pub(crate) words_come: Words,
     stream: Option<Stream>,
     pub(crate) words_requests: Vec<WordsRequest>,
     sequence: u64,
     pub(crate) frames: Vec<FrameOut>,
     pub(crate) events: Vec<CharacterEvent>,
-    /// Plans that were asked for, by cause and splice frame.
+    /// Every plan request so far.
     pub(crate) requests: Vec<PlanRequest>,
 }
 
@@ -123,7 +123,7 @@ impl Harness {
         Self::in_world(Some(world), scene, definitions, place)
     }
 
-    /// A character that lives in no scene.
+    /// A character without a scene.
     pub(crate) fn nowhere() -> Self {
         let world = World::level();
         Self::in_world(None, world.scene, world.definitions, Vec3::ZERO)
@@ -166,7 +166,7 @@ impl Harness {
         self.character.give(self.sequence, None, intent).map(|_| ())
     }
 
-    /// Follows a path from where it stands by way of `(x, z)` metres from there to the origin.
+    /// Follows a path from here by way of a point `(x, z)` metres away to the origin.
     pub(crate) fn follow(&mut self, x: f32, z: f32, is_loop: bool) -> Result<(), Refusal> {
         let here = self.character.view().root.position;
         let point = |position| AskedPoint {
@@ -203,7 +203,7 @@ impl Harness {
         self.give(Intent::Locomote(command)).unwrap();
     }
 
-    /// One tick on.
+    /// Advances by one tick.
     pub(crate) fn tick(&mut self) {
         let mut left = self.sub_frames;
         loop {
@@ -246,14 +246,14 @@ impl Harness {
         let number = request.number;
         self.open = None;
         self.character.plan_arrived(number, plan);
-        // The answer may have come with another request.
+        // The answer may have led to another request.
         if let Some(request) = self.character.take_request() {
             self.requests.push(request.clone());
             self.open = Some((request, 0));
         }
     }
 
-    /// Takes a request for words; the one before is given up.
+    /// Takes a request for words, which replaces the one before.
     fn hear_words(&mut self) {
         if let Some(request) = self.character.take_words_request() {
             self.words_requests.push(request.clone());
@@ -279,7 +279,7 @@ impl Harness {
         }
         let (words, number) = (stream.words, stream.request.number);
         if words.fails_after.is_some_and(|parts| stream.parts >= parts) {
-            self.character.words_failed(number, "it was asked to".to_owned());
+            self.character.words_failed(number, "the test says so".to_owned());
             self.stream = None;
             return;
         }
@@ -302,7 +302,7 @@ impl Harness {
         }
     }
 
-    /// Acts out `text`.
+    /// Performs `text`.
     pub(crate) fn perform(&mut self, text: &str) {
         self.give(Intent::Perform(PerformCommand {
             text: text.into(),
@@ -315,12 +315,12 @@ impl Harness {
         .unwrap();
     }
 
-    /// Whether a plan was asked for that has not come.
+    /// Whether a plan was asked for and has not arrived.
     pub(crate) fn awaits_plan(&self) -> bool {
         self.open.is_some()
     }
 
-    /// The plan that was asked for will not come.
+    /// The plan that was asked for will not arrive.
     pub(crate) fn forget_plan(&mut self) {
         self.open = None;
     }
@@ -329,7 +329,7 @@ impl Harness {
         (0..frames).for_each(|_| self.tick());
     }
 
-    /// Goes on until something of that kind has happened, at most `frames` frames: when it did.
+    /// Runs until an event of this kind, for at most `frames` frames. Returns its frame.
     pub(crate) fn until(&mut self, frames: usize, is: impl Fn(&EventKind) -> bool) -> Option<u64> {
         let known = self.events.len();
         for _ in 0..frames {
@@ -366,7 +366,7 @@ impl Harness {
         places
     }
 
-    /// The largest acceleration of a joint from frame `from` on, m/s², and the largest way in a
+    /// Largest acceleration of a joint from frame `from` on, m/s², and its largest movement in a
     /// frame, metres.
     pub(crate) fn roughness(&self, from: usize) -> (f32, f32) {
         let all: Vec<Vec<Vec3>> = (from..self.frames.len())
@@ -386,8 +386,8 @@ impl Harness {
         (acceleration, all.windows(2).map(way).fold(0.0, f32::max))
     }
 
-    /// What happened, as words with frames.
-    pub(crate) fn told(&self) -> Vec<(u64, &'static str)> {
+    /// The events so far, as words with their frames.
+    pub(crate) fn event_words(&self) -> Vec<(u64, &'static str)> {
         let word = |kind: &EventKind| match kind {
             EventKind::Started { .. } => "started",
             EventKind::Entered { .. } => "entered",
@@ -411,13 +411,13 @@ impl Harness {
     }
 
     pub(crate) fn words(&self) -> Vec<&'static str> {
-        self.told().into_iter().map(|(_, word)| word).collect()
+        self.event_words().into_iter().map(|(_, word)| word).collect()
     }
 }
 
-/// What the networks might give: straight from the context to near the target, the pose going over
-/// to the target's. Feet stand where the root hardly moves; else one after the other, but for plans
-/// that are to meet keyframes.
+/// A plan as the networks might make it: straight from the context to near the target, with the
+/// pose blending into the target's. Both feet stand if the root hardly moves. Otherwise they
+/// alternate, and neither stands in a plan that must meet keyframes.
 pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
     let shape = &request.shape;
     let target = shape.targets.targets.last().unwrap();
@@ -450,7 +450,7 @@ pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
         *pelvis = (yaw(tilt * part) * *pelvis).normalize();
     }
     let moves = (end.position - start).with_y(0.0).length() > 0.3;
-    // One foot after the other, by where it is on the way.
+    // The feet alternate along the way.
     let steps = |root: &Vec3| 1 << (((root.x + root.z) / 0.4).floor() as i32).rem_euclid(2);
     let contacts = match (moves, &request.pins) {
         (false, _) => vec![3; frames],

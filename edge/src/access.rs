@@ -1,0 +1,180 @@
+//! Keys and tickets of calls, and whether they allow what is asked for.
+
+use std::sync::Arc;
+
+use axum::extract::{Request, State};
+use axum::middleware::{self, Next};
+use axum::response::Response;
+use axum::{Extension, Router};
+use http::{HeaderMap, header};
+
+use super::admitted::Admitted;
+use super::clients::{Client, Clients};
+use super::credentials::Credentials;
+use super::{EdgeError, Front};
+
+/// The parameter that a ticket comes in.
+const TICKET: &str = "ticket=";
+
+/// The key of a request.
+fn key(headers: &HeaderMap) -> Option<&str> {
+    let (scheme, key) = headers
+        .get(header::AUTHORIZATION)?
+        .to_str()
+        .ok()?
+        .split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then(|| key.trim())
+}
+
+/// The ticket of a request for a stream.
+fn ticket<'a>(request: &'a Request, ticketed: &str) -> Option<&'a str> {
+    let uri = request.uri();
+    let parameters = uri.query().filter(|_| uri.path() == ticketed)?;
+    parameters
+        .split('&')
+        .find_map(|parameter| parameter.strip_prefix(TICKET))
+}
+
+/// Who may come in, and what they share.
+#[derive(Clone)]
+struct Access {
+    credentials: Arc<Credentials>,
+    clients: Arc<Clients>,
+    front: Front,
+}
+
+impl Access {
+    /// Who it is whose call is allowed; none where it needs no key.
+    fn allowed(&self, request: &Request) -> Result<Option<Admitted>, EdgeError> {
+        let path = request.uri().path();
+        let Some(needed) = (self.front.needed)(request.method(), path) else {
+            return Ok(None);
+        };
+        let admitted = match (key(request.headers()), ticket(request, self.front.ticketed)) {
+            (Some(key), _) => self.credentials.admit(key)?,
+            (None, Some(ticket)) => self
+                .credentials
+                .tickets()
+                .redeem(ticket)
+                .ok_or(EdgeError::UnknownTicket)?,
+            (None, None) => return Err(EdgeError::NoKey),
+        };
+        let role = admitted.identity.role;
+        if !role.may(needed) {
+            tracing::debug!(key = %admitted.identity.name, path, "a key's role does not allow a call");
+            return Err(EdgeError::RoleTooLow { role, needed });
+        }
+        Ok(Some(admitted))
+    }
+}
+
+/// Checks the keys of all calls. From here on the client of a call is its key, not its connection.
+pub fn locked(router: Router, front: Front, credentials: Arc<Credentials>, clients: Arc<Clients>) -> Router {
+    let access = Access {
+        credentials: credentials.clone(),
+        clients,
+        front,
+    };
+    router
+        .layer(Extension(credentials))
+        .layer(middleware::from_fn_with_state(access, check))
+}
+
+async fn check(State(access): State<Access>, mut request: Request, next: Next) -> Response {
+    match access.allowed(&request) {
+        Ok(None) => {}
+        Ok(Some(admitted)) => {
+            let extensions = request.extensions_mut();
+            let connected = extensions.get::<Arc<Client>>().cloned();
+            let connected = connected.unwrap_or_else(|| access.clients.within());
+            extensions.insert(
+                access
+                    .clients
+                    .with_key(&admitted.account, admitted.quota, &connected),
+            );
+            extensions.insert(admitted.identity.clone());
+            extensions.insert(admitted);
+        }
+        Err(error) => return access.front.turn_away(&error, request.headers()),
+    }
+    next.run(request).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clients::{Identity, Role, Share, Shares};
+    use crate::keys::{self, Keys};
+    use troupe_base::telemetry::Telemetry;
+
+    /// Every call needs a key.
+    const FRONT: Front = Front {
+        needed: |_, _| Some(Role::Drive),
+        is_rpc: |_| false,
+        is_stream: |_| false,
+        is_health: |_| false,
+        ticketed: "/v1/drive",
+        answer: |error, _| panic!("{error}"),
+    };
+
+    #[tokio::test]
+    async fn a_call_carries_who_calls() {
+        let entry = keys::entry("game", Role::Drive, "secret") + "tenant = \"a\"\n";
+        let credentials = Credentials::new(Keys::read(&entry).unwrap(), Keys::default(), None);
+        let share = Share {
+            bytes: 1024,
+            streams: 1,
+        };
+        let shares = Shares {
+            client: share,
+            address: share,
+            all: share,
+        };
+        let clients = Clients::new(shares, &Telemetry::new().unwrap());
+        let who = |identity: Extension<Identity>| async move { format!("{:?}", identity.0) };
+        let router = Router::new().route("/v1/who", axum::routing::get(who));
+        let mut router = locked(router, FRONT, Arc::new(credentials), Arc::new(clients));
+        let request = Request::builder()
+            .uri("/v1/who")
+            .header(header::AUTHORIZATION, "Bearer secret")
+            .body(axum::body::Body::empty())
+            .unwrap();
+        let response = tower::Service::call(&mut router, request).await.unwrap();
+        let text = axum::body::to_bytes(response.into_body(), 1000).await.unwrap();
+        let expected = Identity {
+            name: "game".into(),
+            role: Role::Drive,
+            tenant: Some("a".into()),
+        };
+        assert_eq!(text, format!("{expected:?}"));
+    }
+
+    #[test]
+    fn a_ticket_comes_with_a_stream_alone() {
+        let of = |uri: &str| {
+            let request = Request::builder()
+                .uri(uri)
+                .body(axum::body::Body::empty())
+                .unwrap();
+            ticket(&request, FRONT.ticketed).map(str::to_owned)
+        };
+        assert_eq!(of("/v1/drive?ticket=a").as_deref(), Some("a"));
+        assert_eq!(of("/v1/drive?x=1&ticket=a&y").as_deref(), Some("a"));
+        for none in ["/v1/drive", "/v1/drive?tickets=a", "/v1/packs?ticket=a"] {
+            assert_eq!(of(none), None, "{none}");
+        }
+    }
+
+    #[test]
+    fn a_key_comes_as_a_bearer() {
+        let of = |text: &str| {
+            let headers = HeaderMap::from_iter([(header::AUTHORIZATION, text.parse().unwrap())]);
+            key(&headers).map(str::to_owned)
+        };
+        assert_eq!(of("Bearer abc").as_deref(), Some("abc"));
+        assert_eq!(of("bearer abc").as_deref(), Some("abc"));
+        for wrong in ["abc", "Basic abc", "Bearer"] {
+            assert_eq!(of(wrong), None, "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,408 @@
+//! API keys: who may call what. The server knows hashes only, so its file of keys gives nobody
+//! away.
+
+use std::collections::HashSet;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest as _, Sha256};
+use subtle::ConstantTimeEq as _;
+
+use super::clients::{Identity, Quota, Role};
+use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
+
+/// What a key begins with, so that one can be found where it does not belong.
+const PREFIX: &str = "troupe_";
+/// Bytes of a key that nobody can guess.
+const SECRET_BYTES: usize = 32;
+pub(super) const HASH_BYTES: usize = 32;
+/// Longest name, bytes.
+const MAX_NAME_BYTES: usize = 128;
+/// The name of the key that a server makes for scrapes of its metrics.
+const METRICS: &str = "metrics";
+/// The name of the key that a server makes for one run.
+const ONE_TIME: &str = "one-time";
+
+/// Why a file of keys cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum KeysError {
+    /// The file cannot be read.
+    #[error("keys: cannot read {}: {error}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What went wrong.
+        error: io::Error,
+    },
+    /// The key for metrics can be neither read nor written.
+    #[error("metrics_key: cannot use {}: {error}", path.display())]
+    MetricsKey {
+        /// The file.
+        path: PathBuf,
+        /// What went wrong.
+        error: io::Error,
+    },
+    /// The file for the key for metrics holds something else.
+    #[error(
+        "metrics_key: {} holds no key; allowed: a file that is not there yet, or that the server has written",
+        path.display()
+    )]
+    NoMetricsKey {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is not one of keys.
+    #[error("keys: {}: {message}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+/// A file of keys.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    keys: Vec<Entry>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: String,
+    sha256: String,
+    role: Role,
+    tenant: Option<String>,
+    max_sessions: Option<usize>,
+    max_streams: Option<usize>,
+    transfer_memory_mib: Option<usize>,
+}
+
+/// One key, as the server knows it.
+#[derive(Debug, Clone)]
+struct Known {
+    identity: Identity,
+    hash: [u8; HASH_BYTES],
+    quota: Quota,
+}
+
+impl Entry {
+    /// What is wrong with it, and what is allowed.
+    fn problem(&self) -> Option<String> {
+        let Self { name, tenant, .. } = self;
+        let fits = |text: &str| (1..=MAX_NAME_BYTES).contains(&text.len());
+        if !fits(name) {
+            return Some(format!("name is {name:?}; allowed: 1 to {MAX_NAME_BYTES} bytes"));
+        }
+        if let Some(tenant) = tenant.as_deref().filter(|tenant| !names_a_tenant(tenant)) {
+            return Some(format!(
+                "tenant of {name:?} is {tenant:?}; allowed: {TENANT_NAMES}"
+            ));
+        }
+        let quotas = [
+            ("max_sessions", self.max_sessions),
+            ("max_streams", self.max_streams),
+            ("transfer_memory_mib", self.transfer_memory_mib),
+        ];
+        let zero = quotas.iter().find(|(_, quota)| *quota == Some(0));
+        zero.map(|(option, _)| format!("{option} of {name:?} is 0; allowed: 1 or more"))
+    }
+
+    fn known(self) -> Result<Known, String> {
+        if let Some(problem) = self.problem() {
+            return Err(problem);
+        }
+        let Some(hash) = unhex(&self.sha256) else {
+            let name = &self.name;
+            return Err(format!(
+                "sha256 of {name:?} is no hash; allowed: 64 hexadecimal digits"
+            ));
+        };
+        Ok(Known {
+            identity: Identity {
+                name: self.name.into(),
+                role: self.role,
+                tenant: self.tenant.map(Into::into),
+            },
+            hash,
+            quota: Quota {
+                sessions: self.max_sessions,
+                streams: self.max_streams,
+                bytes: self.transfer_memory_mib.map(|mib| mib.saturating_mul(1 << 20)),
+            },
+        })
+    }
+}
+
+/// The keys that a server accepts.
+#[derive(Debug, Clone, Default)]
+pub struct Keys(Vec<Known>);
+
+impl Keys {
+    /// Those of a file.
+    ///
+    /// # Errors
+    /// [`KeysError`], which names the file and the entry.
+    pub fn load(path: &Path) -> Result<Self, KeysError> {
+        let text = std::fs::read_to_string(path).map_err(|error| KeysError::Read {
+            path: path.to_owned(),
+            error,
+        })?;
+        Self::read(&text).map_err(|message| KeysError::Invalid {
+            path: path.to_owned(),
+            message,
+        })
+    }
+
+    pub(super) fn read(text: &str) -> Result<Self, String> {
+        let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
+        if file.keys.is_empty() {
+            return Err("keys is empty; allowed: one entry or more".to_owned());
+        }
+        let mut names = HashSet::new();
+        let known = file.keys.into_iter().enumerate().map(|(index, entry)| {
+            let known = entry
+                .known()
+                .map_err(|problem| format!("keys[{index}].{problem}"))?;
+            let name = known.identity.name.clone();
+            match names.insert(name.clone()) {
+                true => Ok(known),
+                false => Err(format!(
+                    "keys[{index}].name is {name:?} again; allowed: each name once"
+                )),
+            }
+        });
+        known.collect::<Result<_, String>>().map(Self)
+    }
+
+    /// A new key with all rights, and the key itself.
+    pub fn one_time() -> (Self, String) {
+        let key = new_key();
+        (Self::one(ONE_TIME, Role::Admin, &key), key)
+    }
+
+    /// The key of a server's own scraper: that in the file, or a new one that is written there.
+    ///
+    /// # Errors
+    /// [`KeysError`], which names the file.
+    pub fn of_metrics(path: &Path) -> Result<Self, KeysError> {
+        let key = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                let key = new_key();
+                write_secret(path, &key).map_err(|error| KeysError::MetricsKey {
+                    path: path.to_owned(),
+                    error,
+                })?;
+                key
+            }
+            Err(error) => {
+                return Err(KeysError::MetricsKey {
+                    path: path.to_owned(),
+                    error,
+                });
+            }
+        };
+        let key = key.trim();
+        match key.starts_with(PREFIX) && key.len() == PREFIX.len() + 2 * SECRET_BYTES {
+            true => Ok(Self::one(METRICS, Role::Metrics, key)),
+            false => Err(KeysError::NoMetricsKey {
+                path: path.to_owned(),
+            }),
+        }
+    }
+
+    fn one(name: &str, role: Role, key: &str) -> Self {
+        Self(vec![Known {
+            identity: Identity {
+                name: name.into(),
+                role,
+                tenant: None,
+            },
+            hash: hash(key),
+            quota: Quota::default(),
+        }])
+    }
+
+    /// These and others.
+    #[must_use]
+    pub fn and(mut self, others: Self) -> Self {
+        self.0.extend(others.0);
+        self
+    }
+
+    /// Whose key it is, and what it may have. It takes the same time for every key.
+    pub(super) fn find(&self, key: &str) -> Option<(&Identity, Quota)> {
+        let hash = hash(key);
+        let mut found = None;
+        for known in &self.0 {
+            if bool::from(known.hash.ct_eq(&hash)) {
+                found = Some((&known.identity, known.quota));
+            }
+        }
+        found
+    }
+}
+
+/// Writes a file that its owner and its group may read, all of it or none.
+fn write_secret(path: &Path, text: &str) -> io::Result<()> {
+    use std::io::Write as _;
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o640);
+    let written = options
+        .open(path)
+        .and_then(|mut file| file.write_all(text.as_bytes()).and_then(|()| file.sync_all()));
+    if written.is_err() {
+        let _ = std::fs::remove_file(path);
+    }
+    written
+}
+
+/// A key that nobody can guess.
+pub fn new_key() -> String {
+    secret(PREFIX)
+}
+
+/// Something that nobody can guess, behind a prefix.
+pub(super) fn secret(prefix: &str) -> String {
+    let secret: [u8; SECRET_BYTES] = rand::random();
+    format!("{prefix}{}", hex(&secret))
+}
+
+/// What a file of keys has for `key`.
+pub fn entry(name: &str, role: Role, key: &str) -> String {
+    let name = toml::Value::from(name);
+    let (sha256, role) = (hex(&hash(key)), role.name());
+    format!("[[keys]]\nname = {name}\nsha256 = \"{sha256}\"\nrole = \"{role}\"\n")
+}
+
+/// The line that makes an entry that of a tenant.
+///
+/// # Errors
+/// A sentence with what a tenant may be called.
+pub fn tenant_line(tenant: &str) -> Result<String, String> {
+    match names_a_tenant(tenant) {
+        true => Ok(format!("tenant = \"{tenant}\"\n")),
+        false => Err(format!("tenant is {tenant:?}; allowed: {TENANT_NAMES}")),
+    }
+}
+
+pub(super) fn hash(key: &str) -> [u8; HASH_BYTES] {
+    Sha256::digest(key.as_bytes()).into()
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn unhex(text: &str) -> Option<[u8; HASH_BYTES]> {
+    let digits = text.as_bytes();
+    if digits.len() != 2 * HASH_BYTES {
+        return None;
+    }
+    let digit = |at: usize| char::from(digits[at]).to_digit(16);
+    let mut bytes = [0; HASH_BYTES];
+    for (index, byte) in bytes.iter_mut().enumerate() {
+        *byte = (digit(2 * index)? * 16 + digit(2 * index + 1)?) as u8;
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_made_is_read_again() {
+        let (drive, admin) = (new_key(), new_key());
+        assert!(drive != admin && drive.len() == 71 && drive.starts_with("troupe_"));
+        let file = entry("the \"game\"", Role::Drive, &drive) + &entry("ops", Role::Admin, &admin);
+        assert!(!file.contains(&drive));
+        let keys = Keys::read(&file).unwrap();
+        let find = |keys: &Keys, key: &str| {
+            let (identity, _) = keys.find(key)?;
+            Some((identity.name.to_string(), identity.role))
+        };
+        assert_eq!(
+            find(&keys, &drive),
+            Some(("the \"game\"".to_owned(), Role::Drive))
+        );
+        assert_eq!(find(&keys, &admin), Some(("ops".to_owned(), Role::Admin)));
+        for wrong in ["", "troupe_", &drive[1..], &format!("{drive} ")] {
+            assert_eq!(keys.find(wrong), None, "{wrong}");
+        }
+        let (keys, key) = Keys::one_time();
+        assert_eq!(find(&keys, &key), Some((ONE_TIME.to_owned(), Role::Admin)));
+    }
+
+    #[test]
+    fn an_entry_may_have_a_tenant_and_quotas() {
+        let rest = "tenant = \"a\"\nmax_sessions = 3\nmax_streams = 2\ntransfer_memory_mib = 5\n";
+        let keys = Keys::read(&(entry("game", Role::Drive, "secret") + rest)).unwrap();
+        let (identity, quota) = keys.find("secret").unwrap();
+        assert_eq!(identity.tenant.as_deref(), Some("a"));
+        assert_eq!(
+            (quota.sessions, quota.streams, quota.bytes),
+            (Some(3), Some(2), Some(5 << 20))
+        );
+        let plain = Keys::read(&entry("game", Role::Drive, "secret")).unwrap();
+        assert_eq!(plain.find("secret").unwrap().1, Quota::default());
+    }
+
+    #[test]
+    fn the_key_for_metrics_is_written_once_and_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.key");
+        Keys::of_metrics(&path).unwrap();
+        let key = std::fs::read_to_string(&path).unwrap();
+        let again = Keys::of_metrics(&path).unwrap();
+        assert_eq!(again.find(&key).unwrap().0.role, Role::Metrics);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            let mode = std::fs::metadata(&path).unwrap().permissions().mode();
+            assert_eq!(mode & 0o007, 0, "{mode:o}");
+        }
+        std::fs::write(&path, "short").unwrap();
+        let error = Keys::of_metrics(&path).unwrap_err().to_string();
+        assert!(error.contains("metrics.key holds no key"), "{error}");
+        let error = Keys::of_metrics(Path::new("/nowhere/key"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.starts_with("metrics_key: cannot use /nowhere/key"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn mistakes_name_the_entry() {
+        let good = entry("a", Role::Author, "secret");
+        let error = |text: &str| Keys::read(text).unwrap_err();
+        assert!(error("keys = []").contains("one entry or more"));
+        assert!(error(&good.replace("author", "boss")).contains("boss"));
+        assert!(error(&good.replace("sha256 = \"", "sha256 = \"0")).contains("keys[0].sha256 of \"a\""));
+        assert!(error(&good.replace("name", "label")).contains("label"));
+        assert!(error(&good.replace("\"a\"", "\"\"")).starts_with("keys[0].name is \"\""));
+        let with = |line: &str| error(&format!("{good}{line}\n"));
+        assert_eq!(
+            with("max_streams = 0"),
+            "keys[0].max_streams of \"a\" is 0; allowed: 1 or more"
+        );
+        assert!(with("tenant = \"\"").starts_with("keys[0].tenant of \"a\" is"));
+        assert!(with("max_sessions = -1").contains("max_sessions"));
+        assert!(error(&(good.clone() + &good)).contains("keys[1].name is \"a\" again"));
+        let missing = Keys::load(Path::new("/nowhere/keys.toml"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            missing.starts_with("keys: cannot read /nowhere/keys.toml"),
+            "{missing}"
+        );
+    }
+}

@@ -1,0 +1,135 @@
+//! Requests that are turned away before they are served: counted by reason, and logged once a
+//! minute.
+
+use std::net::IpAddr;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use super::EdgeError;
+use troupe_base::telemetry::{Counter, Labels, Metric, Seldom, Telemetry};
+
+const REFUSALS: Metric = Metric::new(
+    "troupe_refusals_total",
+    "Requests turned away before they were served, by reason: a foreign Origin or Host, a key that is missing, not known or of \
+         too low a role, headers that are too large, or another",
+);
+
+/// Why a request is turned away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Refusal {
+    /// A web page of another site.
+    Origin,
+    /// A name that is not the server's.
+    Host,
+    /// No key.
+    KeyMissing,
+    /// A key that the server does not know.
+    KeyUnknown,
+    /// A key that allows less.
+    Role,
+    /// Headers that are too large.
+    Headers,
+    /// Something else about who asks.
+    Other,
+}
+
+impl Refusal {
+    /// All of them, in the order of their numbers.
+    const ALL: [Self; 7] = [
+        Self::Origin,
+        Self::Host,
+        Self::KeyMissing,
+        Self::KeyUnknown,
+        Self::Role,
+        Self::Headers,
+        Self::Other,
+    ];
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::Origin => "origin",
+            Self::Host => "host",
+            Self::KeyMissing => "key_missing",
+            Self::KeyUnknown => "key_unknown",
+            Self::Role => "role",
+            Self::Headers => "headers",
+            Self::Other => "other",
+        }
+    }
+
+    /// What it is that an error turns away; nothing where it is about what was asked for.
+    pub(super) fn of(error: &EdgeError) -> Option<Self> {
+        match error {
+            EdgeError::NotAllowed { header: "Origin", .. } => Some(Self::Origin),
+            EdgeError::NotAllowed { .. } => Some(Self::Host),
+            EdgeError::NoKey => Some(Self::KeyMissing),
+            EdgeError::UnknownKey => Some(Self::KeyUnknown),
+            EdgeError::RoleTooLow { .. } => Some(Self::Role),
+            EdgeError::HeadersTooLarge { .. } => Some(Self::Headers),
+            EdgeError::Token(_) | EdgeError::UnknownTicket => Some(Self::Other),
+            EdgeError::Exhausted(_)
+            | EdgeError::TooManyTickets { .. }
+            | EdgeError::NoTickets
+            | EdgeError::NoConnection => None,
+        }
+    }
+}
+
+/// What was turned away. Clones share it.
+#[derive(Debug, Clone)]
+pub(super) struct Refusals(Arc<[(Counter, Mutex<Seldom>); Refusal::ALL.len()]>);
+
+impl Refusals {
+    pub(super) fn new(telemetry: &Telemetry) -> Self {
+        Self(Arc::new(Refusal::ALL.map(|refusal| {
+            let labels = Labels::default().with("reason", refusal.label());
+            (telemetry.counter(&REFUSALS, &labels), Mutex::default())
+        })))
+    }
+
+    /// Notes one, of a client at `address`.
+    pub(super) fn note(&self, refusal: Refusal, address: Option<IpAddr>) {
+        let (counter, seldom) = &self.0[refusal as usize];
+        counter.increment(1);
+        let next = seldom
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .next(Instant::now());
+        if let Some(held_back) = next {
+            let address = address.map(tracing::field::display);
+            tracing::warn!(
+                reason = refusal.label(),
+                address,
+                held_back,
+                "a request is turned away"
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_are_counted_by_reason() {
+        let telemetry = Telemetry::new().unwrap();
+        let refusals = Refusals::new(&telemetry);
+        for refusal in Refusal::ALL {
+            refusals.note(refusal, None);
+            refusals.note(refusal, Some(IpAddr::from([192, 0, 2, 1])));
+        }
+        let text = telemetry.render();
+        for refusal in Refusal::ALL {
+            let line = format!("troupe_refusals_total{{reason=\"{}\"}} 2", refusal.label());
+            assert!(text.contains(&line), "{line} is missing in\n{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_request_is_no_refusal() {
+        assert_eq!(Refusal::of(&EdgeError::NoKey), Some(Refusal::KeyMissing));
+        assert_eq!(Refusal::of(&EdgeError::NoConnection), None);
+        assert_eq!(Refusal::of(&EdgeError::NoTickets), None);
+    }
+}

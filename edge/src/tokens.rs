@@ -1,0 +1,387 @@
+//! Tokens of an identity provider (JWT): whose signatures a server accepts, and what their claims
+//! mean.
+
+use std::collections::HashMap;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use jsonwebtoken::errors::ErrorKind;
+use jsonwebtoken::jwk::{AlgorithmParameters, EllipticCurve, Jwk, JwkSet, KeyAlgorithm, PublicKeyUse};
+use jsonwebtoken::{Algorithm, DecodingKey, Validation, decode, decode_header, get_current_timestamp};
+
+use super::clients::{Identity, Role};
+use super::keys::{HASH_BYTES, hash};
+use super::verify;
+use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
+
+/// How far the clocks of a server and of a provider may be apart, seconds.
+const LEEWAY_S: u64 = 30;
+/// Most tokens that are remembered.
+const MOST_CHECKED: usize = 1024;
+/// Longest name, bytes.
+const MAX_NAME_BYTES: usize = 128;
+
+/// Why a file of a provider's keys cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TokensError {
+    /// The file cannot be read.
+    #[error("jwks: cannot read {}: {error}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What went wrong.
+        error: io::Error,
+    },
+    /// The file is no JWKS.
+    #[error("jwks: {}: {error}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        error: serde_json::Error,
+    },
+    /// The file has no key for a signature that a server accepts.
+    #[error("jwks: {} has no key to check signatures with; allowed: one for RS256, ES256 or EdDSA, or more", path.display())]
+    NoKey {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// Why a token does not let its caller in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum TokenError {
+    /// It is no token, or not one with a signature that may be used.
+    #[error("it is no token with an algorithm of RS256, ES256 and EdDSA")]
+    Form,
+    /// Nobody whom the server knows has signed it.
+    #[error("its signature is not of a key in jwks")]
+    Signature,
+    /// Its time is up.
+    #[error("it has expired")]
+    Expired,
+    /// Its time has not come.
+    #[error("it is not valid yet")]
+    Early,
+    /// Another provider made it.
+    #[error("its iss is not jwt_issuer")]
+    Issuer,
+    /// It is for another server.
+    #[error("its aud is not jwt_audience")]
+    Audience,
+    /// A claim is missing, or has a value that it may not have.
+    #[error(
+        "a claim is missing or out of range; allowed: exp, sub of 1 to {MAX_NAME_BYTES} bytes, role as drive, author, admin or \
+         metrics, tenant (which may be left out) of {TENANT_NAMES}"
+    )]
+    Claims,
+}
+
+/// Of which provider, and for whom, tokens must be.
+#[derive(Debug, Clone, Default)]
+pub struct TokenRules {
+    /// The claim `iss`; anything where it is left out.
+    pub issuer: Option<String>,
+    /// The claim `aud`; where it is left out, tokens must have none.
+    pub audience: Option<String>,
+}
+
+/// What is read of a token.
+#[derive(serde::Deserialize)]
+struct Claims {
+    sub: String,
+    role: Role,
+    tenant: Option<String>,
+    /// Seconds since 1970; the specification allows fractions.
+    exp: f64,
+}
+
+/// Tokens whose signatures are checked, by their hashes: to check one by ES256 takes 0.1 ms of an
+/// I/O thread.
+#[derive(Debug, Default)]
+struct Checked(Mutex<HashMap<[u8; HASH_BYTES], (Identity, u64)>>);
+
+impl Checked {
+    fn known(&self) -> MutexGuard<'_, HashMap<[u8; HASH_BYTES], (Identity, u64)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whose token it is, if it was checked and its time is not up.
+    fn find(&self, token: &[u8; HASH_BYTES]) -> Option<Identity> {
+        let known = self.known();
+        let (identity, end_s) = known.get(token)?;
+        (get_current_timestamp() <= *end_s).then(|| identity.clone())
+    }
+
+    fn remember(&self, token: [u8; HASH_BYTES], identity: Identity, end_s: u64) {
+        let mut known = self.known();
+        if known.len() >= MOST_CHECKED {
+            let now_s = get_current_timestamp();
+            known.retain(|_, (_, end_s)| now_s <= *end_s);
+        }
+        if known.len() >= MOST_CHECKED {
+            known.clear();
+        }
+        known.insert(token, (identity, end_s));
+    }
+}
+
+/// A key of a provider.
+#[derive(Debug)]
+struct Key {
+    id: Option<String>,
+    algorithm: Algorithm,
+    key: DecodingKey,
+    validation: Validation,
+}
+
+/// The keys of a provider.
+#[derive(Debug)]
+pub struct Tokens {
+    keys: Vec<Key>,
+    checked: Checked,
+}
+
+impl Tokens {
+    /// Those of a JWKS file.
+    ///
+    /// # Errors
+    /// [`TokensError`], which names the file.
+    pub fn load(path: &Path, rules: &TokenRules) -> Result<Self, TokensError> {
+        verify::install();
+        let text = std::fs::read(path).map_err(|error| TokensError::Read {
+            path: path.to_owned(),
+            error,
+        })?;
+        let set: JwkSet = serde_json::from_slice(&text).map_err(|error| TokensError::Invalid {
+            path: path.to_owned(),
+            error,
+        })?;
+        let mut keys = Vec::new();
+        for jwk in &set.keys {
+            match Key::of(jwk, rules) {
+                Some(key) => keys.push(key),
+                None => tracing::info!(
+                    key = jwk.common.key_id.as_deref().unwrap_or_default(),
+                    "a key of jwks is left out: it is not for signatures by RS256, ES256 or EdDSA"
+                ),
+            }
+        }
+        match keys.is_empty() {
+            true => Err(TokensError::NoKey {
+                path: path.to_owned(),
+            }),
+            false => Ok(Self {
+                keys,
+                checked: Checked::default(),
+            }),
+        }
+    }
+
+    /// Whose token it is.
+    ///
+    /// # Errors
+    /// [`TokenError`], which says why it does not count.
+    pub(super) fn check(&self, token: &str) -> Result<Identity, TokenError> {
+        let hash = hash(token);
+        if let Some(identity) = self.checked.find(&hash) {
+            return Ok(identity);
+        }
+        let claims = self.claims(token)?;
+        let end_s = (claims.exp as u64).saturating_add(LEEWAY_S);
+        let identity = identity(claims)?;
+        self.checked.remember(hash, identity.clone(), end_s);
+        Ok(identity)
+    }
+
+    /// What a token says, if its signature and its time are right.
+    fn claims(&self, token: &str) -> Result<Claims, TokenError> {
+        let header = decode_header(token).map_err(|_| TokenError::Form)?;
+        // The header only chooses among the keys; each has one algorithm.
+        let keys = self
+            .keys
+            .iter()
+            .filter(|key| key.algorithm == header.alg && (header.kid.is_none() || key.id == header.kid));
+        let mut error = match header.alg {
+            Algorithm::RS256 | Algorithm::ES256 | Algorithm::EdDSA => TokenError::Signature,
+            _ => TokenError::Form,
+        };
+        for key in keys {
+            match decode::<Claims>(token, &key.key, &key.validation) {
+                Ok(token) => return Ok(token.claims),
+                Err(wrong) => error = why(wrong.kind()),
+            }
+            if error != TokenError::Signature {
+                break;
+            }
+        }
+        Err(error)
+    }
+}
+
+fn identity(claims: Claims) -> Result<Identity, TokenError> {
+    let Claims {
+        sub, role, tenant, ..
+    } = claims;
+    let fits = |name: &str| (1..=MAX_NAME_BYTES).contains(&name.len());
+    match fits(&sub) && tenant.as_deref().is_none_or(names_a_tenant) {
+        true => Ok(Identity {
+            name: sub.into(),
+            role,
+            tenant: tenant.map(Into::into),
+        }),
+        false => Err(TokenError::Claims),
+    }
+}
+
+fn why(kind: &ErrorKind) -> TokenError {
+    match kind {
+        ErrorKind::InvalidSignature => TokenError::Signature,
+        ErrorKind::ExpiredSignature => TokenError::Expired,
+        ErrorKind::ImmatureSignature => TokenError::Early,
+        ErrorKind::InvalidIssuer => TokenError::Issuer,
+        ErrorKind::InvalidAudience => TokenError::Audience,
+        ErrorKind::MissingRequiredClaim(claim) if claim == "iss" => TokenError::Issuer,
+        ErrorKind::MissingRequiredClaim(claim) if claim == "aud" => TokenError::Audience,
+        ErrorKind::MissingRequiredClaim(_) | ErrorKind::InvalidClaimFormat(_) | ErrorKind::Json(_) => {
+            TokenError::Claims
+        }
+        _ => TokenError::Form,
+    }
+}
+
+impl Key {
+    /// None where it is not for signatures that a server accepts.
+    fn of(jwk: &Jwk, rules: &TokenRules) -> Option<Self> {
+        let (algorithm, named) = match &jwk.algorithm {
+            AlgorithmParameters::RSA(_) => (Algorithm::RS256, KeyAlgorithm::RS256),
+            AlgorithmParameters::EllipticCurve(key) if key.curve == EllipticCurve::P256 => {
+                (Algorithm::ES256, KeyAlgorithm::ES256)
+            }
+            AlgorithmParameters::OctetKeyPair(key) if key.curve == EllipticCurve::Ed25519 => {
+                (Algorithm::EdDSA, KeyAlgorithm::EdDSA)
+            }
+            _ => return None,
+        };
+        let common = &jwk.common;
+        if common
+            .key_algorithm
+            .as_ref()
+            .is_some_and(|algorithm| *algorithm != named)
+        {
+            return None;
+        }
+        if common
+            .public_key_use
+            .as_ref()
+            .is_some_and(|purpose| *purpose != PublicKeyUse::Signature)
+        {
+            return None;
+        }
+        let mut validation = Validation::new(algorithm);
+        validation.leeway = LEEWAY_S;
+        validation.validate_nbf = true;
+        let mut required = vec!["exp", "sub"];
+        if let Some(issuer) = &rules.issuer {
+            validation.set_issuer(&[issuer]);
+            required.push("iss");
+        }
+        if let Some(audience) = &rules.audience {
+            validation.set_audience(&[audience]);
+            required.push("aud");
+        }
+        validation.set_required_spec_claims(&required);
+        Some(Self {
+            id: common.key_id.clone(),
+            algorithm,
+            key: DecodingKey::from_jwk(jwk).ok()?,
+            validation,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Key and token of RFC 7515, appendix A.2. The token has no subject and has expired.
+    const MODULUS: &str = "ofgWCuLjybRlzo0tZWJjNiuSfb4p4fAkd_wWJcyQoTbji9k0l8W26mPddxHmfHQp-Vaw-4qPCJrcS2mJPMEzP1Pt0Bm4d4QlL-yRT-SFd2lZS-pCgNMsD1W_YpRPEwOWvG6b32690r2jZ47soMZo9wGzjb_7OMg0LOL-bSf63kpaSHSXndS5z5rexMdbBYUsLA9e-KXBdQOS-UTo7WTBEMa2R2CapHg665xsmtdVMTBQY4uDZlxvb3qCo5ZwKh9kG4LT6_I5IhlJH7aGhyxXFvUK-DWNmoudF8NAco9_h9iaGNj8q2ethFkMLs91kzk2PAcDTW9gb54h4FRWyuXpoQ";
+    const TOKEN: &str = "eyJhbGciOiJSUzI1NiJ9.eyJpc3MiOiJqb2UiLA0KICJleHAiOjEzMDA4MTkzODAsDQogImh0dHA6Ly9leGFtcGxlLmNvbS9pc19yb290Ijp0cnVlfQ.cC4hiUPoj9Eetdgtv3hF80EGrhuB__dzERat0XF9g2VtQgr9PJbu3XOiZj5RZmh7AAuHIm4Bh-0Qc_lF5YKt_O8W2Fp5jujGbds9uJdbF9CUAr7t1dnZcAcQjbKBYNX4BAynRFdiuB--f_nZLgrnbyTyWzO75vRK5h6xBArLIARNPvkSjtQBMHlb1L07Qe7K0GarZRmB_eSN9383LcOLn6_dO--xi12jzDwusC-eOkHWEsqtFZESc6BfI7noOPqvhJ1phCnvWh6IeYI2w9QOYEUipUTI8np6LbgGY9Fs98rqVt5AXLIhWkWywlVmtVrBp0igcN_IoypGlUPQGe77Rw";
+
+    fn load(jwks: &str) -> Result<Tokens, TokensError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("jwks.json");
+        std::fs::write(&path, jwks).unwrap();
+        Tokens::load(&path, &TokenRules::default())
+    }
+
+    #[test]
+    fn a_signature_by_rs256_is_checked_before_its_claims() {
+        let key = format!(r#"{{"keys":[{{"kty":"RSA","n":"{MODULUS}","e":"AQAB"}}]}}"#);
+        let tokens = load(&key).unwrap();
+        assert_eq!(tokens.check(TOKEN), Err(TokenError::Claims));
+        for (part, forged) in [(".eyJpc3MiOiJqb2Ui", ".eyJpc3MiOiJqb2Yi"), (".cC4h", ".cC4i")] {
+            assert!(TOKEN.contains(part));
+            let forged = TOKEN.replace(part, forged);
+            assert_eq!(tokens.check(&forged), Err(TokenError::Signature));
+        }
+    }
+
+    #[test]
+    fn a_token_is_remembered_until_its_time_is_up() {
+        let identity = |name: &str| Identity {
+            name: name.into(),
+            role: Role::Drive,
+            tenant: None,
+        };
+        let (checked, now_s) = (Checked::default(), get_current_timestamp());
+        checked.remember([1; HASH_BYTES], identity("late"), now_s - 1);
+        checked.remember([2; HASH_BYTES], identity("a"), now_s + 60);
+        assert_eq!(checked.find(&[1; HASH_BYTES]), None);
+        assert_eq!(checked.find(&[2; HASH_BYTES]), Some(identity("a")));
+        assert_eq!(checked.find(&[3; HASH_BYTES]), None);
+        for number in 0..MOST_CHECKED {
+            checked.remember(hash(&number.to_string()), identity("b"), now_s + 60);
+            assert!(checked.known().len() <= MOST_CHECKED);
+        }
+    }
+
+    #[test]
+    fn keys_that_sign_otherwise_are_left_out() {
+        let rsa = |more: &str| format!(r#"{{"kty":"RSA","n":"{MODULUS}","e":"AQAB"{more}}}"#);
+        let secret = r#"{"kty":"oct","k":"c2VjcmV0"}"#;
+        let other = r#"{"kty":"new"}"#;
+        for keys in [
+            String::new(),
+            secret.to_owned(),
+            other.to_owned(),
+            rsa(r#","alg":"PS256""#),
+            rsa(r#","use":"enc""#),
+        ] {
+            let error = load(&format!(r#"{{"keys":[{keys}]}}"#)).unwrap_err().to_string();
+            assert!(
+                error.contains("has no key to check signatures with"),
+                "{keys}: {error}"
+            );
+        }
+        let all = format!(
+            r#"{{"keys":[{secret},{other},{}]}}"#,
+            rsa(r#","use":"sig","alg":"RS256""#)
+        );
+        assert_eq!(load(&all).unwrap().keys.len(), 1);
+        let error = load("{").unwrap_err().to_string();
+        assert!(
+            error.starts_with("jwks: ") && error.contains("jwks.json"),
+            "{error}"
+        );
+        let error = Tokens::load(Path::new("/nowhere/jwks.json"), &TokenRules::default()).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .starts_with("jwks: cannot read /nowhere/jwks.json"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,303 @@
+//! Memory of requests and answers on their way: counted for the client that they belong to, and
+//! freed where nobody takes them.
+
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::task::{Context, Poll};
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::middleware::{self, Next};
+use axum::response::Response;
+use bytes::{Buf as _, Bytes};
+use http_body::{Body as _, Frame, SizeHint};
+use tokio_util::task::AbortOnDropHandle;
+
+use super::clients::{Client, Clients, Exhausted, Memory};
+use super::{EdgeError, Front, is_grpc};
+use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
+
+/// Answers up to this size are small: they are not counted, and not cut into pieces, bytes.
+const SMALL: usize = 64 << 10;
+
+const RECEIVED: Metric = Metric::new(
+    "troupe_request_body_bytes_total",
+    "Bytes of requests, without headers and live streams",
+);
+const SENT: Metric = Metric::new(
+    "troupe_answer_body_bytes_total",
+    "Bytes of answers, without headers and live streams",
+);
+
+/// What the middleware knows.
+#[derive(Clone)]
+struct Traffic {
+    clients: Arc<Clients>,
+    front: Front,
+    /// How long an answer may wait for its reader.
+    write_timeout: Duration,
+    /// Bytes of requests and answers.
+    received: Counter,
+    sent: Counter,
+}
+
+/// Counts what requests and their answers take. An answer waits for its reader for at most
+/// `write_timeout`.
+pub fn counted(
+    router: Router,
+    front: Front,
+    clients: Arc<Clients>,
+    write_timeout: Duration,
+    telemetry: &Telemetry,
+) -> Router {
+    let counter = |metric| telemetry.counter(metric, &Labels::default());
+    let traffic = Traffic {
+        clients,
+        front,
+        write_timeout,
+        received: counter(&RECEIVED),
+        sent: counter(&SENT),
+    };
+    router.layer(middleware::from_fn_with_state(traffic, count))
+}
+
+/// Memory of an answer, taken before it was made. It goes with the answer's extensions.
+#[derive(Debug, Clone)]
+pub struct Reserved(Arc<Mutex<Option<Memory>>>);
+
+impl Reserved {
+    fn new(memory: Memory) -> Self {
+        Self(Arc::new(Mutex::new(Some(memory))))
+    }
+
+    fn take(&self) -> Option<Memory> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+}
+
+/// Copies of a step's numbers that there are at once: the message, and what is sent.
+pub const COPIES_AS_PROTOBUF: usize = 2;
+/// As [`COPIES_AS_PROTOBUF`]: a number as text is about three times as long.
+pub const COPIES_AS_JSON: usize = 4;
+
+/// Takes memory for an answer of so many bytes, before it is made. None for a small one.
+///
+/// # Errors
+/// [`Exhausted`] where there is not as much.
+pub fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Option<Reserved>, Exhausted> {
+    match client {
+        Some(client) if bytes > SMALL => Ok(Some(Reserved::new(client.memory(bytes)?))),
+        _ => Ok(None),
+    }
+}
+
+/// Counts what a request and its answer take.
+async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next) -> Response {
+    let client = request.extensions().get::<Arc<Client>>().cloned();
+    let client = client.unwrap_or_else(|| traffic.clients.within());
+    request.extensions_mut().insert(client.clone());
+    let grpc = is_grpc(request.headers());
+    if (traffic.front.is_stream)(request.uri().path()) {
+        return next.run(request).await;
+    }
+    let refused = Arc::new(OnceLock::new());
+    let memory = Arc::new(Mutex::new(client.no_memory()));
+    let request = request.map(|inner| {
+        Body::new(Counted {
+            inner,
+            memory: Arc::downgrade(&memory),
+            refused: refused.clone(),
+            received: traffic.received.clone(),
+        })
+    });
+    let response = next.run(request).await;
+    drop(memory);
+    if let Some(error) = refused.get() {
+        return traffic.front.turn_away_in(&EdgeError::from(error.clone()), grpc);
+    }
+    match hold(&client, response, &traffic) {
+        Ok(response) => response,
+        Err(error) => traffic.front.turn_away_in(&EdgeError::from(error), grpc),
+    }
+}
+
+/// Counts an answer until it is sent, or nobody takes it any more.
+fn hold(client: &Arc<Client>, mut response: Response, traffic: &Traffic) -> Result<Response, Exhausted> {
+    let reserved = response.extensions_mut().remove::<Option<Reserved>>();
+    let mut memory = reserved.flatten().and_then(|reserved| reserved.take());
+    let size = response.body().size_hint().exact();
+    if memory.is_none()
+        && let Some(size) = size.filter(|&size| size > SMALL as u64)
+    {
+        memory = Some(client.memory(usize::try_from(size).unwrap_or(usize::MAX))?);
+    }
+    if memory.is_none()
+        && let Some(size) = size
+    {
+        traffic.sent.increment(size);
+        return Ok(response);
+    }
+    Ok(response.map(|inner| {
+        let held = Arc::new(Mutex::new(Held {
+            answer: Some(inner),
+            piece: Bytes::new(),
+            memory,
+            waits_since: Some(Instant::now()),
+        }));
+        let watch = tokio::spawn(watch(Arc::downgrade(&held), traffic.write_timeout));
+        Body::new(Outgoing {
+            held,
+            _watch: AbortOnDropHandle::new(watch),
+            client: client.clone(),
+            size: size.map(SizeHint::with_exact),
+            sent: traffic.sent.clone(),
+        })
+    }))
+}
+
+/// The body of a request whose bytes are counted as they come.
+struct Counted {
+    inner: Body,
+    memory: Weak<Mutex<Memory>>,
+    refused: Arc<OnceLock<Exhausted>>,
+    received: Counter,
+}
+
+impl http_body::Body for Counted {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let polled = Pin::new(&mut self.inner).poll_frame(context);
+        if let Poll::Ready(Some(Ok(frame))) = &polled
+            && let Some(data) = frame.data_ref()
+            && let Some(memory) = self.memory.upgrade()
+        {
+            self.received.increment(data.len() as u64);
+            let grown = lock(&memory).grow(data.len());
+            if let Err(error) = grown {
+                let message = axum::Error::new(error.clone());
+                // The first is as good as any.
+                let _ = self.refused.set(error);
+                return Poll::Ready(Some(Err(message)));
+            }
+        }
+        polled
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.inner.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.inner.size_hint()
+    }
+}
+
+/// An answer that is not sent yet.
+struct Held {
+    /// None where it was given up.
+    answer: Option<Body>,
+    /// What is left of the piece that was read last.
+    piece: Bytes,
+    memory: Option<Memory>,
+    /// Since when there is something that nobody takes.
+    waits_since: Option<Instant>,
+}
+
+/// Gives up an answer that nobody has taken anything of for `limit`.
+async fn watch(held: Weak<Mutex<Held>>, limit: Duration) {
+    loop {
+        tokio::time::sleep(limit / 4).await;
+        let Some(held) = held.upgrade() else {
+            return;
+        };
+        let given_up = {
+            let mut held = lock(&held);
+            match held.waits_since {
+                Some(since) if since.elapsed() >= limit => {
+                    held.piece = Bytes::new();
+                    Some((held.answer.take(), held.memory.take()))
+                }
+                _ => None,
+            }
+        };
+        if given_up.is_some() {
+            return tracing::debug!("an answer was given up that its client did not read");
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The body of an answer, in small pieces.
+struct Outgoing {
+    held: Arc<Mutex<Held>>,
+    /// Ends with the answer.
+    _watch: AbortOnDropHandle<()>,
+    client: Arc<Client>,
+    /// As it was announced, of answers whose size is known.
+    size: Option<SizeHint>,
+    sent: Counter,
+}
+
+impl http_body::Body for Outgoing {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let this = self.get_mut();
+        let mut held = lock(&this.held);
+        let held = &mut *held;
+        // Whoever asks reads.
+        held.waits_since = None;
+        if !held.piece.has_remaining() {
+            let Some(answer) = held.answer.as_mut() else {
+                let error = std::io::Error::other("the answer was not read in time");
+                return Poll::Ready(Some(Err(axum::Error::new(error))));
+            };
+            let frame = match std::task::ready!(Pin::new(answer).poll_frame(context)) {
+                Some(Ok(frame)) => frame,
+                ended => return Poll::Ready(ended),
+            };
+            match frame.into_data() {
+                Ok(data) => held.piece = data,
+                Err(other) => return Poll::Ready(Some(Ok(other))),
+            }
+            if held.memory.is_none() && held.piece.len() > SMALL {
+                held.memory = match this.client.memory(held.piece.len()) {
+                    Ok(memory) => Some(memory),
+                    Err(error) => {
+                        held.answer = None;
+                        held.piece = Bytes::new();
+                        return Poll::Ready(Some(Err(axum::Error::new(error))));
+                    }
+                };
+            }
+        }
+        let length = held.piece.len().min(SMALL);
+        let piece = held.piece.split_to(length);
+        held.waits_since = Some(Instant::now());
+        this.sent.increment(length as u64);
+        Poll::Ready(Some(Ok(Frame::data(piece))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        let held = lock(&self.held);
+        !held.piece.has_remaining() && held.answer.as_ref().is_some_and(http_body::Body::is_end_stream)
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.size.unwrap_or_default()
+    }
+}

@@ -1,0 +1,45 @@
+//! Who advances a session, and how it ended.
+
+use troupe_proto::v1;
+
+/// Who advances a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Owner {
+    /// Nobody at the moment.
+    Free = 0,
+    /// A step.
+    Step = 1,
+    /// A stream.
+    Drive = 2,
+}
+
+impl Owner {
+    pub(super) fn of(value: u8) -> Self {
+        match value {
+            1 => Self::Step,
+            2 => Self::Drive,
+            _ => Self::Free,
+        }
+    }
+}
+
+impl From<Owner> for v1::Clock {
+    fn from(owner: Owner) -> Self {
+        match owner {
+            Owner::Free => Self::Free,
+            Owner::Step => Self::Step,
+            Owner::Drive => Self::Drive,
+        }
+    }
+}
+
+/// How a session ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum End {
+    /// A caller closed it.
+    Closed = 1,
+    /// Its time to live ran out.
+    Expired = 2,
+}

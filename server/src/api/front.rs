@@ -1,0 +1,30 @@
+//! What the edge has to know of the routes.
+
+use axum::response::Response;
+
+use super::error::ApiError;
+use super::roles;
+use troupe_edge::{EdgeError, Front};
+
+/// The path of live streams over HTTP, and over gRPC.
+const STREAMS: [&str; 2] = ["/v1/drive", "/troupe.v1.Sessions/Drive"];
+/// How paths of remote procedures begin.
+const RPCS: [&str; 3] = ["/v1/", "/troupe.v1.", "/generate"];
+/// Paths that operators and their tools ask.
+const HEALTH: [&str; 3] = ["/healthz", "/readyz", "/metrics"];
+/// gRPC's health service.
+pub(super) const GRPC_HEALTH: &str = "/grpc.health.v1.Health/";
+
+/// What the edge has to know.
+pub(super) const FRONT: Front = Front {
+    needed: roles::needed,
+    is_rpc: |path| RPCS.iter().any(|start| path.starts_with(start)),
+    is_stream: |path| STREAMS.contains(&path),
+    is_health: |path| HEALTH.contains(&path) || path.starts_with(GRPC_HEALTH),
+    ticketed: STREAMS[0],
+    answer,
+};
+
+fn answer(error: &EdgeError, grpc: bool) -> Response {
+    ApiError::from(error.clone()).in_protocol(grpc)
+}

@@ -1,0 +1,104 @@
+//! Which calls need which role.
+
+use http::Method;
+
+use super::front::GRPC_HEALTH;
+use super::http::ASSETS;
+use troupe_edge::clients::Role;
+
+/// Paths that need no key: health, and the documentation and the viewer, which are the same of
+/// every server.
+const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
+/// How the names of procedures begin that write styles, scenes and definitions.
+const WRITES: [&str; 5] = ["Put", "Delete", "Add", "Move", "Remove"];
+/// The same over HTTP, where it is neither PUT nor DELETE.
+const HTTP_WRITES: [&str; 3] = ["/add", "/move", "/remove"];
+
+/// The role that a call needs; none where it needs no key.
+pub(super) fn needed(method: &Method, path: &str) -> Option<Role> {
+    if OPEN.contains(&path)
+        || path.starts_with("/docs/")
+        || path.starts_with(ASSETS)
+        || path.starts_with(GRPC_HEALTH)
+    {
+        return None;
+    }
+    if path == "/metrics" {
+        return Some(Role::Metrics);
+    }
+    let writes = match path.starts_with("/troupe.v1.") {
+        true => {
+            let rpc = path.rsplit('/').next().unwrap_or_default();
+            WRITES.iter().any(|verb| rpc.starts_with(verb))
+        }
+        false => match *method {
+            Method::GET | Method::HEAD | Method::OPTIONS => false,
+            Method::POST => {
+                path.starts_with("/v1/scenes/") && HTTP_WRITES.iter().any(|verb| path.ends_with(verb))
+            }
+            Method::DELETE => !path.starts_with("/v1/sessions/"),
+            _ => true,
+        },
+    };
+    Some(if writes { Role::Author } else { Role::Drive })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::api::document;
+    use troupe_proto::rpc::RPCS;
+
+    /// The procedures that only authors may call. All others are for everybody with a key.
+    const AUTHORS: [&str; 8] = [
+        "AddObjects",
+        "DeleteObjectDefinition",
+        "DeleteScene",
+        "MoveObjects",
+        "PutObjectDefinition",
+        "PutScene",
+        "PutStyle",
+        "RemoveObjects",
+    ];
+
+    #[test]
+    fn authors_write_and_all_others_read_and_drive() {
+        let role = |rpc: &str| match AUTHORS.contains(&rpc) {
+            true => Some(Role::Author),
+            false => Some(Role::Drive),
+        };
+        for rpc in RPCS {
+            let path = format!("/troupe.v1.Any/{}", rpc.name);
+            assert_eq!(needed(&Method::POST, &path), role(rpc.name), "{path}");
+        }
+        for author in AUTHORS {
+            assert!(RPCS.iter().any(|rpc| rpc.name == author), "there is no {author}");
+        }
+        let mut count = 0;
+        for (path, item) in document().paths.paths {
+            let methods = [
+                (Method::GET, item.get),
+                (Method::POST, item.post),
+                (Method::PUT, item.put),
+                (Method::DELETE, item.delete),
+            ];
+            for (method, operation) in methods {
+                let Some(id) = operation.and_then(|operation| operation.operation_id) else {
+                    continue;
+                };
+                let expected = match path.as_str() {
+                    "/healthz" | "/readyz" => None,
+                    "/metrics" => Some(Role::Metrics),
+                    _ => role(&id),
+                };
+                assert_eq!(needed(&method, &path), expected, "{method} {path}");
+                count += 1;
+            }
+        }
+        assert!(count > 25, "{count}");
+        assert_eq!(needed(&Method::GET, "/v1/nowhere"), Some(Role::Drive));
+        assert_eq!(needed(&Method::PATCH, "/v1/scenes/a"), Some(Role::Author));
+        assert_eq!(needed(&Method::GET, "/docsx"), Some(Role::Drive));
+        assert_eq!(needed(&Method::GET, "/assets/index.js"), None);
+    }
+}
