@@ -50,7 +50,7 @@ COPY --from=build --chown=10001:10001 /out/credentials/ /var/lib/troupe-credenti
 # Sessions are kept in /var/lib/troupe/PORT, where that folder can be written.
 # Whoever reaches the port needs a key: the one that the server prints, or one of the file that TROUPE_KEYS names.
 ENV TROUPE_LISTEN=0.0.0.0:8080 \
-    TROUPE_ONE_TIME_KEY=true \
+    TROUPE_WITHOUT_KEYS=one-time-key \
     TROUPE_PACKS=/opt/troupe/models \
     TROUPE_STYLES=/var/lib/troupe/styles \
     TROUPE_SCENES=/var/lib/troupe/scenes \

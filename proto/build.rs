@@ -10,32 +10,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use prost::Message as _;
-use protox::prost_reflect::{
-    DescriptorPool, EnumDescriptor, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor,
-};
+use prost_types::FileDescriptorSet;
+use protox::prost_reflect::{DescriptorPool, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor};
 
 const PACKAGE: &str = "troupe.v1";
-
-/// Lists that were added when the JSON form was in use. Empty ones are left out of the JSON, all
-/// others are written.
-const LEFT_OUT_WHEN_EMPTY: [&str; 16] = [
-    "Keyframe.qpos",
-    "Frames.six_d",
-    "Frames.qpos",
-    "Frames.hinge_residuals",
-    "Frames.clamped_hinges",
-    "FrameBlock.six_d",
-    "FrameBlock.qpos",
-    "FrameBlock.hinge_residuals",
-    "FrameBlock.clamped_hinges",
-    "Style.words",
-    "GenerateResponse.notes",
-    "Pack.bodies",
-    "Pack.words",
-    "Prompt.targets",
-    "Prompt.others",
-    "PackBody.joints",
-];
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=troupe");
@@ -46,41 +24,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("troupe.v1.bin"), descriptors.encode_to_vec())?;
-    std::fs::write(out.join("words.rs"), words(&pool))?;
+    std::fs::write(out.join("json.rs"), json(&descriptors, &pool)?)?;
+    std::fs::write(out.join("messages.rs"), messages(&pool))?;
     std::fs::write(out.join("rpcs.rs"), rpcs(&pool)?)?;
 
     let services = std::env::var_os("CARGO_FEATURE_GRPC").is_some();
-    let mut config = tonic_prost_build::configure()
+    tonic_prost_build::configure()
         .build_client(services)
         .build_server(services)
-        .type_attribute(
-            ".",
-            "#[derive(serde::Serialize, serde::Deserialize, utoipa::ToSchema)]",
-        )
-        .message_attribute(".", "#[serde(default)]");
-    for message in request_messages(&pool) {
-        config = config.type_attribute(format!(".{message}"), "#[serde(deny_unknown_fields)]");
-    }
-    for message in pool.all_messages() {
-        for oneof in message.oneofs().filter(|oneof| !oneof.is_synthetic()) {
-            let schema = format!("{}{}", message.name(), camel(oneof.name()));
-            let attribute = format!(r#"#[serde(rename_all = "snake_case")] #[schema(as = {schema})]"#);
-            config = config.type_attribute(format!(".{}", oneof.full_name()), attribute);
-        }
-        for field in message.fields() {
-            if let Some(attribute) = field_attribute(&field)? {
-                config = config.field_attribute(format!(".{}", field.full_name()), attribute);
-            }
-        }
-    }
-    for field in LEFT_OUT_WHEN_EMPTY {
-        if !is_list(&pool, field) {
-            return Err(format!("LEFT_OUT_WHEN_EMPTY names {field}, which is no list").into());
-        }
-        let attribute = r#"#[serde(skip_serializing_if = "Vec::is_empty")]"#;
-        config = config.field_attribute(format!(".{PACKAGE}.{field}"), attribute);
-    }
-    config.compile_fds(descriptors)?;
+        .compile_fds(descriptors)?;
     Ok(())
 }
 
@@ -103,16 +55,6 @@ fn methods(pool: &DescriptorPool) -> Vec<MethodDescriptor> {
         .collect()
 }
 
-fn is_list(pool: &DescriptorPool, field: &str) -> bool {
-    field
-        .split_once('.')
-        .and_then(|(message, field)| {
-            pool.get_message_by_name(&format!("{PACKAGE}.{message}"))?
-                .get_field_by_name(field)
-        })
-        .is_some_and(|field| field.is_list())
-}
-
 /// Full names of the messages that a client sends. An unknown JSON field there is a mistake worth
 /// reporting; in answers it must be tolerated, so that an older client can read a newer server.
 fn request_messages(pool: &DescriptorPool) -> BTreeSet<String> {
@@ -129,49 +71,97 @@ fn request_messages(pool: &DescriptorPool) -> BTreeSet<String> {
     found
 }
 
-/// How a field is written in JSON, where that is not serde's own way.
-fn field_attribute(field: &FieldDescriptor) -> Result<Option<String>, String> {
-    let in_oneof = field
-        .containing_oneof()
-        .is_some_and(|oneof| !oneof.is_synthetic());
-    let optional = field.supports_presence() && !in_oneof;
-    Ok(match field.kind() {
-        Kind::Enum(_) | Kind::Bytes if optional || in_oneof || field.is_list() => {
-            let name = field.full_name();
-            return Err(format!("{name}: the JSON form knows plain enumerations and bytes only"));
-        }
-        Kind::Enum(values) => {
-            let (module, default) = (snake(values.name()), word(&values, values.default_value().name()));
-            Some(format!(
-                r#"#[serde(with = "crate::json::{module}")] #[schema(value_type = String, default = "{default}")]"#
-            ))
-        }
-        Kind::Bytes => Some(
-            r#"#[serde(with = "crate::json::base64")] #[schema(value_type = String, format = Byte, default = "")]"#
-                .to_owned(),
+/// The JSON form of every message and enumeration: pbjson's, with what [`adapted`] changes.
+fn json(descriptors: &FileDescriptorSet, pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
+    let mut builder = pbjson_build::Builder::new();
+    for file in &descriptors.file {
+        builder.register_file_descriptor(file.clone());
+    }
+    // Every field has its name from the .proto file, and is written unless it has presence.
+    builder.preserve_proto_field_names().emit_fields();
+    let requests: Vec<String> = request_messages(pool)
+        .iter()
+        .map(|name| format!(".{name}"))
+        .collect();
+    let mut written = builder.generate(&requests, |_| Ok(Vec::new()))?;
+    builder.ignore_unknown_fields().exclude(requests);
+    written.extend(builder.generate(&[format!(".{PACKAGE}")], |_| Ok(Vec::new()))?);
+    let bytes = written.into_iter().flat_map(|(_, text)| text).collect();
+    adapted(String::from_utf8(bytes)?, pool)
+}
+
+/// pbjson's code with these differences, which docs/decisions/json.md explains:
+/// - `null` is the default of every field.
+/// - Numbers in lists are read fast, and a wrong one gets an error that says what is wrong.
+/// - Enumerations are read from short words too: `walk` for `GAIT_WALK`.
+/// - Errors give fields the names that they have in answers, and list each once.
+fn adapted(code: String, pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
+    let mut changes = vec![
+        (
+            "map_.next_value".to_owned(),
+            "map_.next_value_or_default".to_owned(),
         ),
-        _ if optional => Some(r#"#[serde(skip_serializing_if = "Option::is_none")]"#.to_owned()),
-        _ => None,
+        ("::pbjson::private".to_owned(), "crate::json".to_owned()),
+        ("pbjson::private".to_owned(), "crate::json".to_owned()),
+        (
+            "\"expected one of: {:?}\"".to_owned(),
+            "\"one of {:?}\"".to_owned(),
+        ),
+    ];
+    for values in pool.all_enums() {
+        let prefix = snake(values.name()).to_ascii_uppercase() + "_";
+        for value in values.values() {
+            let name = value.name();
+            let word = name.strip_prefix(&prefix).unwrap_or(name).to_ascii_lowercase();
+            changes.push((format!("\"{name}\" => "), format!("\"{name}\" | \"{word}\" => ")));
+        }
+    }
+    let mut code = code;
+    for (from, to) in changes {
+        if !code.contains(&from) {
+            return Err(format!(
+                "pbjson's code has no {from:?}: it has changed, look at docs/decisions/json.md"
+            )
+            .into());
+        }
+        code = code.replace(&from, &to);
+    }
+    let lines = code.lines().filter(|line| !is_camel_entry(line));
+    let lines = lines.map(|line| match line.split_once("duplicate_field(") {
+        Some((before, name)) => format!("{before}duplicate_field({}\n", snake(name)),
+        None => format!("{line}\n"),
+    });
+    Ok(lines.collect())
+}
+
+/// Whether a line is a camel case name in a list of fields, such as `"frameCount",`.
+fn is_camel_entry(line: &str) -> bool {
+    let name = line
+        .trim()
+        .strip_prefix('"')
+        .and_then(|rest| rest.strip_suffix("\","));
+    name.is_some_and(|name| {
+        let has = |kind: fn(&char) -> bool| name.chars().any(|c| kind(&c));
+        has(char::is_ascii_uppercase) && has(char::is_ascii_lowercase)
     })
 }
 
-/// The modules of `src/json.rs` that write enumerations as words.
-fn words(pool: &DescriptorPool) -> String {
-    pool.all_enums().fold(String::new(), |mut text, values| {
-        let (module, name, prefix) = (snake(values.name()), values.name(), prefix(&values));
-        let _ = writeln!(text, "words!({module}, crate::v1::{name}, \"{prefix}\");");
-        text
-    })
-}
-
-/// What the names of an enumeration's values begin with: `ACTIVITY_KIND_` for `ActivityKind`.
-fn prefix(values: &EnumDescriptor) -> String {
-    snake(values.name()).to_ascii_uppercase() + "_"
-}
-
-fn word(values: &EnumDescriptor, name: &str) -> String {
-    let prefix = prefix(values);
-    name.strip_prefix(&prefix).unwrap_or(name).to_ascii_lowercase()
+/// A macro that passes the names of all messages to another macro, and the names of those that
+/// refuse unknown fields.
+fn messages(pool: &DescriptorPool) -> String {
+    let names: String = pool
+        .all_messages()
+        .filter(|message| message.package_name() == PACKAGE)
+        .map(|message| format!("{}, ", message.name()))
+        .collect();
+    let requests: String = request_messages(pool)
+        .iter()
+        .map(|name| format!("{:?}, ", name.trim_start_matches(PACKAGE).trim_start_matches('.')))
+        .collect();
+    format!(
+        "macro_rules! each_message {{ ($do:ident) => {{ $do! {{ {names} }} }} }}\n\
+         pub(crate) const REQUESTS: &[&str] = &[{requests}];\n"
+    )
 }
 
 /// The tables of `src/rpc.rs`: every remote procedure with the lists of its request, and the
@@ -246,13 +236,4 @@ fn snake(name: &str) -> String {
         text.push(c.to_ascii_lowercase());
     }
     text
-}
-
-/// `Intent` for `intent`.
-fn camel(name: &str) -> String {
-    let parts = name.split('_').map(|part| {
-        let (first, rest) = part.split_at(part.len().min(1));
-        first.to_ascii_uppercase() + rest
-    });
-    parts.collect()
 }

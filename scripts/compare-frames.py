@@ -240,9 +240,7 @@ def steps(url: str, name: str, sessions: list[dict], cues: list[tuple]):
         body = {
             "session_ids": [session["id"] for session in sessions],
             "frames": min(STEPS[nth % len(STEPS)], STEPPED_FRAMES - frame),
-            "commands": [
-                {"session_id": id, "sequence": sequence, "intent": intent} for sequence, (_, id, intent) in due
-            ],
+            "commands": [{"session_id": id, "sequence": sequence, **intent} for sequence, (_, id, intent) in due],
             "encoding": "f32",
             "return_positions": True,
         }

@@ -269,7 +269,7 @@ check_viewer() {
     }
     ask /v1/sessions '{"sessions": [{"id": "walker"}]}' >/dev/null
     metres=$(ask /v1/step '{"session_ids": ["walker"], "frames": 60, "commands": [{"session_id": "walker", "sequence": 1,
-        "intent": {"locomote": {"velocity": {"x": 0, "y": 0, "z": 1.2}}}}]}' | python3 -c '
+        "locomote": {"velocity": {"x": 0, "y": 0, "z": 1.2}}}]}' | python3 -c '
 import json, sys
 roots = json.load(sys.stdin)["blocks"][0]["root_positions"]
 print(f"{roots[-1] - roots[-91]:.2f}")')

@@ -120,7 +120,7 @@ def test_joints_of_both_kinds_of_answer_are_the_same():
     quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
     root = rng.normal(size=(3, 3))
     frames = {"root_positions": root.ravel().tolist(), "rotations": quats.ravel().tolist()}
-    theirs = skeleton.of_troupe([(3, json.dumps({"part": {"frames": frames}}).encode())])
+    theirs = skeleton.of_troupe([(3, json.dumps({"frames": frames}).encode())])
     world = matrices(quats)
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
@@ -149,7 +149,7 @@ class Answering(BaseHTTPRequestHandler):
         body = json.loads(self.rfile.read(int(self.headers["content-length"])))
         self.asked.append(body)
         is_troupe = self.path == "/v1/generate"
-        count = body["goal"]["prompt"]["frame_count"] if is_troupe else body["frame_count"]
+        count = body["prompt"]["frame_count"] if is_troupe else body["frame_count"]
         if count == 0:
             self.send_response(400)
             self.send_header("content-length", "7")
@@ -161,9 +161,7 @@ class Answering(BaseHTTPRequestHandler):
         self.end_headers()
         for frames in (count // 2, count - count // 2 - (self.short and body["seed"] % 2)):
             if is_troupe:
-                part = json.dumps(
-                    {"is_last": False, "part": {"frames": {"frame_count": frames}}}, separators=(",", ":")
-                )
+                part = json.dumps({"is_last": False, "frames": {"frame_count": frames}}, separators=(",", ":"))
                 self.chunk(part.encode() + b"\n")
             else:
                 self.chunk(write_frames(np.zeros((frames, 5), "<f4"), np.zeros((frames, 126), "<f4")))

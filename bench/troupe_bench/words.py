@@ -157,7 +157,7 @@ class Skeleton:
 
     def of_troupe(self, parts: list[tuple[int, bytes]]) -> np.ndarray:
         """Of JSON lines, whose rotations are quaternions relative to parents."""
-        frames = [json.loads(line)["part"]["frames"] for _, line in parts]
+        frames = [json.loads(line)["frames"] for _, line in parts]
         root = np.concatenate([np.array(part["root_positions"]).reshape(-1, 3) for part in frames])
         quats = np.concatenate([np.array(part["rotations"]).reshape(-1, len(self.parents), 4) for part in frames])
         turned = matrices(quats)

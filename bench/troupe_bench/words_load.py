@@ -98,7 +98,7 @@ class Troupe(Target):
     def body(self, asked: Words, temperature: float | None) -> dict[str, Any]:
         """The request as `docs/words.md` has it."""
         prompt = {"text": asked.text, "frame_count": asked.frames}
-        body: dict[str, Any] = {"pack": self.pack, "seed": asked.seed, "goal": {"prompt": prompt}}
+        body: dict[str, Any] = {"pack": self.pack, "seed": asked.seed, "prompt": prompt}
         return body if temperature is None else body | {"sampling": {"temperature": temperature}}
 
     def parts(self, answer: http.client.HTTPResponse) -> Iterator[tuple[int, bytes]]:

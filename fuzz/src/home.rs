@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use axum::Router;
 use tokio::net::TcpListener;
@@ -82,9 +83,9 @@ impl Local {
             .expect("a runtime");
         let mut config = Config::local(Path::new("unused")).expect("a configuration");
         config.default_pack = Some("toy".to_owned());
-        config.worker_spin_us = 0;
+        config.fixed.worker_spin = Duration::ZERO;
         config.store = store;
-        config.snapshot_interval_ms = 60_000;
+        config.fixed.snapshot_interval = Duration::from_millis(60_000);
         let (handle, router) = runtime.block_on(async {
             let listener = TcpListener::bind(config.listen).await.expect("a port");
             let served = serve_here(config.clone(), listener, || Ok(vec![source()])).await;

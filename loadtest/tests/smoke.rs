@@ -34,7 +34,7 @@ fn server() -> &'static str {
             runtime.block_on(async move {
                 let packs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/human");
                 let mut config = Config::local(&packs).unwrap();
-                config.max_queued_characters = 64;
+                config.fixed.max_queued_characters = Some(64);
                 let listener = TcpListener::bind(config.listen).await.unwrap();
                 let mut handle = serve(config, listener).await.unwrap();
                 handle.ready().await.unwrap();

@@ -1,17 +1,22 @@
-//! The public contract of Troupe, generated from `troupe/v1/*.proto`: the protobuf messages, the
-//! same messages as JSON (serde, `snake_case` names) with their `OpenAPI` schemas, and, with the
-//! feature `grpc`, the gRPC clients and servers.
+//! The public contract of Troupe, generated from `troupe/v1/*.proto`: the protobuf messages and
+//! their JSON form (serde). The feature `grpc` adds the gRPC clients and servers, `openapi` the
+//! `OpenAPI` schemas of the JSON form.
 //!
-//! A message missing a JSON field reads as protobuf does: the field takes its default. Requests
-//! refuse unknown fields, answers tolerate them.
+//! JSON follows protobuf's own mapping, with the field names of the `.proto` files. Requests refuse
+//! unknown fields, answers ignore them.
 //!
 //! [`docs`] has the documents that people write: smart objects and scenes. [`rpc`] lists the remote
 //! procedures.
 
 pub mod docs;
-pub mod json;
+mod json;
+#[cfg(feature = "openapi")]
+mod openapi;
 pub mod rpc;
 mod stats;
+
+#[cfg(all(test, feature = "openapi"))]
+mod json_tests;
 
 /// Version 1 of the API.
 #[allow(missing_docs, unused_qualifications, clippy::all)]

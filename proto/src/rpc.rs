@@ -1,11 +1,11 @@
-//! The remote procedures, as `troupe/v1/*.proto` has them.
+//! The remote procedures of `troupe/v1/*.proto`.
 
 /// A remote procedure.
 #[derive(Debug, Clone, Copy)]
 pub struct Rpc {
-    /// Its name, unique among all services.
+    /// Unique among all services.
     pub name: &'static str,
-    /// The lists of messages or texts in its request.
+    /// The lists of messages, texts or bytes in its request.
     pub lists: &'static [List],
 }
 
@@ -14,30 +14,30 @@ pub struct Rpc {
 pub struct List {
     /// Message and field, such as `Character.context`.
     pub field: &'static str,
-    /// What it is a list of: a message's name, `string` or `bytes`.
+    /// Type of the entries: a message's name, `string` or `bytes`.
     pub of: &'static str,
-    /// The way to it from the request down; the list itself is the last step.
+    /// The fields from the request down to the list, which is the last one.
     pub steps: &'static [Step],
 }
 
 /// A field on the way to a list.
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
-    /// The field's number.
+    /// Number in the `.proto` file.
     pub number: u32,
-    /// The field's name.
+    /// Name in the `.proto` file.
     pub name: &'static str,
-    /// Whether it is a list.
+    /// Whether the field is a list.
     pub list: bool,
 }
 
 /// A message that a remote procedure takes.
 pub trait Request {
-    /// The procedure's name.
+    /// Name of the procedure that takes it.
     const RPC: &'static str;
 }
 
-/// Over HTTP, `PutStyle` takes the style alone; the path has the rest.
+/// Over HTTP, the body of `PutStyle` is only the style. The path has the rest.
 impl Request for crate::v1::Style {
     const RPC: &'static str = "PutStyle";
 }

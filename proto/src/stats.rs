@@ -6,7 +6,7 @@ use std::ops::AddAssign;
 use crate::v1::SessionStats;
 
 impl SessionStats {
-    /// Plans that took over, whatever called for them.
+    /// All plans that took over.
     pub fn plans(&self) -> u64 {
         self.plans_for_command + self.plans_for_low_buffer + self.plans_for_interval + self.plans_for_object
     }
@@ -14,7 +14,7 @@ impl SessionStats {
 
 impl AddAssign<&SessionStats> for SessionStats {
     fn add_assign(&mut self, other: &SessionStats) {
-        // All fields by name: a new one is not left out.
+        // All fields by name, so that the compiler finds a missing one.
         let &SessionStats {
             plans_for_command,
             plans_for_low_buffer,

@@ -35,15 +35,14 @@ fn flags_win_over_the_file_and_the_file_over_defaults() {
     let config = load(&["--config", file.0.to_str().unwrap(), "--listen", "127.0.0.1:2"]).unwrap();
     assert_eq!(config.listen.port(), 2);
     assert_eq!((config.max_batch, config.log_format), (8, LogFormat::Json));
-    assert_eq!((config.max_message_bytes, config.default_pack), (16 << 20, None));
-    assert_eq!((config.max_sessions, config.session_ttl_ms), (16_384, 60_000));
+    assert_eq!((config.max_sessions, &config.default_pack), (16_384, &None));
 }
 
 #[test]
 fn an_empty_name_turns_a_folder_off() {
     let config = load(&["--store", "", "--cache", ""]).unwrap();
     assert_eq!(
-        (config.store_folder(), config.cache),
+        (config.store_folder(), config.options.cache),
         (None, Some(PathBuf::new()))
     );
 }
@@ -57,7 +56,6 @@ fn the_template_names_every_option_and_loads() {
         "max_batch",
         "drain_timeout_ms",
         "TROUPE_LISTEN",
-        "ORT_DYLIB_PATH",
     ] {
         assert!(template.contains(option), "{option} is missing in\n{template}");
     }
@@ -211,44 +209,28 @@ fn mistakes_name_the_option() {
     );
     assert_eq!(error(&["--workers", "65"]), "workers is 65; allowed: 0 to 64");
     assert_eq!(
-        error(&["--idle-timeout-ms", "0"]),
-        "idle_timeout_ms is 0; allowed: 1 or more"
+        error(&["--request-timeout-ms", "0"]),
+        "request_timeout_ms is 0; allowed: 1 or more"
     );
     assert_eq!(
         error(&["--max-connections", "1000001"]),
         "max_connections is 1000001; allowed: 0 to 1000000"
     );
     assert_eq!(
-        error(&["--max-calls-per-connection", "16385"]),
-        "max_calls_per_connection is 16385; allowed: 1 to 16384"
-    );
-    assert_eq!(
         error(&["--max-streams", "0"]),
         "max_streams is 0; allowed: 1 or more"
     );
     assert_eq!(
-        error(&["--session-ttl-ms", "999"]),
-        "session_ttl_ms is 999; allowed: 1000 to 86400000"
-    );
-    assert_eq!(
-        error(&["--max-sessions-per-request", "16385"]),
-        "max_sessions_per_request is 16385; allowed: 1 to 16384"
+        error(&["--max-sessions", "1000001"]),
+        "max_sessions is 1000001; allowed: 1 to 1000000"
     );
     assert_eq!(
         error(&["--max-queue-ms", "3600001"]),
         "max_queue_ms is 3600001; allowed: 0 to 3600000"
     );
     assert_eq!(
-        error(&["--max-batch-ms", "60001"]),
-        "max_batch_ms is 60001; allowed: 0 to 60000"
-    );
-    assert_eq!(
         error(&["--drain-delay-ms", "3600001"]),
         "drain_delay_ms is 3600001; allowed: 0 to 3600000"
-    );
-    assert_eq!(
-        error(&["--worker-spin-us", "10001"]),
-        "worker_spin_us is 10001; allowed: 0 to 10000"
     );
     assert_eq!(
         error(&["--network-memory-mib", "1073741825"]),
@@ -274,10 +256,49 @@ fn mistakes_name_the_option() {
     ] {
         assert_eq!(error(&flags), text);
     }
-    assert!(error(&["--max-queued-characters", "10"]).contains("max_characters_per_request (256) or more"));
     assert!(error(&["--config", "/nowhere/troupe.toml"]).contains("/nowhere/troupe.toml"));
     let file = File::new("mistake", "max_bach = 8\n");
     assert!(error(&["--config", file.0.to_str().unwrap()]).contains("max_bach"));
+}
+
+#[test]
+fn removed_options_get_an_error_that_says_what_replaced_them() {
+    let flag = |name: &str| {
+        let error = Cli::try_parse_from(["troupe-server", name, "1"]).unwrap_err();
+        Cli::removed_flag(&error).map(|error| error.to_string())
+    };
+    for (option, instead) in removed::REMOVED {
+        let said = format!("{option} is no longer an option: {instead}");
+        let name = format!("--{}", option.replace('_', "-"));
+        assert_eq!(flag(&name).as_deref(), Some(&*said));
+        assert_eq!(flag(&format!("{name}=1")).as_deref(), Some(&*said));
+        let file = File::new(option, &format!("max_batch = 8\n{option} = 1\n"));
+        let error = load(&["--config", file.0.to_str().unwrap()]).unwrap_err();
+        assert_eq!(error.to_string(), said);
+        assert!(
+            !Config::template().contains(&format!("\n#{option} =")),
+            "{option}"
+        );
+    }
+    assert_eq!(flag("--max-bach"), None);
+}
+
+#[test]
+fn the_queue_grows_with_workers_and_batches() {
+    let queue = |args: &[&str]| load(args).unwrap().max_queued_characters();
+    assert_eq!(queue(&["--workers", "1"]), 1024);
+    assert_eq!(queue(&["--workers", "8"]), 4096);
+    assert_eq!(queue(&["--workers", "4", "--max-batch", "128"]), 8192);
+}
+
+#[test]
+fn clients_and_addresses_get_shares() {
+    let config = load(&["--max-streams", "8", "--transfer-memory-mib", "4"]).unwrap();
+    let shares = config.shares();
+    assert_eq!((shares.client.streams, shares.address.streams), (2, 4));
+    assert_eq!((shares.client.bytes, shares.address.bytes), (1 << 20, 2 << 20));
+    assert_eq!(config.connections_of_address(10_000), 5000);
+    assert_eq!(load(&["--max-streams", "1"]).unwrap().shares().client.streams, 1);
 }
 
 #[test]

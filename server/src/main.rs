@@ -32,11 +32,22 @@ static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 #[unsafe(export_name = "malloc_conf")]
 pub static ALLOCATOR_SETTINGS: &[u8; 44] = b"background_thread:true,oversize_threshold:0\0";
 
-/// The exit code where a second signal ended the server before its requests had finished.
+/// The exit code after a mistake on the command line.
+const MISTAKEN: u8 = 2;
+/// The exit code after a second signal, which ends the server before its requests have finished.
 const FORCED: u8 = 3;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => match Cli::removed_flag(&error) {
+            Some(removed) => {
+                let _ = writeln!(io::stderr(), "troupe-server: {removed}");
+                return ExitCode::from(MISTAKEN);
+            }
+            None => error.exit(),
+        },
+    };
     let result = match &cli.command {
         Some(Command::Doctor(args)) => doctor(args),
         Some(Command::Health(args)) => check_health(args),
@@ -102,7 +113,7 @@ fn check_health(args: &HealthArgs) -> anyhow::Result<ExitCode> {
         None => {
             let config = Config::load_for_health(args)?;
             let url = health::ready_url(config.listen, config.tls_certificate.is_some())?;
-            (url, args.tls(config.tls_certificate))
+            (url, args.tls(config.options.tls_certificate))
         }
     };
     tokio::runtime::Builder::new_current_thread()

@@ -243,7 +243,11 @@ async fn serve_on(
 
     let max_connections = max_connections(&config)?;
     limits::show(&config, max_connections, &telemetry);
-    let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
+    let places = Places::new(
+        max_connections,
+        config.connections_of_address(max_connections),
+        &telemetry,
+    );
     let (stop, stopping) = watch::channel(false);
     let accepting = port::accept(
         listener,
@@ -351,7 +355,7 @@ async fn start(
     // it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
     let opening = service.clone();
-    let (interval, tenants) = (config.snapshot_interval(), config.tenant_options());
+    let (interval, tenants) = (config.fixed.snapshot_interval, config.tenant_options());
     let open = move || -> Result<_, StartError> {
         Ok(opening.open(PackTable::new(loaded, default), store, tenants, records()?)?)
     };
@@ -412,7 +416,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let batcher = Batcher::start(
         pack.name(),
         limits,
-        config.worker_spin(),
+        config.fixed.worker_spin,
         metrics.clone(),
         factory,
     )

@@ -116,8 +116,7 @@ impl Service {
     /// The service as `tenant` has it. The first time this reads the tenant's files.
     ///
     /// # Errors
-    /// [`ServiceError::Starting`], [`ServiceError::TooManyTenants`], and [`ServiceError::Tenant`]
-    /// where its files cannot be read.
+    /// [`ServiceError::Starting`] and [`ServiceError::Space`].
     pub async fn of(self: &Arc<Self>, tenant: Tenant) -> Result<Arc<Self>, ServiceError> {
         if tenant.is_none() {
             return Ok(self.clone());

@@ -65,7 +65,7 @@ test(`${CHARACTERS} characters at ${RATE_HZ} Hz @measure`, async ({ page, server
                   commands: ids.map((session_id, nth) => {
                     const heading = nth + 0.7 * sequence;
                     const velocity = { x: 1.2 * Math.sin(heading), y: 0, z: 1.2 * Math.cos(heading) };
-                    return { session_id, sequence, intent: { locomote: { velocity } } };
+                    return { session_id, sequence, locomote: { velocity } };
                   }),
                 });
               }

@@ -113,7 +113,16 @@ impl Seen {
 impl Event {
     /// The event as the server gives it, with its time.
     pub(crate) fn to_json(&self) -> Value {
-        json!({ "time_s": self.time_s, "event": self.kind })
+        let message = v1::SessionEvent {
+            kind: Some(self.kind.clone()),
+            ..v1::SessionEvent::default()
+        };
+        let mut event = json!(message);
+        // The frame counts the session's timeline, which a clip does not have.
+        if let Some(fields) = event.as_object_mut() {
+            fields.remove("frame");
+        }
+        json!({ "time_s": self.time_s, "event": event })
     }
 }
 

@@ -26,8 +26,8 @@ const QUESTIONS: usize = 32;
 pub struct CrowdOptions {
     /// Rate and form of frames.
     pub frames: FrameOptions,
-    /// Characters of one request, at most the server's `max_sessions_per_request`. More characters
-    /// are split over requests that run at the same time.
+    /// Characters of one request, at most 1024. More characters are split over requests that run at
+    /// the same time.
     pub per_request: usize,
 }
 

@@ -30,7 +30,7 @@ pub(super) enum Refusal {
     #[error("max_connections are open")]
     Full,
     /// There are as many of this address as there may be.
-    #[error("max_connections_per_address are open from one address")]
+    #[error("half of max_connections are open from one address")]
     Address,
 }
 
@@ -76,8 +76,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Places for `limit` connections, and for `per_address` of one address; 0 for as many as there
-    /// are.
+    /// Places for `limit` connections, and for `per_address` of one address.
     pub fn new(limit: usize, per_address: usize, telemetry: &Telemetry) -> Arc<Self> {
         Arc::new(Self {
             limit,
@@ -96,7 +95,7 @@ impl Places {
         let address = network(address);
         let mut taken = self.taken();
         let of_address = taken.addresses.get(&address).copied().unwrap_or_default();
-        if self.per_address != 0 && of_address >= self.per_address {
+        if of_address >= self.per_address {
             self.metrics.address.increment(1);
             return Err(Refusal::Address);
         }
@@ -186,7 +185,7 @@ mod tests {
 
     #[test]
     fn beyond_the_limit_there_is_a_reserve() {
-        let (places, telemetry) = places(2, 0);
+        let (places, telemetry) = places(2, 100);
         let from = IpAddr::from([127, 0, 0, 1]);
         let first = places.take(from).unwrap();
         let rest: Vec<_> = (0..1 + RESERVE).map(|_| places.take(from).unwrap()).collect();

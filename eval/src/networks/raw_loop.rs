@@ -17,7 +17,6 @@ use troupe_engine::{
 };
 use troupe_motion::model::Dims;
 use troupe_motion::model::KeyframeTask;
-use troupe_server::config::Config;
 
 use crate::figures::{ms, percentile};
 
@@ -250,7 +249,7 @@ pub(crate) fn run(args: &RawLoops) -> anyhow::Result<()> {
         "--batch: allowed is more than 0"
     );
     let config = Config::local(Path::new("."))?;
-    let runtime = Runtime::new(config.onnx_runtime.as_deref())?;
+    let runtime = Runtime::new(None)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
 
     let mut output = Output {

@@ -33,7 +33,7 @@ impl Form {
         let encoding = v1::Encoding::try_from(encoding).map_err(|_| {
             path.field("encoding").error(
                 format!("is {encoding}"),
-                "f32 (0) or compact (1), or qpos (2) of robots",
+                "ENCODING_F32 (0) or ENCODING_COMPACT (1), or ENCODING_QPOS (2) of robots",
             )
         })?;
         Ok(Self {

@@ -1,7 +1,7 @@
 //! What can be wrong with a call that is about sessions and styles.
 
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
-use crate::world::{NoMemory, WorldError};
+use crate::world::WorldError;
 use troupe_base::offload::WorkerStopped;
 use troupe_batch::SubmitError;
 use troupe_character::FieldError;
@@ -22,7 +22,7 @@ pub enum SessionError {
     /// A pack that cannot do what is asked of it.
     #[error(transparent)]
     CannotDo(#[from] CannotDo),
-    /// What is wrong with the scene that a session is to live in.
+    /// What is wrong with a session's scene, or with the upload of a style.
     #[error(transparent)]
     World(#[from] WorldError),
     /// A session that ran out of its time to live.
@@ -104,17 +104,6 @@ pub enum SessionError {
         /// The field of the request that named it.
         field: String,
     },
-    /// Uploads would take more memory than they may.
-    #[error("{field}: the style {cause}")]
-    NoMemory {
-        /// What takes how much.
-        cause: NoMemory,
-        /// The field of the request that is too large.
-        field: String,
-    },
-    /// A style that cannot be written to its folder.
-    #[error("{0}")]
-    StyleNotKept(String),
     /// The plans of a character fail.
     #[error(transparent)]
     Plan(#[from] SubmitError),

@@ -52,23 +52,21 @@ pub struct TenantOptions {
     pub most: usize,
 }
 
-/// Why a tenant has nothing.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
+/// Why a tenant is not served.
+#[derive(Debug, Clone, thiserror::Error)]
 pub enum SpaceError {
-    /// There are as many as there may be.
-    #[error("{most} tenants use the server; allowed: at most {most} at a time (max_tenants)")]
+    /// The server has no room for another tenant.
+    #[error("the server has no room for another tenant; allowed: at most {most}")]
     TooMany {
-        /// How many there may be.
+        /// Most tenants of a server.
         most: usize,
     },
-    /// Its files cannot be read.
-    #[error("what tenant {tenant:?} keeps cannot be read: {cause}")]
+    /// The tenant's files cannot be read. The reason names files of the server, so it is only in
+    /// the log.
+    #[error("the files of tenant {tenant:?} cannot be read; the server's log has the reason")]
     Unreadable {
-        /// The tenant.
+        /// Name of the tenant.
         tenant: Arc<str>,
-        /// Why not.
-        cause: String,
     },
 }
 
@@ -159,9 +157,11 @@ impl Spaces {
         let inside = |name: &str| folder.as_ref().map(|folder| folder.join(name));
         let styles = inside("styles");
         let packs = self.common.packs.of_tenant(styles.as_deref());
-        let unreadable = |error: &dyn std::fmt::Display| SpaceError::Unreadable {
-            tenant: tenant.clone(),
-            cause: error.to_string(),
+        let unreadable = |error: &dyn std::fmt::Display| {
+            tracing::error!(%error, %tenant, "the files of a tenant cannot be read");
+            SpaceError::Unreadable {
+                tenant: tenant.clone(),
+            }
         };
         let packs = packs.map_err(|error| unreadable(&error))?;
         let folders = Folders {

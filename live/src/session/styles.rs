@@ -5,8 +5,9 @@ use troupe_proto::v1;
 use super::SessionError;
 use super::options::unknown_style;
 use crate::packs::LoadedPack;
-use crate::world::UploadMemory;
+use crate::world::{UploadMemory, WorldError};
 use troupe_character::Path;
+use troupe_character::document::is_full;
 use troupe_character::style::{MAX_ADDED_STYLES, PutError, Style};
 
 /// `troupe.v1.Sessions/ListStyles`.
@@ -71,7 +72,9 @@ pub fn put(
     let replaced_bytes = replaced.map_or(0, |style| style.bytes());
     memory
         .check(style.bytes(), replaced_bytes)
-        .map_err(|cause| SessionError::NoMemory {
+        .map_err(|cause| WorldError::NoMemory {
+            what: "style",
+            name: style.name.clone(),
             cause,
             field: path.to_string(),
         })?;
@@ -88,9 +91,10 @@ pub fn put(
                 format!("at most {MAX_ADDED_STYLES} added styles"),
             )
             .into()),
-        Err(error) => {
-            tracing::error!(%error, "a style was not kept");
-            Err(SessionError::StyleNotKept(error.to_string()))
+        Err(PutError::Keep { name, cause }) => {
+            let is_full = is_full(&cause);
+            let error = PutError::Keep { name, cause };
+            Err(WorldError::not_kept(&error, is_full).into())
         }
     }
 }

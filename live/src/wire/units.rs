@@ -20,7 +20,7 @@ pub fn convention(path: &Path<'_>, value: i32) -> Result<Convention, FieldError>
         Ok(v1::Convention::Ros) => Ok(Convention::Ros),
         Err(_) => Err(path.error(
             format!("is {value}"),
-            "native (0), unreal (1), unity (2) or ros (3)",
+            "CONVENTION_NATIVE (0), CONVENTION_UNREAL (1), CONVENTION_UNITY (2) or CONVENTION_ROS (3)",
         )),
     }
 }

@@ -28,7 +28,10 @@ pub(super) fn format(path: &Path<'_>, value: i32) -> Result<Format, FieldError> 
     match v1::DocumentFormat::try_from(value) {
         Ok(v1::DocumentFormat::Toml) => Ok(Format::Toml),
         Ok(v1::DocumentFormat::Json) => Ok(Format::Json),
-        Err(_) => Err(path.error(format!("is {value}"), "toml (0) or json (1)")),
+        Err(_) => Err(path.error(
+            format!("is {value}"),
+            "DOCUMENT_FORMAT_TOML (0) or DOCUMENT_FORMAT_JSON (1)",
+        )),
     }
 }
 

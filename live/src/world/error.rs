@@ -1,6 +1,8 @@
 //! What can be wrong with a call that is about scenes and definitions.
 
-use super::StoreError;
+use std::fmt::Display;
+
+use super::{NoMemory, StoreError};
 use troupe_base::echo::{MAX_MESSAGE, MAX_PATH, cut};
 use troupe_character::document::DocumentError;
 use troupe_character::object::DefinitionsError;
@@ -40,22 +42,42 @@ pub enum WorldError {
         /// The field of the request that named it.
         field: String,
     },
-    /// Uploads would take more memory than they may.
-    #[error("{message}")]
+    /// An upload would take more memory than all uploads may.
+    #[error("{what} {name:?} {cause}")]
     NoMemory {
-        /// What takes how much.
-        message: String,
-        /// Most bytes.
-        most: usize,
+        /// `scene`, `definition` or `style`.
+        what: &'static str,
+        /// Name of the upload.
+        name: String,
+        /// Its size, that of all others, and the limit.
+        cause: NoMemory,
         /// The field of the request that is too large.
-        field: &'static str,
+        field: String,
     },
-    /// A file that was not written because the disk is full.
-    #[error("{0}")]
-    DiskFull(String),
-    /// A file that was not written, or a document that was not made.
+    /// The file of an upload could not be written or removed.
+    #[error("{message}")]
+    NotKept {
+        /// Which file, and why.
+        message: String,
+        /// Whether the disk is full.
+        is_disk_full: bool,
+    },
+    /// A document could not be made.
     #[error("{0}")]
     Internal(String),
+}
+
+impl WorldError {
+    /// The error of a file that was not written or removed.
+    pub(crate) fn not_kept(error: &dyn Display, is_disk_full: bool) -> Self {
+        if !is_disk_full {
+            tracing::error!(%error, "an upload was not kept");
+        }
+        Self::NotKept {
+            message: error.to_string(),
+            is_disk_full,
+        }
+    }
 }
 
 impl From<DocumentError> for WorldError {
@@ -87,19 +109,16 @@ impl From<StoreError> for WorldError {
                     .error(error.to_string(), "a smaller scene")
                     .into()
             }
-            StoreError::NoMemory { what, cause, .. } => Self::NoMemory {
-                message: error.to_string(),
-                most: cause.most,
-                field: match what {
-                    "scene" => "scene",
-                    _ => "document",
-                },
-            },
-            StoreError::Keep { full: true, .. } => Self::DiskFull(error.to_string()),
-            StoreError::Keep { .. } => {
-                tracing::error!(%error, "a file was not written");
-                Self::Internal(error.to_string())
+            StoreError::NoMemory { what, name, cause } => {
+                let field = if what == "scene" { "scene" } else { "document" };
+                Self::NoMemory {
+                    what,
+                    name,
+                    cause,
+                    field: field.to_owned(),
+                }
             }
+            StoreError::Keep { full, .. } => Self::not_kept(&error, full),
         }
     }
 }

@@ -204,7 +204,7 @@ fn errors_name_the_field_and_its_range_in_the_requests_unit() {
     };
     let cases: Vec<(Change, &str, &str)> = vec![
         (|s| s.name = "a b".into(), "scene.name", "1 to 64 letters"),
-        (|s| s.convention = 9, "scene.convention", "native (0)"),
+        (|s| s.convention = 9, "scene.convention", "CONVENTION_NATIVE (0)"),
         (|s| s.ground = f32::NAN, "scene.ground", "-10000 to 10000"),
         (
             |s| {

@@ -1,9 +1,8 @@
-//! Documents that people write: definitions of smart objects, skills, and scenes. Plain types for
-//! TOML and JSON, the same fields in both; lengths in metres, angles in degrees about +Y, rotations
-//! as w, x, y, z, right-handed with Y up.
+//! Documents that people write: definitions of smart objects, skills, and scenes. The same plain
+//! types serve TOML and JSON. Lengths are in metres, angles in degrees about +Y, rotations are w,
+//! x, y, z; right-handed with Y up.
 //!
-//! Only the form is checked here: unknown fields are refused, values are not looked at. The server
-//! checks these.
+//! This module checks only the form, and refuses unknown fields. The server checks values.
 
 mod object;
 mod scene;
@@ -18,7 +17,7 @@ pub use scene::{
 };
 pub use skill::SkillDoc;
 
-/// For serde: a field that is left out where it says what it says anyway.
+/// For serde: a field with its default is left out.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }

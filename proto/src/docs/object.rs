@@ -1,4 +1,4 @@
-//! Definitions of smart objects as they are written.
+//! Documents of smart objects.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,24 +12,24 @@ pub struct ObjectDoc {
     pub format: u32,
     /// Letters, digits, '-', '_' or '.'.
     pub name: String,
-    /// What it is, for people.
+    /// A description for people.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Whether rays and boxes hit the shape: false for a mere place. Default true.
+    /// Whether rays and boxes hit the shape. False for a mere place. Default true.
     #[serde(default = "yes", skip_serializing_if = "is_true")]
     pub solid: bool,
-    /// Whether any number of characters may use it at once. Default false.
+    /// Whether any number of characters may use it at the same time. Default false.
     #[serde(default, skip_serializing_if = "is_false")]
     pub shared: bool,
-    /// The object's shape.
+    /// Shape in the object's frame, metres.
     pub shape: ShapeDoc,
-    /// Where a character must reach to use it.
+    /// The volume that a character must reach to use the object.
     #[serde(default)]
     pub trigger: TriggerDoc,
-    /// What keyframes turn about.
+    /// The point that keyframes turn about.
     #[serde(default, skip_serializing_if = "is_default")]
     pub anchor: AnchorDoc,
-    /// How it is put down.
+    /// The rule for putting the object down.
     #[serde(default, skip_serializing_if = "is_default")]
     pub release: ReleaseDoc,
     /// Sides from which a character may come.
@@ -40,7 +40,7 @@ pub struct ObjectDoc {
     pub sockets: Vec<SocketDoc>,
     /// Ways to use it.
     pub variants: Vec<VariantDoc>,
-    /// Phases.
+    /// The phases of all variants.
     pub sets: Vec<SetDoc>,
 }
 
@@ -48,7 +48,7 @@ impl ObjectDoc {
     /// The TOML text.
     ///
     /// # Errors
-    /// Where a value cannot be written, which no checked definition has.
+    /// If a value cannot be written, which no checked definition has.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }
@@ -58,10 +58,10 @@ impl ObjectDoc {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TriggerDoc {
-    /// Its shape is grown by this on every side, metres. Default 0.6.
+    /// The shape is grown by this on every side, metres. Default 0.6.
     #[serde(default = "TriggerDoc::default_reach")]
     pub reach_m: f32,
-    /// Its shape, where it is not the object's.
+    /// Shape of the trigger. Left out: the object's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<ShapeDoc>,
 }
@@ -81,7 +81,7 @@ impl Default for TriggerDoc {
     }
 }
 
-/// What keyframes turn about.
+/// The point that keyframes turn about.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnchorDoc {
@@ -90,19 +90,20 @@ pub struct AnchorDoc {
     pub pivot_m: [f32; 3],
 }
 
-/// How the object is put down.
+/// The rule for putting an object down.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReleaseDoc {
     /// Whether it is put onto the surface under it. Default true.
     pub snap: bool,
-    /// Where the ray down starts above the object's middle, metres. Default 0.3.
+    /// Height above the object's middle at which the search for a surface begins, metres. Default
+    /// 0.3.
     pub lift_m: f32,
-    /// How far below the object's middle the surface may be, metres. Default 2.
+    /// Largest distance of the surface below the object's middle, metres. Default 2.
     pub max_drop_m: f32,
     /// Steepest surface, degrees. Default 30.
     pub max_slope_deg: f32,
-    /// How it is turned. Default `upright`.
+    /// Rotation of the object. Default `upright`.
     pub align: Align,
 }
 
@@ -118,16 +119,16 @@ impl Default for ReleaseDoc {
     }
 }
 
-/// How an object is turned when it is put down.
+/// Rotation of an object when it is put down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Align {
-    /// Upright, with the heading that it has.
+    /// Upright. The heading does not change.
     #[default]
     Upright,
-    /// Its +Y along the surface's normal, with the heading that it has.
+    /// Its +Y along the surface's normal. The heading does not change.
     Surface,
-    /// As it is.
+    /// No change.
     Keep,
 }
 
@@ -139,7 +140,8 @@ pub struct ApproachDoc {
     pub name: String,
     /// First and last direction, degrees about +Y from the object's +Z as seen from the pivot.
     pub directions_deg: [f32; 2],
-    /// Where the character starts the first set, metres from the pivot. Left out: where it is.
+    /// Distance from the pivot at which the character starts the first set, metres. Left out: the
+    /// character starts in its current place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_m: Option<f32>,
 }
@@ -150,12 +152,12 @@ pub struct ApproachDoc {
 pub struct SocketDoc {
     /// Letters, digits, '-', '_' or '.'.
     pub name: String,
-    /// The joint.
+    /// Name of the joint that holds the object.
     pub joint: String,
     /// The object's origin in the joint's frame, metres. Default: the joint.
     #[serde(default, skip_serializing_if = "is_default")]
     pub position_m: [f32; 3],
-    /// The object's rotation in the joint's frame: w, x, y, z. Left out: as it was when it was
+    /// The object's rotation in the joint's frame: w, x, y, z. Left out: no change when it is
     /// taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f32; 4]>,
@@ -163,11 +165,11 @@ pub struct SocketDoc {
     #[serde(default = "SocketDoc::default_blend")]
     pub blend_frames: u32,
     /// Whether the arm swings as in any walk while it carries the object. Default false: the hand
-    /// stays where it is.
+    /// keeps its place.
     #[serde(default, skip_serializing_if = "is_false")]
     pub swings: bool,
-    /// Whether the object stands upright however the joint turns, as a full cup does. Default
-    /// false: it turns with the joint.
+    /// Whether the object stays upright when the joint turns, as a full cup must. Default false: it
+    /// turns with the joint.
     #[serde(default, skip_serializing_if = "is_false")]
     pub upright: bool,
 }
@@ -184,12 +186,12 @@ impl SocketDoc {
 pub struct VariantDoc {
     /// Letters, digits, '-', '_' or '.'.
     pub name: String,
-    /// How often it is chosen, compared with the others. Default 1.
+    /// Weight of a random choice, relative to the other variants. Default 1.
     #[serde(default = "VariantDoc::default_weight")]
     pub weight: f32,
     /// Name of the first set.
     pub entry: String,
-    /// Name of the first set to leave with. Left out: it is left at once.
+    /// Name of the first set of the way out. Left out: the character leaves at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exit: Option<String>,
 }
@@ -200,52 +202,53 @@ impl VariantDoc {
     }
 }
 
-/// A phase.
+/// A phase of an interaction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SetDoc {
     /// Letters, digits, '-', '_' or '.'.
     pub name: String,
-    /// Name of the set that follows. Left out: it is the last.
+    /// Name of the next set. Left out: this is the last.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub next: Option<String>,
-    /// What keyframes are given from: `object` (default) or `character`.
+    /// Origin of the keyframes: `object` (default) or `character`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub origin: Origin,
-    /// How its motion is made. Left out: as it suits the keyframes.
+    /// How the motion is made. Left out: the server chooses by the keyframes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
-    /// Whether a character that comes for it stops before it begins. Default false.
+    /// Whether the character stops before the set begins. Default false.
     #[serde(default, skip_serializing_if = "is_false")]
     pub from_stand: bool,
-    /// Frames from the last frame before the set to its last keyframe. Left out: as many as the
-    /// pack thinks right.
+    /// Frames from the last frame before the set to its last keyframe. Left out: the networks
+    /// decide.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
-    /// τ: 0 (default) must be reached; above, it may be left so many frames early.
+    /// τ: the number of frames by which the character may leave the set early. Default 0: it must
+    /// reach the last keyframe.
     #[serde(default, skip_serializing_if = "is_default")]
     pub drop_frames: u32,
-    /// Frames for which the last keyframe is held. Default 0.
+    /// Frames during which the character holds the last keyframe. Default 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub hold_frames: u32,
-    /// Whether it is held until the interaction is ended. Default false.
+    /// Whether the character holds it until a command ends the interaction. Default false.
     #[serde(default, skip_serializing_if = "is_false")]
     pub hold_until_ended: bool,
-    /// What happens.
+    /// Events of the set.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<EventDoc>,
     /// One to four consecutive frames.
     pub keyframes: Vec<KeyframeDoc>,
 }
 
-/// What a set's keyframes are given from.
+/// Origin of a set's keyframes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
     /// The object, about its pivot.
     #[default]
     Object,
-    /// The place under the character's root, and its heading, as the set begins.
+    /// The place under the character's root, and its heading, at the start of the set.
     Character,
 }
 
@@ -253,24 +256,24 @@ pub enum Origin {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Motion {
-    /// By the networks, drawn to the keyframes.
+    /// The networks make it, and it is drawn to the keyframes.
     Plan,
-    /// Without the networks, the feet held where they stand: for poses that the networks do not
+    /// Without the networks, and the feet keep their place. For poses that the networks do not
     /// know.
     Stance,
 }
 
-/// Something that happens in a set: exactly one of `attach` and `release`.
+/// An event of a set: exactly one of `attach` and `release`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EventDoc {
-    /// When: `start`, `reached` (default) or `end`.
+    /// Moment of the event: `start`, `reached` (default) or `end`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub at: Moment,
-    /// The object goes to this socket.
+    /// Name of the socket that the object goes to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attach: Option<String>,
-    /// The object is put down.
+    /// Whether the character puts the object down.
     #[serde(default, skip_serializing_if = "is_false")]
     pub release: bool,
 }
@@ -279,12 +282,12 @@ pub struct EventDoc {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Moment {
-    /// As it begins.
+    /// The set begins.
     Start,
-    /// At its last keyframe, or where a soft set is left early.
+    /// The last keyframe, or the frame at which the character leaves a soft set early.
     #[default]
     Reached,
-    /// When it has been held.
+    /// The end of the hold.
     End,
 }
 
@@ -292,37 +295,37 @@ pub enum Moment {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyframeDoc {
-    /// ω: whether it turns about the pivot with the side that the character comes from. Default
-    /// false.
+    /// ω: whether the keyframe turns about the pivot, to the side that the character comes from.
+    /// Default false.
     #[serde(default, skip_serializing_if = "is_false")]
     pub pivot: bool,
-    /// Where the root is over the ground: x and z, metres.
+    /// Place of the root over the ground: x and z, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place_m: Option<[f32; 2]>,
-    /// Which way it faces, degrees about +Y.
+    /// Heading, degrees about +Y.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heading_deg: Option<f32>,
     /// Height of the root joint, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f32>,
-    /// Whether heights count from what the character stands on. Default false: from the origin.
+    /// Whether heights count from the surface under the character. Default false: from the origin.
     #[serde(default, skip_serializing_if = "is_false")]
     pub from_ground: bool,
-    /// The pose: w, x, y, z for each joint, the first with the heading taken out, others relative
-    /// to their parents.
+    /// The pose: w, x, y, z for each joint, the first without the heading, the others relative to
+    /// their parents.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotations: Option<Vec<f32>>,
-    /// Where single joints are.
+    /// Places of single joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<PointDoc>,
 }
 
-/// Where a joint is.
+/// Place of a joint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointDoc {
-    /// The joint.
+    /// Name of the joint, as in the pack's skeleton.
     pub joint: String,
-    /// Its place, metres.
+    /// Place in the keyframe's frame, metres.
     pub position_m: [f32; 3],
 }

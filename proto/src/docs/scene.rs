@@ -1,4 +1,4 @@
-//! Scenes as they are written, and the shapes that objects have too.
+//! Documents of scenes, and the shapes of scenes and objects.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,11 +15,11 @@ pub struct SceneDoc {
     /// Height of the ground plane, metres. Default 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub ground_m: f32,
-    /// What is there to stand on, and what is in the way to objects. Locomotion is not stopped by
-    /// it.
+    /// Static bodies that characters stand on, or that are in the way to objects. They do not stop
+    /// locomotion.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colliders: Vec<ColliderDoc>,
-    /// What may be used.
+    /// Objects that characters may use.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub objects: Vec<InstanceDoc>,
 }
@@ -28,50 +28,51 @@ impl SceneDoc {
     /// The TOML text.
     ///
     /// # Errors
-    /// Where a value cannot be written, which no checked scene has.
+    /// If a value cannot be written, which no checked scene has.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }
 }
 
-/// A static collider. At most one of `heading_deg` and `rotation`; neither: it is not turned.
+/// A static collider. At most one of `heading_deg` and `rotation` is given. Default: no rotation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColliderDoc {
     /// Unique among the scene's colliders.
     pub id: String,
-    /// Where its origin is, metres. Default: the scene's origin.
+    /// Position of the origin, metres. Default: the scene's origin.
     #[serde(default, skip_serializing_if = "is_default")]
     pub position_m: [f32; 3],
-    /// Which way its +Z faces, degrees about +Y.
+    /// Heading of its +Z, degrees about +Y.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heading_deg: Option<f32>,
-    /// How it is turned: w, x, y, z.
+    /// Rotation: w, x, y, z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f32; 4]>,
-    /// What it is like.
+    /// Shape in the collider's frame, metres.
     pub shape: ColliderShapeDoc,
 }
 
-/// An object of a scene. At most one of `heading_deg` and `rotation`; neither: it is not turned.
+/// An object of a scene. At most one of `heading_deg` and `rotation` is given. Default: no
+/// rotation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InstanceDoc {
     /// Unique among the scene's objects.
     pub id: String,
-    /// Name of its definition.
+    /// Name of the object's definition.
     pub definition: String,
-    /// Where its origin is, metres.
+    /// Position of the origin, metres.
     pub position_m: [f32; 3],
-    /// Which way its +Z faces, degrees about +Y.
+    /// Heading of its +Z, degrees about +Y.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heading_deg: Option<f32>,
-    /// How it is turned: w, x, y, z.
+    /// Rotation: w, x, y, z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f32; 4]>,
 }
 
-/// A convex shape in the frame of what it belongs to.
+/// A convex shape in its owner's frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ShapeDoc {
@@ -89,7 +90,7 @@ pub enum ColliderShapeDoc {
     Box(BoxDoc),
     /// The hull of points.
     Convex(ConvexDoc),
-    /// Ground that is not flat. It may be turned about +Y alone.
+    /// Uneven ground. It may only be turned about +Y.
     Heightfield(HeightfieldDoc),
 }
 
@@ -97,10 +98,10 @@ pub enum ColliderShapeDoc {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxDoc {
-    /// Its middle, metres. Default: the origin.
+    /// Middle of the box, metres. Default: the origin.
     #[serde(default, skip_serializing_if = "is_default")]
     pub center_m: [f32; 3],
-    /// Half its size along each axis, metres.
+    /// Half the size along each axis, metres.
     pub half_extents_m: [f32; 3],
 }
 
@@ -108,7 +109,7 @@ pub struct BoxDoc {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ConvexDoc {
-    /// The points, metres: 4 to 64.
+    /// 4 to 64 points, metres.
     pub points_m: Vec<[f32; 3]>,
 }
 
@@ -128,7 +129,7 @@ pub struct HeightfieldDoc {
 }
 
 impl ShapeDoc {
-    /// Its name in a document.
+    /// The word for this shape in a document.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Box(_) => "box",

@@ -1,4 +1,4 @@
-//! Skills of a pack as they are written.
+//! Documents of a pack's skills.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,8 +6,8 @@ use super::{
     AnchorDoc, BoxDoc, Motion, ObjectDoc, Origin, ReleaseDoc, SetDoc, ShapeDoc, TriggerDoc, VariantDoc,
 };
 
-/// A whole skill: what a character does where it stands. The keyframes of each set are given from
-/// where the character is as the set begins.
+/// A whole skill: what a character does on the spot. The origin of each set's keyframes is the
+/// place of the character at the start of the set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkillDoc {
@@ -15,18 +15,18 @@ pub struct SkillDoc {
     pub format: u32,
     /// Letters, digits, '-', '_' or '.'.
     pub name: String,
-    /// What it is, for people.
+    /// A description for people.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
     /// Ways to do it.
     pub variants: Vec<VariantDoc>,
-    /// Phases.
+    /// The phases of all variants.
     pub sets: Vec<SetDoc>,
 }
 
 impl From<SkillDoc> for ObjectDoc {
-    /// The definition of an object that is nowhere: no set is given from it. Sets that do not say
-    /// how they are made are made by the networks, low hips or not.
+    /// The definition of an object without a place, because no set uses its place. The networks
+    /// make all sets that do not say otherwise, also those with low hips.
     fn from(skill: SkillDoc) -> Self {
         let set = |set: SetDoc| SetDoc {
             origin: Origin::Character,

@@ -2,7 +2,8 @@
 
 use prost::Message as _;
 use troupe_proto::v1::{
-    Character, FILE_DESCRIPTOR_SET, InBetweenRequest, Keyframe, Pack, Pose, Root, RootKey, RootVelocity, Vec3,
+    self, Character, FILE_DESCRIPTOR_SET, InBetweenRequest, Keyframe, Pack, Pose, Root, RootKey,
+    RootVelocity, Vec3,
 };
 
 fn request() -> InBetweenRequest {
@@ -76,8 +77,66 @@ fn missing_fields_take_protobuf_defaults() {
     assert_eq!(character.frame_count, None);
     assert_eq!(character.temperature, 0.0);
     assert_eq!(character.context[0].root, Some(Root::default()));
-    let absent = serde_json::to_value(Keyframe::default()).unwrap();
-    assert_eq!(absent, serde_json::json!({}));
+    let written = serde_json::to_value(Keyframe::default()).unwrap();
+    assert_eq!(written, serde_json::json!({"qpos": []}));
+}
+
+#[test]
+fn numbers_may_be_texts_and_are_checked() {
+    let read = |json: &str| serde_json::from_str::<Character>(json);
+    for (json, seed) in [
+        (r#"{"seed":18446744073709551615}"#, u64::MAX),
+        (r#"{"seed":"18446744073709551615"}"#, u64::MAX),
+        (r#"{"seed":4e1}"#, 40),
+        (r#"{"seed":"40.0"}"#, 40),
+    ] {
+        assert_eq!(read(json).unwrap().seed, seed, "{json}");
+    }
+    let written = serde_json::to_value(read(r#"{"seed":7}"#).unwrap()).unwrap();
+    assert_eq!(written["seed"], "7");
+    assert_eq!(read(r#"{"temperature":"0.5"}"#).unwrap().temperature, 0.5);
+    for (json, problem) in [
+        (
+            r#"{"seed":-1}"#,
+            "integer `-1`, expected a whole number of 64 bits that is not negative",
+        ),
+        (
+            r#"{"frame_count":4294967296}"#,
+            "expected a whole number of 32 bits that is not negative",
+        ),
+        (r#"{"frame_count":0.5}"#, "floating point `0.5`"),
+        (r#"{"seed":""}"#, "string \"\""),
+        (r#"{"temperature":"warm"}"#, "string \"warm\", expected a number"),
+        (r#"{"temperature":true}"#, "boolean `true`, expected a number"),
+        (r#"{"allowed_token_counts":[null]}"#, "null"),
+    ] {
+        let error = read(json).unwrap_err().to_string();
+        assert!(error.contains(problem), "{error}");
+    }
+}
+
+#[test]
+fn bytes_are_read_in_every_form_of_base64() {
+    let read = |json: &str| serde_json::from_str::<v1::FrameBlock>(json);
+    for json in [
+        r#"{"contacts":"+/8="}"#,
+        r#"{"contacts":"+/8"}"#,
+        r#"{"contacts":"-_8="}"#,
+    ] {
+        assert_eq!(read(json).unwrap().contacts, [251, 255], "{json}");
+    }
+    assert!(read(r#"{"contacts":"?"}"#).is_err());
+}
+
+#[test]
+fn errors_name_the_way_to_the_field() {
+    let json = r#"{"characters":[{"targets":[{},{"pose":{"rotations":[1,0,"x"]}}]}]}"#;
+    let mut json = serde_json::Deserializer::from_str(json);
+    let error = serde_path_to_error::deserialize::<_, InBetweenRequest>(&mut json).unwrap_err();
+    assert_eq!(
+        error.path().to_string(),
+        "characters[0].targets[1].pose.rotations[2]"
+    );
 }
 
 #[test]

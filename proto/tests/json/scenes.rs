@@ -6,7 +6,7 @@ use troupe_proto::v1;
 use crate::round_trip;
 
 #[test]
-fn intents_of_objects_are_objects_with_one_member() {
+fn an_intent_is_a_field_of_its_command() {
     use v1::command::Intent;
     let interact = v1::Interact {
         instance: "chair".into(),
@@ -29,20 +29,21 @@ fn intents_of_objects_are_objects_with_one_member() {
             intent: Some(intent),
             ..v1::Command::default()
         });
-        assert!(json["intent"].get(name).is_some(), "{json}");
+        assert!(json.get(name).is_some(), "{json}");
     }
-    let short: v1::Command = serde_json::from_str(r#"{"intent":{"cancel":{}}}"#).unwrap();
+    let short: v1::Command = serde_json::from_str(r#"{"cancel":{}}"#).unwrap();
     assert_eq!(short.intent, Some(Intent::Cancel(v1::Cancel {})));
     for unknown in [
-        r#"{"intent":{"cancel":{"now":true}}}"#,
-        r#"{"intent":{"interact":{"object":"chair"}}}"#,
+        r#"{"intent":{"cancel":{}}}"#,
+        r#"{"cancel":{"now":true}}"#,
+        r#"{"interact":{"object":"chair"}}"#,
     ] {
         assert!(serde_json::from_str::<v1::Command>(unknown).is_err(), "{unknown}");
     }
 }
 
 #[test]
-fn scenes_name_convention_and_state_and_leave_out_what_is_not_there() {
+fn scenes_name_convention_and_state_and_leave_out_messages_that_are_not_set() {
     let scene = v1::Scene {
         name: "yard".into(),
         convention: v1::Convention::Unity.into(),
@@ -68,7 +69,7 @@ fn scenes_name_convention_and_state_and_leave_out_what_is_not_there() {
     let json = round_trip(&scene);
     assert_eq!(
         (&json["convention"], &json["objects"][0]["state"]),
-        (&json!("unity"), &json!("held"))
+        (&json!("CONVENTION_UNITY"), &json!("OBJECT_STATE_HELD"))
     );
     assert_eq!(json["colliders"][0]["shape"], json!({"box": {}}));
     assert!(json["objects"][0].get("heading").is_none(), "{json}");
@@ -84,41 +85,46 @@ fn documents_name_their_format() {
         }),
         ..v1::PutObjectDefinitionRequest::default()
     });
-    assert_eq!(put["document"]["format"], json!("json"));
+    assert_eq!(put["document"]["format"], json!("DOCUMENT_FORMAT_JSON"));
     let usual: v1::Document = serde_json::from_str(r#"{"text":"a = 1"}"#).unwrap();
     assert_eq!(usual.format(), v1::DocumentFormat::Toml);
     let error = serde_json::from_str::<v1::Document>(r#"{"format":"yaml"}"#).unwrap_err();
-    assert!(error.to_string().contains("allowed: toml, json"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains("expected `DOCUMENT_FORMAT_TOML` or `DOCUMENT_FORMAT_JSON`"),
+        "{error}"
+    );
 }
 
 #[test]
-fn events_are_told_apart_by_their_member() {
+fn an_event_has_the_field_of_its_kind() {
     use v1::session_event::Kind;
-    let told = |kind| {
+    let written = |kind| {
         round_trip(&v1::SessionEvent {
             frame: 7,
             kind: Some(kind),
         })
     };
-    let fell = told(Kind::Fell(v1::CharacterFell { height: None }));
-    assert_eq!(fell, json!({"frame": 7, "kind": {"fell": {}}}));
-    let failed = told(Kind::Failed(v1::InteractionFailed {
+    let fell = written(Kind::Fell(v1::CharacterFell { height: None }));
+    assert_eq!(fell, json!({"frame": "7", "fell": {}}));
+    let failed = written(Kind::Failed(v1::InteractionFailed {
         reason: "MOVED".into(),
         ..v1::InteractionFailed::default()
     }));
-    assert_eq!(failed["kind"]["failed"]["reason"], json!("MOVED"));
-    let reached = told(Kind::Reached(v1::KeyframeReached {
+    assert_eq!(failed["failed"]["reason"], json!("MOVED"));
+    let reached = written(Kind::Reached(v1::KeyframeReached {
         before: Some(v1::KeyframeError {
             root_m: 0.5,
             ..v1::KeyframeError::default()
         }),
         ..v1::KeyframeReached::default()
     }));
-    assert_eq!(reached["kind"]["reached"]["before"]["root_m"], json!(0.5));
+    assert_eq!(reached["reached"]["before"]["root_m"], json!(0.5));
     let said = round_trip(&v1::DriveResponse {
         message: Some(v1::drive_response::Message::Events(v1::DriveEvents::default())),
     });
-    assert!(said["message"].get("events").is_some(), "{said}");
+    assert!(said.get("events").is_some(), "{said}");
     let session = round_trip(&v1::Session {
         activity: Some(v1::Activity {
             kind: v1::ActivityKind::Held.into(),
@@ -128,6 +134,6 @@ fn events_are_told_apart_by_their_member() {
         }),
         ..v1::Session::default()
     });
-    assert_eq!(session["activity"]["kind"], json!("held"));
+    assert_eq!(session["activity"]["kind"], json!("ACTIVITY_KIND_HELD"));
     assert!(session.get("held").is_none(), "nothing is in its hand");
 }

@@ -1,5 +1,5 @@
-//! The JSON form of sessions: enumerations as words, bytes as base64, a choice as an object with
-//! one member.
+//! The JSON form of sessions: enumerations as names, bytes as base64, the field of a choice beside
+//! the others.
 
 use serde_json::json;
 use troupe_proto::v1;
@@ -51,7 +51,7 @@ fn options_name_their_convention() {
     let json = round_trip(&options);
     assert_eq!(
         (&json["convention"], &json["ttl_ms"]),
-        (&json!("unreal"), &json!(5000))
+        (&json!("CONVENTION_UNREAL"), &json!(5000))
     );
     assert!(json.get("root_ratio").is_none(), "{json}");
     let short: v1::SessionOptions = serde_json::from_str(r#"{"convention":"ros"}"#).unwrap();
@@ -59,35 +59,43 @@ fn options_name_their_convention() {
 }
 
 #[test]
-fn a_word_that_is_none_names_those_that_are() {
+fn a_wrong_value_gets_the_names_of_the_right_ones() {
     for bad in [r#"{"convention":"blender"}"#, r#"{"convention":"NATIVE"}"#] {
         let error = serde_json::from_str::<v1::SessionOptions>(bad).unwrap_err();
         assert!(
-            error.to_string().contains("allowed: native, unreal, unity, ros"),
+            error.to_string().contains("expected one of `CONVENTION_NATIVE`, `CONVENTION_UNREAL`, `CONVENTION_UNITY`, `CONVENTION_ROS`"),
             "{error}"
         );
     }
     let error = serde_json::from_str::<v1::StepRequest>(r#"{"encoding":"f16"}"#).unwrap_err();
-    assert!(error.to_string().contains("allowed: f32, compact"), "{error}");
-    assert!(serde_json::from_str::<v1::StepRequest>(r#"{"encoding":1}"#).is_err());
+    assert!(
+        error
+            .to_string()
+            .contains("expected one of `ENCODING_F32`, `ENCODING_COMPACT`, `ENCODING_QPOS`"),
+        "{error}"
+    );
+    assert!(serde_json::from_str::<v1::StepRequest>(r#"{"encoding":7}"#).is_err());
+    let numbered: v1::StepRequest = serde_json::from_str(r#"{"encoding":1}"#).unwrap();
+    assert_eq!(numbered.encoding(), v1::Encoding::Compact);
 }
 
 #[test]
-fn an_intent_is_an_object_with_one_member() {
+fn a_command_has_one_intent_or_none() {
     let json = round_trip(&walk());
-    assert_eq!(json["intent"]["locomote"]["style"], json!("walk"));
+    assert_eq!(json["locomote"]["style"], json!("walk"));
     let none: v1::Command = serde_json::from_str(r#"{"session_id":"a","sequence":1}"#).unwrap();
     assert_eq!(none.intent, None);
     for unknown in [
-        r#"{"intent":{"dance":{}}}"#,
-        r#"{"intent":{"locomote":{"velocty":{}}}}"#,
+        r#"{"dance":{}}"#,
+        r#"{"cancel":{},"drop":{}}"#,
+        r#"{"locomote":{"velocty":{}}}"#,
     ] {
         assert!(serde_json::from_str::<v1::Command>(unknown).is_err(), "{unknown}");
     }
 }
 
 #[test]
-fn a_streams_messages_are_told_apart_by_their_member() {
+fn a_message_of_a_stream_has_the_field_of_its_kind() {
     use v1::drive_request::Message as Ask;
     use v1::drive_response::Message as Say;
     let asked = [
@@ -105,7 +113,7 @@ fn a_streams_messages_are_told_apart_by_their_member() {
         let json = round_trip(&v1::DriveRequest {
             message: Some(message),
         });
-        assert!(json["message"].get(name).is_some(), "{json}");
+        assert!(json.get(name).is_some(), "{json}");
     }
     let closing = v1::DriveClosing {
         reason: Some(v1::Problem {
@@ -124,7 +132,7 @@ fn a_streams_messages_are_told_apart_by_their_member() {
         let json = round_trip(&v1::DriveResponse {
             message: Some(message),
         });
-        assert!(json["message"].get(name).is_some(), "{json}");
+        assert!(json.get(name).is_some(), "{json}");
     }
 }
 
@@ -154,12 +162,12 @@ fn results_name_their_status_and_clock() {
         status: v1::CommandStatus::Refused.into(),
         problem: Some(v1::Problem::default()),
     };
-    assert_eq!(round_trip(&result)["status"], json!("refused"));
+    assert_eq!(round_trip(&result)["status"], json!("COMMAND_STATUS_REFUSED"));
     let session = v1::Session {
         clock: v1::Clock::Drive.into(),
         ..v1::Session::default()
     };
-    assert_eq!(round_trip(&session)["clock"], json!("drive"));
+    assert_eq!(round_trip(&session)["clock"], json!("CLOCK_DRIVE"));
     assert_eq!(
         round_trip(&v1::PeekResponse::default()).get("plan"),
         None,

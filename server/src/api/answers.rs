@@ -8,7 +8,7 @@ use crate::service::ServiceError;
 use troupe_character::live::CommandOutcome;
 use troupe_live::session::End;
 use troupe_live::session::stream::{Closing, Departure, Said};
-use troupe_live::session::{CommandResult, Resumed, SessionProblem, Stepped};
+use troupe_live::session::{CommandResult, Resumed, SessionError, SessionProblem, Stepped};
 use troupe_live::world::ObjectsChanged;
 
 /// An error as part of an answer that serves others.
@@ -98,18 +98,23 @@ pub(super) fn drive(said: Said) -> Message {
 }
 
 fn departure(left: Departure) -> v1::SessionProblem {
-    let word = match left.end {
-        None => "DETACHED",
-        Some(End::Closed) => "SESSION_CLOSED",
-        Some(End::Expired) => "SESSION_EXPIRED",
+    let id = &left.session_id;
+    let ended = |reason: &str| v1::Problem {
+        reason: reason.to_owned(),
+        message: format!("session {id:?} has left the stream"),
+        ..v1::Problem::default()
+    };
+    let why = match left.end {
+        None => ended("DETACHED"),
+        Some(End::Closed) => ended("SESSION_CLOSED"),
+        Some(End::Expired) => problem(SessionError::Expired {
+            id: id.clone(),
+            field: String::new(),
+        }),
     };
     v1::SessionProblem {
         slot: left.slot,
-        problem: Some(v1::Problem {
-            reason: word.to_owned(),
-            message: format!("the session {:?} has left the stream", left.session_id),
-            ..v1::Problem::default()
-        }),
+        problem: Some(why),
         session_id: left.session_id,
     }
 }

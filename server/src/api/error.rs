@@ -1,9 +1,9 @@
-//! Every error of the API, and the one place that says how it looks: gRPC code and details, HTTP
-//! status and body, metric label.
+//! Every error of the API, and the one place that maps it to gRPC code and details, HTTP status and
+//! body, MMCP code and metric label.
 //!
-//! The layers below have errors of their own. Each has its lines of the table ([`row`]) in a file
-//! of its domain: [`edge`], [`batch`], [`world`], [`session`]; those of the API itself are here. [`form`]
-//! makes answers of them.
+//! The layers below have errors of their own. Their rows of the table ([`row`]) are in a file for
+//! each domain: [`edge`], [`batch`], [`world`], [`session`]. The rows of the API itself are here.
+//! [`form`] makes answers from them, and [`mmcp`] the answers of that protocol.
 
 mod batch;
 mod edge;
@@ -39,67 +39,66 @@ const DOMAIN: &str = "troupe.v1";
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum ApiError {
-    /// A request that could be read, but was not served.
+    /// A request was read, but not served.
     #[error("{}", message(.0))]
     Service(Box<ServiceError>),
-    /// A request that the edge turns away.
+    /// The edge turns the request away.
     #[error(transparent)]
     Edge(#[from] EdgeError),
-    /// A value that the API itself does not accept.
+    /// The API itself does not accept a value.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// A request of the Motion Model Context Protocol that is not accepted.
+    /// A request of the Motion Model Context Protocol is not accepted.
     #[error(transparent)]
     Mmcp(Box<Fault>),
-    /// A body that is not a request: truncated, no protobuf, no JSON, or with a field of the wrong
-    /// form.
+    /// A body is not a request: no protobuf, no JSON, or a field has the wrong form.
     #[error("the request cannot be read: {message}")]
     Malformed {
-        /// What is wrong with it.
+        /// The parser's text.
         message: String,
-        /// The field, where it is known.
+        /// Path of the field, if it is known.
         field: Option<String>,
     },
-    /// A body that ends before its message does.
-    #[error("the body is truncated: {problem}; allowed: a whole message of at most {limit_bytes} bytes")]
+    /// A body ends before its message does.
+    #[error("the body is truncated: {problem}; allowed: a whole one, at most {limit_bytes} bytes")]
     Truncated {
-        /// How that was noticed.
+        /// The parser's text.
         problem: String,
-        /// The limit of a whole one.
+        /// Most bytes of a whole body.
         limit_bytes: usize,
     },
-    /// A body over the limit.
+    /// A body is over the limit.
     #[error("the request is too large; allowed: at most {limit_bytes} bytes")]
     TooLarge {
-        /// The limit.
+        /// Most bytes of a body.
         limit_bytes: usize,
     },
-    /// A body that is not said to be JSON. Pages of other sites may send any other without asking
-    /// the server first.
+    /// The Content-Type is not JSON. Web pages of other sites can send such bodies without a
+    /// preflight request.
     #[error("Content-Type is {found:?}; allowed: application/json")]
     WrongType {
-        /// What it is said to be.
+        /// The Content-Type, cut.
         found: String,
     },
-    /// No such route or method.
+    /// There is no such path or gRPC method.
     #[error("there is no {0}")]
     UnknownRoute(String),
-    /// A route that exists, under another HTTP method.
+    /// The path has another HTTP method.
     #[error("this path does not answer {0}")]
     WrongMethod(String),
-    /// The time for the request ran out.
+    /// The request was not served in time, in the queue or at the edge.
     #[error("the request was not served {}", in_time(.0))]
     DeadlineExceeded(Duration),
-    /// A feature of gRPC that the server does not speak, such as a compression.
+    /// The server does not support a feature of gRPC, such as a compression.
     #[error("{0}")]
     Unimplemented(String),
-    /// The API's own fault.
+    /// The API itself failed.
     #[error("{0}")]
     Internal(String),
 }
 
 impl ApiError {
-    /// What it is to a caller.
+    /// The error's row of the table.
     pub(super) fn row(&self) -> Row<'_> {
         match self {
             Self::Service(error) => error.row(),
@@ -114,7 +113,7 @@ impl ApiError {
             Self::Truncated { limit_bytes, .. } => INVALID
                 .because("MALFORMED_REQUEST")
                 .field("body")
-                .allowed(format!("a whole message of at most {limit_bytes} bytes")),
+                .allowed(format!("a whole one, at most {limit_bytes} bytes")),
             Self::TooLarge { limit_bytes } => TOO_LARGE
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
@@ -136,10 +135,7 @@ impl Tabled for ServiceError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::Starting => UNAVAILABLE.because("NOT_READY"),
-            Self::TooManyTenants { most } => FULL
-                .because("TOO_MANY_TENANTS")
-                .allowed(format!("at most {most} at a time (max_tenants)")),
-            Self::Tenant => INTERNAL.because("TENANT_NOT_READ"),
+            Self::Space(error) => error.row(),
             Self::Field(error) => error.row(),
             Self::NotFeasible(error) => Row {
                 reason: "NOT_FEASIBLE",
@@ -156,11 +152,10 @@ impl Tabled for ServiceError {
     }
 }
 
-/// What the error says. That an engine has stopped is, to a caller, about the whole server.
+/// The error's text. A stopped engine concerns the whole server.
 fn message(error: &ServiceError) -> String {
     match error {
-        ServiceError::Batch(SubmitError::Engine(EngineError::Stopped))
-        | ServiceError::Session(SessionError::Plan(SubmitError::Engine(EngineError::Stopped))) => {
+        ServiceError::Batch(SubmitError::Engine(EngineError::Stopped)) => {
             "the server is broken: an engine has stopped".to_owned()
         }
         error => error.to_string(),
@@ -174,8 +169,12 @@ impl From<Exhausted> for ApiError {
 }
 
 impl From<ServiceError> for ApiError {
+    /// A deadline is one error, whether the queue or the edge noticed it.
     fn from(error: ServiceError) -> Self {
-        Self::Service(Box::new(error))
+        match error {
+            ServiceError::Batch(SubmitError::DeadlinePassed { waited }) => Self::DeadlineExceeded(waited),
+            error => Self::Service(Box::new(error)),
+        }
     }
 }
 
@@ -191,7 +190,7 @@ impl From<WorldError> for ApiError {
     }
 }
 
-/// A time limit in words; one below a millisecond, or that is not known, has no number.
+/// A time limit in words. Without a number if it is unknown or below a millisecond.
 fn in_time(limit: &Duration) -> String {
     match limit.as_millis() {
         0 => "in time".to_owned(),

@@ -232,9 +232,5 @@ async fn wrong_method(request: Request) -> ApiError {
 /// Answers what no route does, in the caller's protocol.
 pub(super) async fn unknown_route(headers: HeaderMap, request: Request) -> Response {
     let path: String = request.uri().path().chars().take(200).collect();
-    let error = match is_grpc(&headers) {
-        true => ApiError::Unimplemented(format!("there is no service at {path}")),
-        false => ApiError::UnknownRoute(path),
-    };
-    error.in_kind(&headers)
+    ApiError::UnknownRoute(path).in_kind(&headers)
 }

@@ -1,36 +1,21 @@
-//! Which values a configuration may have.
+//! The ranges of options.
 
 use super::{Config, ConfigError};
-use troupe_live::session::TTL_RANGE_MS;
 
 /// Most memory for networks, MiB: more than any machine has.
 const MOST_NETWORK_MIB: u64 = 1 << 30;
 
 /// The largest batch that may be asked for.
 const MOST_BATCH: usize = 4096;
-/// As many as a connection has room for, if each sends small frames (`server/connections.rs`).
-const MOST_CALLS_PER_CONNECTION: usize = 16_384;
 
 impl Config {
-    /// The configuration itself where its values are in their ranges.
+    /// The configuration, if all values are in their ranges.
     pub(super) fn checked(self) -> Result<Self, ConfigError> {
         let at_least_one = [
-            ("max_characters_per_request", self.max_characters_per_request),
-            ("max_message_bytes", self.max_message_bytes),
-            ("max_calls_per_connection", self.max_calls_per_connection as usize),
             ("max_sessions", self.max_sessions),
-            ("max_sessions_per_request", self.max_sessions_per_request),
-            ("max_sessions_per_stream", self.max_sessions_per_stream),
             ("max_scene_memory_mib", self.max_scene_memory_mib),
             ("max_streams", self.max_streams),
-            ("max_streams_per_client", self.max_streams_per_client),
-            ("max_tenants", self.max_tenants),
-            ("write_timeout_ms", self.write_timeout_ms as usize),
-            ("drive_stall_timeout_ms", self.drive_stall_timeout_ms as usize),
             ("request_timeout_ms", self.request_timeout_ms as usize),
-            ("keepalive_ms", self.keepalive_ms as usize),
-            ("idle_timeout_ms", self.idle_timeout_ms as usize),
-            ("snapshot_interval_ms", self.snapshot_interval_ms as usize),
         ];
         for (option, value) in at_least_one {
             if value == 0 {
@@ -42,13 +27,7 @@ impl Config {
             ("threads", self.threads, 1024),
             ("workers", self.workers, 64),
             ("max_connections", self.max_connections, 1_000_000),
-            (
-                "max_calls_per_connection",
-                self.max_calls_per_connection as usize,
-                MOST_CALLS_PER_CONNECTION,
-            ),
             ("max_sessions", self.max_sessions, 1_000_000),
-            ("max_sessions_per_request", self.max_sessions_per_request, 16_384),
         ];
         for (option, value, most) in at_most {
             if value > most {
@@ -59,9 +38,7 @@ impl Config {
         }
         let at_most = [
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
-            ("max_batch_ms", self.max_batch_ms, 60_000),
             ("drain_delay_ms", self.drain_delay_ms, 3_600_000),
-            ("worker_spin_us", self.worker_spin_us, 10_000),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
             ("memory_limit_mib", self.memory_limit_mib, MOST_NETWORK_MIB),
             ("transfer_memory_mib", self.transfer_memory_mib, MOST_NETWORK_MIB),
@@ -89,23 +66,12 @@ impl Config {
                 allowed: "http://HOST:PORT".to_owned(),
             });
         }
-        let ttl_ms = self.session_ttl_ms;
-        if !TTL_RANGE_MS.contains(&ttl_ms) {
-            let allowed = format!("{} to {}", TTL_RANGE_MS.start(), TTL_RANGE_MS.end());
-            return Err(not_allowed("session_ttl_ms", ttl_ms.into(), allowed));
-        }
         self.tls_is_whole()?;
         self.tokens_are_whole()?;
-        if self.max_queued_characters < self.max_characters_per_request {
-            let least = self.max_characters_per_request;
-            let allowed = format!("max_characters_per_request ({least}) or more");
-            let found = self.max_queued_characters as u64;
-            return Err(not_allowed("max_queued_characters", found, allowed));
-        }
         Ok(self)
     }
 
-    /// A certificate is of no use without its key, nor are authorities of clients without TLS.
+    /// A certificate needs its key, and authorities of clients need a certificate.
     fn tls_is_whole(&self) -> Result<(), ConfigError> {
         match (&self.tls_certificate, &self.tls_key, &self.tls_client_ca) {
             (Some(_), None, _) => missing("tls_key", "tls_certificate"),

@@ -6,15 +6,16 @@ use std::time::Duration;
 
 use clap::Parser;
 use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use confique::Layer as _;
 use http::Uri;
 
-use super::Config;
+use super::{ConfigError, Options, removed};
 use crate::health::{HealthTls, READY};
 use troupe_edge::clients::Role;
 use troupe_engine::EngineChoice;
 
-type Layer = <Config as confique::Config>::Layer;
+type Layer = <Options as confique::Config>::Layer;
 
 /// The command line.
 #[derive(Debug, Parser)]
@@ -29,8 +30,7 @@ pub struct Cli {
     #[command(subcommand)]
     pub command: Option<Command>,
 
-    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is
-    /// one.
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, if it exists.
     #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
     pub(super) config: Option<PathBuf>,
 
@@ -42,11 +42,21 @@ pub struct Cli {
     pub(super) flags: Layer,
 }
 
+impl Cli {
+    /// The error for a flag of an option that this version does not have, if `error` is about one.
+    pub fn removed_flag(error: &clap::Error) -> Option<ConfigError> {
+        match error.get(ContextKind::InvalidArg) {
+            Some(ContextValue::String(flag)) => removed::of_flag(flag),
+            _ => None,
+        }
+    }
+}
+
 /// What the server's command does instead of serving.
 #[derive(Debug, Clone, clap::Subcommand)]
 pub enum Command {
-    /// Say what this machine and the library offer, which engine each pack gets and why, and how
-    /// fast it is. Takes a few seconds for each pack.
+    /// Show what this machine and the library offer, the engine of each pack and the reason for it,
+    /// and its speed. Takes a few seconds for each pack.
     Doctor(DoctorArgs),
     /// Ask a running server whether it is ready, and exit with 0 if it is, else with 1. For a
     /// container's health check.
@@ -56,7 +66,7 @@ pub enum Command {
     Key(KeyCommand),
     /// Write manual pages: troupe-server.1, and one for each command.
     Man {
-        /// Folder to write them to. It is made where it is not there.
+        /// Folder to write them to. It is made if it does not exist.
         #[arg(long, value_name = "FOLDER")]
         out: PathBuf,
     },
@@ -65,18 +75,17 @@ pub enum Command {
 /// What to do about keys.
 #[derive(Debug, Clone, clap::Subcommand)]
 pub enum KeyCommand {
-    /// Make a key. Prints it, which is the only time that anybody sees it, and its entry for the
-    /// file of keys.
+    /// Make a key. Prints the key, which is shown only this once, and its entry for the file of
+    /// keys.
     New {
-        /// Whose key it is.
+        /// Name of the key's owner.
         #[arg(long, value_name = "NAME")]
         name: String,
-        /// What it allows. drive: ask for motion, drive sessions, read. author: also write styles,
-        /// scenes and object definitions. admin: also read metrics. metrics: read metrics, and
-        /// nothing else.
+        /// Role of the key. drive: ask for motion, drive sessions, read. author: also write styles,
+        /// scenes and object definitions. admin: also read metrics. metrics: only read metrics.
         #[arg(long, value_name = "ROLE")]
         role: Role,
-        /// Whose sessions, scenes, definitions and styles it is for. Those of one tenant do not
+        /// Tenant of the key. The sessions, scenes, definitions and styles of one tenant do not
         /// exist for another, nor for keys without a tenant.
         #[arg(long, value_name = "NAME")]
         tenant: Option<String>,
@@ -95,17 +104,13 @@ pub struct DoctorArgs {
     /// Print one JSON document instead of text.
     #[arg(long)]
     pub json: bool,
-    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is
-    /// one.
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, if it exists.
     #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
     pub(super) config: Option<PathBuf>,
     /// Folder of the model packs, or a single pack.
     #[arg(long, value_name = "FOLDER")]
     packs: Option<PathBuf>,
-    /// The ONNX Runtime library.
-    #[arg(long, value_name = "FILE")]
-    onnx_runtime: Option<PathBuf>,
-    /// The engine.
+    /// Engine that runs the networks.
     #[arg(long, value_name = "ENGINE")]
     engine: Option<EngineChoice>,
     /// Threads for inference over all workers of a pack; 0 is automatic.
@@ -121,7 +126,6 @@ impl DoctorArgs {
     pub(super) fn layer(&self) -> Layer {
         Layer {
             packs: self.packs.clone(),
-            onnx_runtime: self.onnx_runtime.clone(),
             engine: self.engine,
             threads: self.threads,
             workers: self.workers,
@@ -141,8 +145,7 @@ pub struct HealthArgs {
     /// How long to wait for the answer, in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 2000)]
     timeout_ms: u64,
-    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is
-    /// one.
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, if it exists.
     #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
     pub(super) config: Option<PathBuf>,
     /// Address that the server listens on.

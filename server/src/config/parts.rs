@@ -1,4 +1,4 @@
-//! What the parts of the server get of its configuration.
+//! The configuration of each part of the server.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -20,14 +20,21 @@ use troupe_live::world::Folders;
 
 /// Shortest time for which InBetween calls stay behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);
-/// One of so many places of a batch goes to a call first.
+/// One place of a batch in this number goes to a call first.
 const CALL_SHARE: usize = 8;
 
-/// Memory for requests and answers on their way, where nothing is said.
+/// Batches that may wait for each worker of a pack.
+const QUEUED_BATCHES: usize = 16;
+/// Characters that may always wait for a pack.
+const LEAST_QUEUED: usize = 1024;
+/// Characters of a batch if [`Options::max_batch`](super::Options::max_batch) is 0, for the queue.
+const USUAL_BATCH: usize = 32;
+
+/// Memory for requests and answers on their way, if the option is 0.
 const LEAST_TRANSFER_BYTES: u64 = 256 << 20;
 const MOST_TRANSFER_BYTES: u64 = 2048 << 20;
 
-/// Memory for networks of each pack, where nothing is said.
+/// Memory for networks of each pack, if the option is 0.
 const NETWORK_BYTES: u64 = 180 << 20;
 
 impl Config {
@@ -39,14 +46,26 @@ impl Config {
         }
     }
 
+    /// Most characters of InBetween calls that may wait for a pack.
+    pub fn max_queued_characters(&self) -> usize {
+        let batch = match self.max_batch {
+            0 => USUAL_BATCH,
+            most => most,
+        };
+        let waiting = QUEUED_BATCHES * batch * self.workers().count;
+        self.fixed
+            .max_queued_characters
+            .unwrap_or(waiting.max(LEAST_QUEUED))
+    }
+
     /// The scheduler's limits, for one worker.
     pub fn batch_limits(&self, max_batch: usize) -> Limits {
         Limits {
             workers: 1,
             max_batch,
             call_rows: 0,
-            max_batch_time: Duration::from_millis(self.max_batch_ms),
-            max_queued: self.max_queued_characters,
+            max_batch_time: self.fixed.max_batch_time,
+            max_queued: self.max_queued_characters(),
             max_live: self.max_sessions,
             max_wait: Duration::from_millis(self.max_queue_ms),
             ageing: self.ageing(),
@@ -54,7 +73,7 @@ impl Config {
         }
     }
 
-    /// Where traces go. None where there are none.
+    /// The collector of traces and their share. None: no traces.
     pub fn trace_options(&self) -> Option<TraceOptions> {
         self.otlp_endpoint.clone().map(|endpoint| TraceOptions {
             endpoint,
@@ -62,14 +81,9 @@ impl Config {
         })
     }
 
-    /// How long an idle worker spins before it parks.
-    pub fn worker_spin(&self) -> Duration {
-        Duration::from_micros(self.worker_spin_us)
-    }
-
-    /// What InBetween calls wait for before they go in front of live plans: longer than any
-    /// admitted one should have to wait, so that a flood of calls does not take live characters'
-    /// turns, and yet calls are not starved by characters.
+    /// Time after which waiting InBetween calls go in front of live plans. It is longer than an
+    /// admitted call should wait, so a flood of calls does not take the turns of live characters.
+    /// And it is finite, so characters do not starve calls.
     fn ageing(&self) -> Duration {
         let longest_wait_ms = match self.max_queue_ms {
             0 => self.request_timeout_ms / 4,
@@ -82,14 +96,15 @@ impl Config {
     pub fn api_limits(&self) -> ApiLimits {
         ApiLimits {
             timeout: self.request_timeout(),
-            write_timeout: Duration::from_millis(self.write_timeout_ms),
-            message_bytes: self.max_message_bytes,
-            characters: self.max_characters_per_request,
-            sessions: self.max_sessions_per_request,
+            write_timeout: self.fixed.reader_timeout,
+            message_bytes: self.fixed.max_message_bytes,
+            characters: self.fixed.max_characters_per_request,
+            sessions: self.fixed.max_sessions_per_request,
         }
     }
 
-    /// What a client may have at a time, the clients of an address, and all.
+    /// The shares of a client, of all clients of an address, and of all clients: a quarter, a half
+    /// and the whole.
     pub fn shares(&self) -> Shares {
         let bytes = match self.transfer_memory_mib {
             0 => (Machine::detect().memory_bytes / 8).clamp(LEAST_TRANSFER_BYTES, MOST_TRANSFER_BYTES),
@@ -97,27 +112,33 @@ impl Config {
         };
         let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
         let share = |bytes, streams| Share { bytes, streams };
-        let streams = self.max_streams_per_client;
+        let quarter = (self.max_streams / 4).max(1);
+        let streams = self.fixed.max_streams_per_client.unwrap_or(quarter);
         Shares {
             client: share(bytes / 4, streams),
             address: share(bytes / 2, streams.saturating_mul(2)),
-            // `max_streams` is the limit of all.
+            // The sessions count the streams of all.
             all: share(bytes, usize::MAX),
         }
     }
 
-    /// How long connections may take, and how much each may ask for.
+    /// Most connections of one address: half of `all`, as of streams and memory.
+    pub fn connections_of_address(&self, all: usize) -> usize {
+        self.fixed.max_connections_per_address.unwrap_or((all / 2).max(1))
+    }
+
+    /// Timeouts of connections, and the calls that each may have.
     pub fn connection_limits(&self) -> ConnectionLimits {
         ConnectionLimits {
             request: self.request_timeout(),
-            idle: Duration::from_millis(self.idle_timeout_ms),
-            keepalive: Duration::from_millis(self.keepalive_ms),
+            idle: self.fixed.idle_timeout,
+            keepalive: self.fixed.keepalive,
             drain: self.drain_timeout(),
-            max_calls: self.max_calls_per_connection,
+            max_calls: self.fixed.max_calls_per_connection,
         }
     }
 
-    /// The files of TLS. None where the server speaks no TLS.
+    /// The files of TLS. None: the server speaks no TLS.
     pub fn tls_files(&self) -> Option<TlsFiles> {
         Some(TlsFiles {
             certificate: self.tls_certificate.clone()?,
@@ -126,7 +147,7 @@ impl Config {
         })
     }
 
-    /// Which web pages and names a server that listens on `address` answers.
+    /// The web pages and host names that a server on `address` answers.
     pub fn guard(&self, address: SocketAddr) -> Guard {
         Guard {
             origins: self.allowed_origins.clone(),
@@ -138,7 +159,7 @@ impl Config {
     /// The limits of an InBetween request.
     pub fn request_limits(&self) -> RequestLimits {
         RequestLimits {
-            max_characters: self.max_characters_per_request,
+            max_characters: self.fixed.max_characters_per_request,
         }
     }
 
@@ -146,11 +167,11 @@ impl Config {
     pub fn session_limits(&self) -> SessionLimits {
         SessionLimits {
             sessions: self.max_sessions,
-            per_request: self.max_sessions_per_request,
-            per_stream: self.max_sessions_per_stream,
+            per_request: self.fixed.max_sessions_per_request,
+            per_stream: self.fixed.max_sessions_per_stream,
             streams: self.max_streams,
-            ttl_ms: self.session_ttl_ms,
-            stall_timeout: Duration::from_millis(self.drive_stall_timeout_ms),
+            ttl_ms: self.fixed.session_ttl_ms,
+            stall_timeout: self.fixed.reader_timeout,
         }
     }
 
@@ -171,15 +192,15 @@ impl Config {
         self.store_folder().map(|folder| folder.join(name))
     }
 
-    /// What tenants have, and how many there may be.
+    /// The folder of tenants and their number.
     pub fn tenant_options(&self) -> TenantOptions {
         TenantOptions {
             folder: self.in_store("tenants"),
-            most: self.max_tenants,
+            most: self.fixed.max_tenants,
         }
     }
 
-    /// The folder of what outlives the server. The usual one only where it is there, or can be
+    /// The folder of everything that outlives the server. The usual one only if it exists or can be
     /// made.
     pub fn store_folder(&self) -> Option<PathBuf> {
         let port = self.listen.port();
@@ -195,18 +216,13 @@ impl Config {
         }
     }
 
-    /// How often sessions are written to the store.
-    pub fn snapshot_interval(&self) -> Duration {
-        Duration::from_millis(self.snapshot_interval_ms)
-    }
-
-    /// The workers of each pack, on the cores that this process may use: container limits count,
-    /// the host does not.
+    /// The workers of each pack, on the cores that this process may use within its container's
+    /// limits.
     pub fn workers(&self) -> Workers {
         Workers::plan(self.workers, self.threads, available_cores())
     }
 
-    /// Most memory of the networks of so many packs, bytes.
+    /// Most memory of the networks of all packs, bytes.
     pub(super) fn network_bytes(&self, packs: usize) -> u64 {
         match self.network_memory_mib {
             0 => (packs as u64 * NETWORK_BYTES).min(Machine::detect().memory_bytes / 2),
@@ -214,49 +230,51 @@ impl Config {
         }
     }
 
-    /// [`Config::memory_limit_mib`] in bytes; 0 for none.
+    /// The option `memory_limit_mib` in bytes; 0 for none.
     pub fn memory_limit_bytes(&self) -> u64 {
         self.memory_limit_mib << 20
     }
 
-    /// What chooses the engine of each of `packs` packs.
+    /// The selector of an engine for each of `packs` packs.
     ///
     /// # Errors
-    /// [`EngineError::Library`] where the library does not load.
+    /// [`EngineError::Library`] if the library does not load.
     pub fn selector(&self, packs: usize) -> Result<Selector, EngineError> {
         let machine = Machine::detect();
         Ok(Selector {
-            runtime: Runtime::new(self.onnx_runtime.as_deref())?,
+            runtime: Runtime::new(None)?,
             machine,
             choice: self.engine,
             accuracy_check: self.accuracy_check,
             workers: self.workers(),
             packs,
-            spin: self.spin,
+            // Idle inference threads sleep. Spinning is a little faster on a CPU with nothing else
+            // to do, and slower on any other.
+            spin: false,
             pool: NetworkPool::new(self.network_bytes(packs)),
             growth: Growth::Background,
             cache: CheckCache::new(self.cache_folder()),
         })
     }
 
-    /// The folder of what is kept for the next start. None where nothing is.
+    /// The folder of results for the next start. None: nothing is kept.
     fn cache_folder(&self) -> Option<PathBuf> {
         let usual = || dirs::cache_dir().map(|folder| folder.join("troupe"));
         let folder = self.cache.clone().or_else(usual);
         folder.filter(|folder| !folder.as_os_str().is_empty())
     }
 
-    /// [`Config::request_timeout_ms`] as a duration.
+    /// The option `request_timeout_ms` as a duration.
     pub fn request_timeout(&self) -> Duration {
         Duration::from_millis(self.request_timeout_ms)
     }
 
-    /// [`Config::drain_delay_ms`] as a duration.
+    /// The option `drain_delay_ms` as a duration.
     pub fn drain_delay(&self) -> Duration {
         Duration::from_millis(self.drain_delay_ms)
     }
 
-    /// [`Config::drain_timeout_ms`] as a duration.
+    /// The option `drain_timeout_ms` as a duration.
     pub fn drain_timeout(&self) -> Duration {
         Duration::from_millis(self.drain_timeout_ms)
     }

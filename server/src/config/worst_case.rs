@@ -1,4 +1,4 @@
-//! The most memory that a server may take with a configuration, whatever its clients do.
+//! The most memory that a server can take with a configuration.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -8,44 +8,42 @@ use super::Config;
 use troupe_engine::pack::Pack;
 use troupe_live::session::{MAX_PERFORMERS, MAX_SESSION_BYTES, PERFORMER_BYTES};
 
-/// The program, its libraries and what it needs without packs and clients, bytes; two packs of 10
-/// million parameters took 300 MiB with theirs (`scripts/measure-memory.py`).
+/// The program and its libraries, without packs and clients, bytes. With two packs of 10 million
+/// parameters it took 300 MiB (`scripts/measure-memory.py`).
 const PROGRAM_BYTES: u64 = 128 << 20;
-/// Copies of a pack's weights: the runtime's own, and what it made of them.
+/// Copies of a pack's weights in the runtime, with the forms that it prepares.
 const WEIGHT_COPIES: u64 = 4;
 const WEIGHT_BYTES: u64 = 4;
-/// Requests and answers are counted by their bytes on the wire. What is decoded, or not yet
-/// encoded, is beside that.
+/// Requests and answers count by their bytes on the wire. Their decoded form comes on top.
 const TRANSFER_COPIES: u64 = 2;
 /// Buffers of a connection, bytes.
 const CONNECTION_BYTES: u64 = 32 << 10;
-/// What a stream's client may have sent that is not yet read (HTTP/2's window for a call), and its
-/// own buffers, bytes.
+/// Unread bytes of a stream's client (HTTP/2's window for a call), and buffers of the stream.
 const STREAM_BYTES: u64 = (1 << 20) + (64 << 10);
 
-/// The most memory that a server may take.
+/// The most memory that a server can take.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct WorstCase {
-    /// Its parts.
+    /// One for each kind of memory.
     pub parts: Vec<Part>,
-    /// All together, bytes.
+    /// Sum of all parts, bytes.
     pub total_bytes: u64,
 }
 
 /// A part of the worst case.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Part {
-    /// What takes it.
+    /// Use of the memory.
     pub what: &'static str,
-    /// How much, bytes.
+    /// At most, bytes.
     pub bytes: u64,
     /// The options that bound it.
     pub bounded_by: &'static str,
 }
 
 impl Config {
-    /// The most memory that a server may take with these packs, `max_connections` as the system
-    /// allows them.
+    /// The most memory that a server can take with these packs. `max_connections` is what the
+    /// system allows.
     pub fn worst_case<'a>(
         &self,
         packs: impl IntoIterator<Item = &'a Pack>,
@@ -97,7 +95,7 @@ impl Config {
 }
 
 impl WorstCase {
-    /// Checks that it is within `limit_bytes`; 0: there is none.
+    /// Checks that the sum is within `limit_bytes`. 0: no limit.
     ///
     /// # Errors
     /// A sentence that names the largest parts and the options that bound them.
@@ -145,14 +143,12 @@ mod tests {
 
     #[test]
     fn the_worst_case_is_the_sum_of_what_options_bound() {
-        let config = Config {
-            transfer_memory_mib: 100,
-            max_sessions: 1024,
-            max_streams: 10,
-            network_memory_mib: 50,
-            max_scene_memory_mib: 7,
-            ..Config::local(Path::new("unused")).unwrap()
-        };
+        let mut config = Config::local(Path::new("unused")).unwrap();
+        config.transfer_memory_mib = 100;
+        config.max_sessions = 1024;
+        config.max_streams = 10;
+        config.network_memory_mib = 50;
+        config.max_scene_memory_mib = 7;
         let worst = config.worst_case([], 1000);
         let of = |what| worst.parts.iter().find(|part| part.what == what).unwrap().bytes >> 20;
         assert_eq!(

@@ -60,7 +60,7 @@ fn check_telling(root: &Path<'_>, request: &v1::DescribeRequest, pack: &Pack) ->
         Ok(v1::Telling::Speech) => Telling::Audio(Sound::Speech),
         Err(_) => {
             let found = format!("is {}", request.into);
-            let allowed = "words (0), music (1) or speech (2)";
+            let allowed = "TELLING_WORDS (0), TELLING_MUSIC (1) or TELLING_SPEECH (2)";
             return Err(root.field("into").error(found, allowed));
         }
     };

@@ -180,7 +180,9 @@ fn check_audio(path: &Path<'_>, audio: &v1::Audio) -> Result<Audio, FieldError> 
         Ok(v1::Sound::Speech) => Sound::Speech,
         Err(_) => {
             let found = format!("is {}", audio.sound);
-            return Err(path.field("sound").error(found, "music (0) or speech (1)"));
+            return Err(path
+                .field("sound")
+                .error(found, "SOUND_MUSIC (0) or SOUND_SPEECH (1)"));
         }
     };
     match audio.codes.is_empty() {

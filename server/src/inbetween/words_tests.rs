@@ -310,7 +310,7 @@ fn a_description_names_its_fields_too() {
         (
             &pack(),
             |r| r.into = 9,
-            "into: is 9; allowed: words (0), music (1) or speech (2)",
+            "into: is 9; allowed: TELLING_WORDS (0), TELLING_MUSIC (1) or TELLING_SPEECH (2)",
         ),
         (
             &no_music,

@@ -1,33 +1,33 @@
-//! Who may use the server: everybody, or those with a key.
+//! Who may use the server: everyone, or callers with a key.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::StartError;
-use crate::config::Config;
+use crate::config::{Config, WithoutKeys};
 use troupe_edge::credentials::Credentials;
 use troupe_edge::keys::Keys;
 use troupe_edge::reload::{Source, fingerprint};
 use troupe_edge::tokens::{TokenRules, Tokens};
 
-/// What a server asks for.
+/// Credentials that a server asks for.
 #[derive(Default)]
 pub(super) struct Access {
-    /// None where it asks for nothing.
+    /// None: it asks for nothing.
     pub(super) credentials: Option<Arc<Credentials>>,
-    /// The key itself, where it was made for this run.
+    /// The key of this run, if the server made one.
     pub(super) one_time: Option<String>,
-    /// What is read again when its file changes.
+    /// Files that are read again when they change.
     pub(super) sources: Vec<Source>,
 }
 
 impl Access {
-    /// What `config` says for a server that listens on `address`.
+    /// The credentials that `config` names for a server that listens on `address`.
     ///
     /// # Errors
-    /// [`StartError::Keys`] for a file that cannot be used, [`StartError::Anonymous`] where
-    /// strangers could use the server and nobody has said that they may.
+    /// [`StartError::Keys`] for a file that cannot be used. [`StartError::Anonymous`] if others
+    /// could use the server, and no option allows it.
     pub(super) fn new(config: &Config, address: SocketAddr) -> Result<Self, StartError> {
         let local = address.ip().to_canonical().is_loopback();
         let access = Self::of(config)?;
@@ -38,7 +38,7 @@ impl Access {
                 "keys travel in plain text; set tls_certificate and tls_key, or end TLS in front of the server"
             );
         }
-        match locked || config.allow_anonymous || local {
+        match locked || config.without_keys == WithoutKeys::Anyone || local {
             true => Ok(access),
             false => Err(StartError::Anonymous(address)),
         }
@@ -47,7 +47,7 @@ impl Access {
     fn of(config: &Config) -> Result<Self, StartError> {
         let (mut sources, mut own, mut one_time) = (Vec::new(), Keys::default(), None);
         let from_files = config.keys.is_some() || config.jwks.is_some();
-        if !from_files && (config.allow_anonymous || !config.one_time_key) {
+        if !from_files && config.without_keys != WithoutKeys::OneTimeKey {
             return Ok(Self::default());
         }
         if !from_files {

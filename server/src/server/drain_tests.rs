@@ -189,7 +189,7 @@ async fn live(
     config.default_pack = Some("toy".into());
     config.drain_delay_ms = plan.delay.as_millis() as u64;
     config.drain_timeout_ms = plan.timeout.as_millis() as u64;
-    config.snapshot_interval_ms = plan.interval.as_millis() as u64;
+    config.fixed.snapshot_interval = plan.interval;
     let (dial, listener) = port();
     let (records, packs) = (disk.clone(), source(gate));
     let around = Around {

@@ -52,10 +52,10 @@ pub enum StartError {
     /// Certificates that cannot be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
-    /// A server that strangers could use.
+    /// Others could use the server, and no option allows it.
     #[error(
-        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of the \
-         options keys, jwks, one_time_key and allow_anonymous"
+        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of \
+         keys, jwks and without_keys = one-time-key or anyone"
     )]
     Anonymous(SocketAddr),
     /// More connections than the system gives files for.

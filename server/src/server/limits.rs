@@ -12,8 +12,8 @@ const LIMIT: Metric = Metric::new(
 pub(super) fn show(config: &Config, max_connections: usize, telemetry: &Telemetry) {
     let limits = [
         ("max_connections", max_connections as f64),
-        ("max_queued_characters", config.max_queued_characters as f64),
-        ("max_tenants", config.max_tenants as f64),
+        ("max_queued_characters", config.max_queued_characters() as f64),
+        ("max_tenants", config.fixed.max_tenants as f64),
         ("max_scene_memory_mib", config.max_scene_memory_mib as f64),
         ("max_sessions", config.max_sessions as f64),
         ("max_streams", config.max_streams as f64),

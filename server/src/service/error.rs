@@ -16,15 +16,9 @@ pub enum ServiceError {
     /// The packs are not there yet.
     #[error("the server is starting: its packs are not loaded yet")]
     Starting,
-    /// As many tenants as there may be.
-    #[error("the server has no room for another tenant; allowed: at most {most} at a time (max_tenants)")]
-    TooManyTenants {
-        /// How many there may be.
-        most: usize,
-    },
-    /// What the caller's tenant keeps cannot be read.
-    #[error("what the caller's tenant keeps cannot be read; the server's log has the reason")]
-    Tenant,
+    /// The caller's tenant is not served.
+    #[error(transparent)]
+    Space(#[from] SpaceError),
     /// A value that is not accepted.
     #[error(transparent)]
     Field(#[from] FieldError),
@@ -37,12 +31,12 @@ pub enum ServiceError {
     /// A pack that cannot do what is asked of it.
     #[error(transparent)]
     CannotDo(#[from] CannotDo),
-    /// A call about scenes or definitions.
+    /// Only of a call about scenes, definitions or styles.
     #[error(transparent)]
-    World(#[from] WorldError),
-    /// A call about sessions or styles.
+    World(WorldError),
+    /// Only of a call about sessions or styles.
     #[error(transparent)]
-    Session(#[from] SessionError),
+    Session(SessionError),
     /// The queue or the engine of a pack.
     #[error(transparent)]
     Batch(#[from] SubmitError),
@@ -54,14 +48,26 @@ pub enum ServiceError {
     Stopped(#[from] WorkerStopped),
 }
 
-impl From<SpaceError> for ServiceError {
-    fn from(error: SpaceError) -> Self {
+/// What several kinds of calls can meet has one variant here, whichever layer noticed it.
+impl From<SessionError> for ServiceError {
+    fn from(error: SessionError) -> Self {
         match error {
-            SpaceError::TooMany { most } => Self::TooManyTenants { most },
-            error => {
-                tracing::error!(%error, "a tenant is not served");
-                Self::Tenant
-            }
+            SessionError::Field(error) => Self::Field(error),
+            SessionError::UnknownPack(error) => Self::UnknownPack(error),
+            SessionError::CannotDo(error) => Self::CannotDo(error),
+            SessionError::World(error) => error.into(),
+            SessionError::Plan(error) => Self::Batch(error),
+            SessionError::Stopped(error) => Self::Stopped(error),
+            error => Self::Session(error),
+        }
+    }
+}
+
+impl From<WorldError> for ServiceError {
+    fn from(error: WorldError) -> Self {
+        match error {
+            WorldError::Field(error) => Self::Field(error),
+            error => Self::World(error),
         }
     }
 }

@@ -230,11 +230,11 @@ async fn a_socket_performs_too_and_a_session_says_what_it_acts_out() {
     let url = format!("ws://{}/v1/drive", server.address());
     let mut socket = tokio_tungstenite::connect_async(url).await.unwrap().0;
     for message in [
-        serde_json::json!({"message": {"open": {}}}),
-        serde_json::json!({"message": {"attach": {"session_ids": ["a"]}}}),
-        serde_json::json!({"message": {"command": {"commands": [
-            {"session_id": "a", "sequence": 1, "intent": {"perform": {"text": "someone waves", "seconds": 2.0}}}
-        ]}}}),
+        serde_json::json!({"open": {}}),
+        serde_json::json!({"attach": {"session_ids": ["a"]}}),
+        serde_json::json!({"command": {"commands": [
+            {"session_id": "a", "sequence": 1, "perform": {"text": "someone waves", "seconds": 2.0}}
+        ]}}),
     ] {
         socket
             .send(Message::Text(message.to_string().into()))

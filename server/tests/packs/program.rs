@@ -384,7 +384,7 @@ fn a_server_that_is_killed_goes_on_where_it_was() {
     let session = r#"{"sessions": [{"id": "hero", "style": "normal", "seed": 3}]}"#;
     call(&address, "POST", "/v1/sessions", session);
     let walk = r#"{"session_ids": ["hero"], "frames": 60, "commands": [{"session_id": "hero", "sequence": 1,
-        "intent": {"locomote": {"velocity": {"x": 0, "y": 0, "z": 1.2}}}}]}"#;
+        "locomote": {"velocity": {"x": 0, "y": 0, "z": 1.2}}}]}"#;
     let walked = call(&address, "POST", "/v1/step", walk);
     let block = &walked["blocks"][0];
     let numbers = |column: &str| -> Vec<f64> {

@@ -22,11 +22,9 @@ type Client = MotionClient<Channel>;
 
 async fn start() -> (ServerHandle, Client) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../engine/tests/vermo");
-    let config = Config {
-        // However slow the machine is, nobody is refused.
-        max_queue_ms: 0,
-        ..Config::local(&folder).unwrap()
-    };
+    let mut config = Config::local(&folder).unwrap();
+    // However slow the machine is, no call is refused.
+    config.max_queue_ms = 0;
     let listener = TcpListener::bind(config.listen).await.unwrap();
     let mut server = serve(config, listener).await.unwrap();
     server.ready().await.unwrap();

@@ -12,6 +12,7 @@ use troupe_edge::clients::Role;
 use troupe_edge::keys;
 use troupe_proto::v1;
 use troupe_server::api::ErrorBody;
+use troupe_server::config::WithoutKeys;
 
 use crate::common::calls::options;
 use crate::common::{TestServer, request};
@@ -238,7 +239,7 @@ async fn a_server_makes_a_key_for_its_metrics() {
         // The second start finds the file of the first.
         let for_server = path.clone();
         let server = TestServer::start_with(|config| {
-            config.one_time_key = true;
+            config.without_keys = WithoutKeys::OneTimeKey;
             config.metrics_key = Some(for_server);
         })
         .await;

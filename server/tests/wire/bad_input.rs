@@ -156,14 +156,19 @@ async fn http_refuses_numbers_that_are_not_finite() {
     let json = serde_json::to_string(&request(1)).unwrap();
     let first_height = r#""y":0.9"#;
     assert!(json.contains(first_height));
-    // JSON has no NaN; 1e39 overflows to infinity in 32 bits, 1e999 in any.
+    // JSON has no NaN, but protobuf's mapping has a text for it. 1e39 overflows to infinity in 32
+    // bits, 1e999 in any.
     for (value, field, says) in [
         (
             "NaN",
             "characters[0].context[0].root.position.y",
             "expected value",
         ),
-        ("null", "characters[0].context[0].root.position.y", "null"),
+        (
+            "\"NaN\"",
+            "characters[0].context[0].root.position.y",
+            "a finite number",
+        ),
         (
             "1e39",
             "characters[0].context[0].root.position.y",
@@ -228,7 +233,7 @@ async fn an_unknown_pack_is_not_found() {
 
 #[tokio::test]
 async fn oversized_requests_are_told_the_limit() {
-    let server = TestServer::start_with(|config| config.max_message_bytes = 4096).await;
+    let server = TestServer::start_with(|config| config.fixed.max_message_bytes = 4096).await;
     let large = request(100);
     let status = server.grpc().await.in_between(large.clone()).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
@@ -308,7 +313,7 @@ async fn http_bodies_that_are_no_request_are_the_callers_fault() {
         (json.replace("frame_count", "frames"), "unknown field `frames`"),
         (json.replace("\"frame_count\":40", "\"frame_count\":-1"), "-1"),
         (
-            json.replace("\"frame_count\":40", "\"frame_count\":\"40\""),
+            json.replace("\"frame_count\":40", "\"frame_count\":\"forty\""),
             "string",
         ),
     ];
@@ -331,6 +336,14 @@ async fn http_bodies_that_are_no_request_are_the_callers_fault() {
         (format!("\u{feff}{json}"), "body"),
         (json.replace("frame_count", "frames"), "characters[0].frames"),
         (json.replacen('{', "{\"characters\":[],", 1), "characters"),
+        (
+            json.replace("\"frame_count\"", "\"frameCount\":1,\"frame_count\""),
+            "characters[0].frame_count",
+        ),
+        (
+            json.replacen("1.0,", "null,", 1),
+            "characters[0].context[0].pose.rotations[0]",
+        ),
         (json.replacen('{', "{\"colour\":1,", 1), "colour"),
     ] {
         let (status, answer) = error(server.post(body.clone()).await).await;
@@ -355,7 +368,7 @@ async fn an_http_body_shorter_than_its_length_is_answered() {
         "INVALID_ARGUMENT",
         "is truncated",
         r#""field":"body""#,
-        r#""allowed":"a whole message of at most "#,
+        r#""allowed":"a whole one, at most "#,
     ] {
         assert!(answer.contains(part), "{part} is not in {answer:?}");
     }

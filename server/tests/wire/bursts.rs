@@ -62,7 +62,7 @@ async fn hundreds_wait_at_once_on_one_connection() {
 
 #[tokio::test]
 async fn no_more_calls_than_allowed_at_a_time() {
-    let server = TestServer::start_with(|config| config.max_calls_per_connection = 4).await;
+    let server = TestServer::start_with(|config| config.fixed.max_calls_per_connection = 4).await;
     waiting(&server, 12, "3").await;
 }
 

@@ -33,7 +33,7 @@ async fn closes(stream: &mut TcpStream) -> bool {
 async fn silent_connections_are_closed() {
     let short = |config: &mut troupe_server::config::Config| {
         config.request_timeout_ms = 200;
-        config.keepalive_ms = 200;
+        config.fixed.keepalive = Duration::from_millis(200);
     };
     let server = TestServer::start_with(short).await;
     for first in [
@@ -53,7 +53,11 @@ async fn silent_connections_are_closed() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn past_the_limit_only_health_is_answered() {
-    let server = TestServer::start_with(|config| config.max_connections = 2).await;
+    let server = TestServer::start_with(|config| {
+        config.max_connections = 2;
+        config.fixed.max_connections_per_address = Some(100);
+    })
+    .await;
     let address = server.handle.address();
     let first = TcpStream::connect(address).await.unwrap();
     let _second = TcpStream::connect(address).await.unwrap();
@@ -96,7 +100,11 @@ async fn past_the_limit_only_health_is_answered() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn past_the_reserve_connections_are_closed_at_once() {
-    let server = TestServer::start_with(|config| config.max_connections = 1).await;
+    let server = TestServer::start_with(|config| {
+        config.max_connections = 1;
+        config.fixed.max_connections_per_address = Some(100);
+    })
+    .await;
     let address = server.handle.address();
     let mut open = Vec::new();
     for _ in 0..17 {
@@ -115,7 +123,7 @@ async fn past_the_reserve_connections_are_closed_at_once() {
 
 #[tokio::test]
 async fn an_address_gets_so_many_connections() {
-    let server = TestServer::start_with(|config| config.max_connections_per_address = 2).await;
+    let server = TestServer::start_with(|config| config.max_connections = 4).await;
     let address = server.handle.address();
     let _first = TcpStream::connect(address).await.unwrap();
     let second = TcpStream::connect(address).await.unwrap();
@@ -131,7 +139,8 @@ async fn an_address_gets_so_many_connections() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn idle_connections_are_closed_and_busy_ones_are_not() {
-    let server = TestServer::start_with(|config| config.idle_timeout_ms = 300).await;
+    let server =
+        TestServer::start_with(|config| config.fixed.idle_timeout = Duration::from_millis(300)).await;
     let mut client = server.grpc().await;
     client.in_between(request(1)).await.unwrap();
     server.metric("troupe_connections_active", "0").await;
@@ -148,7 +157,8 @@ async fn idle_connections_are_closed_and_busy_ones_are_not() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_socket_keeps_its_place() {
-    let server = TestServer::start_with(|config| config.idle_timeout_ms = 100).await;
+    let server =
+        TestServer::start_with(|config| config.fixed.idle_timeout = Duration::from_millis(100)).await;
     let url = server.url("/v1/drive").replace("http", "ws");
     let (socket, _) = tokio_tungstenite::connect_async(url).await.unwrap();
     tokio::time::sleep(Duration::from_millis(500)).await;

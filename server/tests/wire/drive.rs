@@ -274,7 +274,7 @@ async fn compact_frames_are_a_third_of_the_size() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_session_is_on_one_stream_at_a_time() {
-    let server = TestServer::start_with(|config| config.max_sessions_per_stream = 2).await;
+    let server = TestServer::start_with(|config| config.fixed.max_sessions_per_stream = 2).await;
     let mut client = server.sessions().await;
     let names = ids("d", 3);
     open(&mut client, &names).await;
@@ -342,7 +342,8 @@ async fn a_client_that_dies_frees_its_sessions_or_closes_them() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stream_that_is_never_read_gets_the_latest_then_closes() {
-    let server = TestServer::start_with(|config| config.drive_stall_timeout_ms = 1500).await;
+    let server =
+        TestServer::start_with(|config| config.fixed.reader_timeout = Duration::from_millis(1500)).await;
     let mut client = server.sessions().await;
     // Enough that what the connection takes in is full after a few ticks.
     let names = ids("d", 400);
@@ -421,7 +422,7 @@ async fn what_makes_no_sense_closes_the_stream_with_field_and_range() {
         (
             vec![opening(|open| open.encoding = 7)],
             "open.encoding",
-            "f32 (0) or compact (1)",
+            "ENCODING_F32 (0) or ENCODING_COMPACT (1)",
         ),
         (vec![fine(), fine()], "message", "attach, detach or command"),
         (vec![fine(), attach(0)], "attach.session_ids", "1 to 4096"),
@@ -450,7 +451,8 @@ async fn what_makes_no_sense_closes_the_stream_with_field_and_range() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stream_that_is_not_opened_closes() {
-    let server = TestServer::start_with(|config| config.drive_stall_timeout_ms = 200).await;
+    let server =
+        TestServer::start_with(|config| config.fixed.reader_timeout = Duration::from_millis(200)).await;
     let mut client = server.sessions().await;
     let mut drive = Drive::start(&mut client).await;
     let reason = drive.closing().await;
@@ -460,7 +462,11 @@ async fn a_stream_that_is_not_opened_closes() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn streams_are_few_enough() {
-    let server = TestServer::start_with(|config| config.max_streams = 2).await;
+    let server = TestServer::start_with(|config| {
+        config.max_streams = 2;
+        config.fixed.max_streams_per_client = Some(100);
+    })
+    .await;
     let mut client = server.sessions().await;
     let first = Drive::start(&mut client).await;
     let _second = Drive::start(&mut client).await;

@@ -106,7 +106,7 @@ async fn words_are_acted_out_part_by_part() {
 #[tokio::test]
 async fn the_same_over_http_as_lines() {
     let server = words_server().await;
-    let body = serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "wave twice"}}, "seed": 3});
+    let body = serde_json::json!({"pack": WORDS, "prompt": {"text": "wave twice"}, "seed": 3});
     let client = reqwest::Client::new();
     let answer = client
         .post(server.url("/v1/generate"))
@@ -127,7 +127,7 @@ async fn the_same_over_http_as_lines() {
     let Some(Part::Frames(frames)) = &grpc[0].part else {
         panic!("{grpc:?}")
     };
-    let first = &lines[0]["part"]["frames"]["root_positions"];
+    let first = &lines[0]["frames"]["root_positions"];
     assert_eq!(first.as_array().unwrap().len(), frames.root_positions.len());
 }
 
@@ -226,31 +226,31 @@ async fn a_pack_that_cannot_do_it_says_what_it_can() {
     for (body, field) in [
         (serde_json::json!({"pack": WORDS}), "goal"),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "  "}}}),
+            serde_json::json!({"pack": WORDS, "prompt": {"text": "  "}}),
             "prompt.text",
         ),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x".repeat(1001)}}}),
+            serde_json::json!({"pack": WORDS, "prompt": {"text": "x".repeat(1001)}}),
             "prompt.text",
         ),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x", "frame_count": 0}}}),
+            serde_json::json!({"pack": WORDS, "prompt": {"text": "x", "frame_count": 0}}),
             "prompt.frame_count",
         ),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x"}}, "sampling": {"temperature": 3}}),
+            serde_json::json!({"pack": WORDS, "prompt": {"text": "x"}, "sampling": {"temperature": 3}}),
             "sampling.temperature",
         ),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x", "audio": {"sound": "speech", "codes": [1]}}}}),
+            serde_json::json!({"pack": WORDS, "prompt": {"text": "x", "audio": {"sound": "speech", "codes": [1]}}}),
             "prompt.audio",
         ),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x", "others": [{"text": "y"}]}}}),
+            serde_json::json!({"pack": WORDS, "prompt": {"text": "x", "others": [{"text": "y"}]}}),
             "pack",
         ),
         (
-            serde_json::json!({"pack": "none", "goal": {"prompt": {"text": "x"}}}),
+            serde_json::json!({"pack": "none", "prompt": {"text": "x"}}),
             "pack",
         ),
     ] {
@@ -271,7 +271,7 @@ async fn a_pack_that_cannot_do_it_says_what_it_can() {
 #[tokio::test]
 async fn what_fails_before_the_first_part_is_an_error_of_the_call() {
     let server = words_server().await;
-    let body = serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "fail"}}});
+    let body = serde_json::json!({"pack": WORDS, "prompt": {"text": "fail"}});
     let error = json_error(&server, &body).await;
     assert_eq!(error["code"], "INTERNAL");
 }

@@ -80,7 +80,11 @@ async fn answers_and_errors_over_grpc_have_an_id() {
 
 #[tokio::test]
 async fn sockets_and_connections_beyond_the_limit_have_an_id() {
-    let server = TestServer::start_with(|config| config.max_connections = 1).await;
+    let server = TestServer::start_with(|config| {
+        config.max_connections = 1;
+        config.fixed.max_connections_per_address = Some(100);
+    })
+    .await;
     let url = server.url("/v1/drive").replace("http", "ws");
     let mut asked = url.into_client_request().unwrap();
     asked.headers_mut().insert(ID, "mine-4".parse().unwrap());

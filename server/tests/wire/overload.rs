@@ -191,8 +191,8 @@ async fn sessions_keep_their_place_beside_a_flood() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_full_queue_of_calls_has_room_for_plans() {
     let server = TestServer::start_with(|config| {
-        config.max_characters_per_request = 4;
-        config.max_queued_characters = 4;
+        config.fixed.max_characters_per_request = 4;
+        config.fixed.max_queued_characters = Some(4);
     })
     .await;
     let mut client = server.sessions().await;

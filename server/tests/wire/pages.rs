@@ -16,7 +16,7 @@ use crate::common::{TestServer, framed, request};
 use troupe_edge::clients::Role;
 use troupe_edge::keys;
 use troupe_proto::v1;
-use troupe_server::config::Config;
+use troupe_server::config::{Config, WithoutKeys};
 
 async fn ask(server: &TestServer, method: Method, path: &str, headers: &[(&str, &str)]) -> reqwest::Response {
     let mut request = reqwest::Client::new().request(method, server.url(path));
@@ -310,14 +310,23 @@ async fn a_server_that_others_reach_needs_keys_or_a_word() {
         panic!("it started");
     };
     let text = error.to_string();
-    for part in ["listen is 0.0.0.0:", "keys", "one_time_key", "allow_anonymous"] {
+    for part in [
+        "listen is 0.0.0.0:",
+        "keys",
+        "without_keys",
+        "one-time-key or anyone",
+    ] {
         assert!(text.contains(part), "{part} is not in {text}");
     }
-    let open = start(|config| config.allow_anonymous = true).await.unwrap();
+    let open = start(|config| config.without_keys = WithoutKeys::Anyone)
+        .await
+        .unwrap();
     assert!(!open.asks_for_keys() && open.one_time_key().is_none());
     open.shut_down().await;
 
-    let locked = start(|config| config.one_time_key = true).await.unwrap();
+    let locked = start(|config| config.without_keys = WithoutKeys::OneTimeKey)
+        .await
+        .unwrap();
     let port = locked.address().port();
     let url = format!("http://127.0.0.1:{port}/metrics");
     let ask = reqwest::Client::new().get(&url);

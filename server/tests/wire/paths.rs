@@ -407,8 +407,8 @@ async fn a_path_in_another_convention_and_over_http_is_the_same() {
     create(&mut client, vec![unreal]).await;
     // Unreal: centimetres, X ahead, Y to the right, Z up.
     let body = serde_json::json!({"session_ids": ["u"], "frames": 100, "commands": [{
-        "session_id": "u", "sequence": 1, "intent": {"follow_path": {"speed": 150, "points": [
-            {"position": {"x": 0, "y": 0, "z": 55}}, {"position": {"x": 200, "y": 0}}]}}}]});
+        "session_id": "u", "sequence": 1, "follow_path": {"speed": 150, "points": [
+            {"position": {"x": 0, "y": 0, "z": 55}}, {"position": {"x": 200, "y": 0}}]}}]});
     let answer = server.send(Method::POST, "/v1/step", &body).await;
     let answer: v1::StepResponse = answer.json().await.unwrap();
     assert_eq!(answer.command_results[0].problem, None, "{answer:?}");
@@ -509,7 +509,7 @@ async fn a_path_goes_on_after_a_restart() {
     let start = || {
         server_with(|config| {
             config.store = Some(folder.path().to_owned());
-            config.snapshot_interval_ms = 20;
+            config.fixed.snapshot_interval = Duration::from_millis(20);
         })
     };
     let server = start().await;

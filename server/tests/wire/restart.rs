@@ -30,7 +30,7 @@ impl Folder {
         let store = self.0.clone();
         TestServer::start_with(move |config| {
             config.store = Some(store);
-            config.snapshot_interval_ms = 20;
+            config.fixed.snapshot_interval = Duration::from_millis(20);
         })
         .await
     }

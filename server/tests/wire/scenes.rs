@@ -141,7 +141,7 @@ async fn scenes_and_definitions_come_and_go_over_http() {
         .unwrap();
     assert_eq!(
         (&scene["convention"], &scene["objects"][0]["state"]),
-        (&json!("unity"), &json!("free"))
+        (&json!("CONVENTION_UNITY"), &json!("OBJECT_STATE_FREE"))
     );
     assert_eq!(
         scene["objects"][0]["position"],
@@ -196,7 +196,7 @@ async fn scenes_and_definitions_come_and_go_over_http() {
         .unwrap();
     assert_eq!(
         (&one["definition"]["objects"], &one["document"]["format"]),
-        (&json!(3), &json!("json"))
+        (&json!(3), &json!("DOCUMENT_FORMAT_JSON"))
     );
     let list: Value = server.get("/v1/objects").await.json().await.unwrap();
     assert_eq!(list["definitions"][0]["variants"][0]["name"], "sit");

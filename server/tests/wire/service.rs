@@ -147,7 +147,7 @@ async fn concurrent_callers_share_batches_and_get_their_own_frames() {
     let server = TestServer::start_with(|config| {
         config.max_batch = 64;
         // The gate makes batches look slow.
-        config.max_batch_ms = 0;
+        config.fixed.max_batch_time = Duration::ZERO;
     })
     .await;
     let channel = server.channel().await;
@@ -219,8 +219,8 @@ async fn a_large_request_is_split_and_joined_in_order() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_full_queue_refuses_with_a_retry_hint() {
     let server = TestServer::start_with(|config| {
-        config.max_characters_per_request = 4;
-        config.max_queued_characters = 4;
+        config.fixed.max_characters_per_request = 4;
+        config.fixed.max_queued_characters = Some(4);
     })
     .await;
     server.gate.close();

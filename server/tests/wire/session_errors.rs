@@ -82,7 +82,7 @@ const CREATE: &[Case<v1::CreateSessionsRequest>] = &[
 /// What JSON has no words for.
 #[rustfmt::skip]
 const CREATE_GRPC: &[Case<v1::CreateSessionsRequest>] = &[
-    Case { name: "convention", change: |r| first(r).convention = 4, field: "sessions[0].convention", says: "native (0), unreal (1), unity (2) or ros (3)" },
+    Case { name: "convention", change: |r| first(r).convention = 4, field: "sessions[0].convention", says: "CONVENTION_NATIVE (0), CONVENTION_UNREAL (1), CONVENTION_UNITY (2) or CONVENTION_ROS (3)" },
     Case { name: "NaN position", change: |r| first(r).position = vector(0.0, 0.0, f32::NAN), field: "sessions[0].position.z", says: "-10000 to 10000" },
     Case { name: "NaN heading", change: |r| first(r).heading = f32::NAN, field: "sessions[0].heading", says: "-1000 to 1000" },
     Case { name: "NaN temperature", change: |r| first(r).temperature = f32::NAN, field: "sessions[0].temperature", says: "0 to 2" },
@@ -218,10 +218,21 @@ async fn a_step_names_field_and_range() {
     let mut request = step(&["a"], 1, vec![]);
     request.encoding = 9;
     let status = client.step(request).await.unwrap_err();
-    assert_invalid(&status, "encoding", "encoding", "f32 (0) or compact (1)");
+    assert_invalid(
+        &status,
+        "encoding",
+        "encoding",
+        "ENCODING_F32 (0) or ENCODING_COMPACT (1)",
+    );
     let word = serde_json::json!({ "session_ids": ["a"], "encoding": "f16" });
     let response = server.send(Method::POST, "/v1/step", &word).await;
-    assert_refused(response, "encoding", "encoding", "f32, compact").await;
+    assert_refused(
+        response,
+        "encoding",
+        "encoding",
+        "`ENCODING_F32`, `ENCODING_COMPACT`",
+    )
+    .await;
 
     let status = client
         .step(step(&["ghost", "wraith"], 1, vec![]))

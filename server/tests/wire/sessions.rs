@@ -530,8 +530,8 @@ async fn plans_that_fail_end_a_step_with_their_error_and_the_session_recovers() 
 async fn small_batches_delay_a_step_refuse_no_plan_and_change_nothing() {
     let quiet = TestServer::start().await;
     let busy = TestServer::start_with(|config| {
-        config.max_characters_per_request = 2;
-        config.max_queued_characters = 2;
+        config.fixed.max_characters_per_request = 2;
+        config.fixed.max_queued_characters = Some(2);
         config.max_batch = 2;
     })
     .await;

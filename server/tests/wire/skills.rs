@@ -135,22 +135,21 @@ async fn a_name_that_there_is_not_is_refused_with_those_that_there_are() {
 async fn http_and_websocket_do_skills() {
     let server = TestServer::start().await;
     open(&mut server.sessions().await, &["a", "b"]).await;
-    let duck = |id: &str| json!({"session_id": id, "sequence": 1, "intent": {"skill": {"name": "duck", "variant": "low"}}});
+    let duck =
+        |id: &str| json!({"session_id": id, "sequence": 1, "skill": {"name": "duck", "variant": "low"}});
     let asked = json!({"session_ids": ["a"], "frames": 10, "commands": [duck("a")]});
     let call = reqwest::Client::new().post(server.url("/v1/step")).json(&asked);
     let answer: Value = call.send().await.unwrap().json().await.unwrap();
     assert_eq!(
-        answer["events"][0]["events"][0]["kind"]["started"]["definition"], "duck",
+        answer["events"][0]["events"][0]["started"]["definition"], "duck",
         "{answer}"
     );
 
     let mut socket = Socket::connect(&server).await;
-    socket.text(json!({ "message": { "open": {} } })).await;
+    socket.text(json!({ "open": {} })).await;
+    socket.text(json!({ "attach": { "session_ids": ["b"] } })).await;
     socket
-        .text(json!({ "message": { "attach": { "session_ids": ["b"] } } }))
-        .await;
-    socket
-        .text(json!({ "message": { "command": { "commands": [duck("b")] } } }))
+        .text(json!({ "command": { "commands": [duck("b")] } }))
         .await;
     for _ in 0..200 {
         if let Say::Events(told) = socket.said(true).await {

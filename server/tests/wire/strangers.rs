@@ -218,7 +218,8 @@ async fn bodies_that_are_held_open_take_a_bounded_share_of_memory() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_answer_that_nobody_reads_is_given_up() {
-    let server = TestServer::start_with(|config| config.write_timeout_ms = 500).await;
+    let server =
+        TestServer::start_with(|config| config.fixed.reader_timeout = Duration::from_millis(500)).await;
     let mut client = server.sessions().await;
     let names = ids("a", 512);
     create(&mut client, names.iter().map(|id| options(id)).collect()).await;
@@ -255,7 +256,7 @@ async fn an_answer_that_is_too_large_is_refused_before_it_is_made() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn streams_of_one_connection_leave_room_for_others() {
-    let server = TestServer::start_with(|config| config.max_streams_per_client = 2).await;
+    let server = TestServer::start_with(|config| config.max_streams = 8).await;
     let (mut one, mut other) = (server.sessions().await, server.sessions().await);
     let mut held = Vec::new();
     for _ in 0..2 {

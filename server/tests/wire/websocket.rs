@@ -91,12 +91,8 @@ async fn json_text_drives_a_robot_in_qpos() {
     let request = v1::CreateSessionsRequest { sessions };
     server.sessions().await.create_sessions(request).await.unwrap();
     let mut socket = Socket::connect(&server).await;
-    socket
-        .text(json!({ "message": { "open": { "encoding": "qpos" } } }))
-        .await;
-    socket
-        .text(json!({ "message": { "attach": { "session_ids": ["r"] } } }))
-        .await;
+    socket.text(json!({ "open": { "encoding": "qpos" } })).await;
+    socket.text(json!({ "attach": { "session_ids": ["r"] } })).await;
     assert!(matches!(socket.said(false).await, Say::Attached(of) if of.problems.is_empty()));
     let Say::Frames(frames) = socket.said(true).await else {
         panic!("no frames");
@@ -112,10 +108,10 @@ async fn json_text_drives_sessions() {
     open(&mut server.sessions().await, &names).await;
     let mut socket = Socket::connect(&server).await;
     socket
-        .text(json!({ "message": { "open": { "rate_hz": 60, "encoding": "compact" } } }))
+        .text(json!({ "open": { "rate_hz": 60, "encoding": "compact" } }))
         .await;
     socket
-        .text(json!({ "message": { "attach": { "session_ids": ["w-0", "ghost", "w-1"] } } }))
+        .text(json!({ "attach": { "session_ids": ["w-0", "ghost", "w-1"] } }))
         .await;
     let Say::Attached(attached) = socket.said(false).await else {
         panic!("not attached");
@@ -130,10 +126,9 @@ async fn json_text_drives_sessions() {
         attached.problems[0].problem.as_ref().unwrap().reason,
         "UNKNOWN_SESSION"
     );
-    let walk =
-        json!({ "session_id": "w-1", "sequence": 1, "intent": { "locomote": { "velocity": { "z": 1.2 } } } });
+    let walk = json!({ "session_id": "w-1", "sequence": 1, "locomote": { "velocity": { "z": 1.2 } } });
     socket
-        .text(json!({ "message": { "command": { "commands": [walk, walk] } } }))
+        .text(json!({ "command": { "commands": [walk, walk] } }))
         .await;
     let Say::Commands(results) = socket.said(false).await else {
         panic!("no results");
@@ -153,9 +148,7 @@ async fn json_text_drives_sessions() {
         );
         assert_eq!(block.packed_rotations.len(), 2 * JOINTS * 6);
     }
-    socket
-        .text(json!({ "message": { "detach": { "session_ids": ["w-0"] } } }))
-        .await;
+    socket.text(json!({ "detach": { "session_ids": ["w-0"] } })).await;
     assert!(matches!(socket.said(false).await, Say::Left(_)));
 
     socket.0.send(Message::Close(None)).await.unwrap();
@@ -203,23 +196,19 @@ async fn what_makes_no_sense_closes_with_a_clear_reason() {
         ),
         (Message::Text("null".into()), "body", "null"),
         (
-            Message::Text("{\"message\":{\"open\":{\"rate\":30}}}".into()),
-            "message.open.rate",
+            Message::Text("{\"open\":{\"rate\":30}}".into()),
+            "open.rate",
             "unknown field `rate`",
         ),
-        (Message::Text("{\"message\":".into()), "body", "is truncated"),
+        (Message::Text("{\"open\":".into()), "body", "is truncated"),
+        (Message::Text("{\"attach\":{}}".into()), "message", "is not open"),
         (
-            Message::Text("{\"message\":{\"attach\":{}}}".into()),
-            "message",
-            "is not open",
+            Message::Text("{\"open\":{\"encoding\":\"f16\"}}".into()),
+            "open.encoding",
+            "`ENCODING_F32`, `ENCODING_COMPACT`",
         ),
         (
-            Message::Text("{\"message\":{\"open\":{\"encoding\":\"f16\"}}}".into()),
-            "message.open.encoding",
-            "f32, compact",
-        ),
-        (
-            Message::Text("{\"message\":{\"open\":{\"rate_hz\":24}}}".into()),
+            Message::Text("{\"open\":{\"rate_hz\":24}}".into()),
             "open.rate_hz",
             "30, 50 or 60",
         ),
@@ -267,12 +256,8 @@ async fn a_client_that_vanishes_frees_its_sessions() {
     let server = TestServer::start().await;
     open(&mut server.sessions().await, &["w"]).await;
     let mut socket = Socket::connect(&server).await;
-    socket
-        .text(json!({ "message": { "open": { "close_sessions": true } } }))
-        .await;
-    socket
-        .text(json!({ "message": { "attach": { "session_ids": ["w"] } } }))
-        .await;
+    socket.text(json!({ "open": { "close_sessions": true } })).await;
+    socket.text(json!({ "attach": { "session_ids": ["w"] } })).await;
     socket.said(true).await;
     drop(socket);
     server.metric("troupe_streams_active", "0").await;
@@ -281,7 +266,8 @@ async fn a_client_that_vanishes_frees_its_sessions() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_reader_that_reads_nothing_is_closed() {
-    let server = TestServer::start_with(|config| config.drive_stall_timeout_ms = 1000).await;
+    let server =
+        TestServer::start_with(|config| config.fixed.reader_timeout = Duration::from_millis(1000)).await;
     let names = ids("w", 500);
     open(&mut server.sessions().await, &names).await;
     // Little room on the way, and much to say: the system's buffers are soon full.
@@ -291,11 +277,9 @@ async fn a_reader_that_reads_nothing_is_closed() {
     let url = server.url("/v1/drive").replace("http", "ws");
     let mut socket = Socket(client_async(url, MaybeTlsStream::Plain(tcp)).await.unwrap().0);
     socket
-        .text(json!({ "message": { "open": { "rate_hz": 60, "return_positions": true } } }))
+        .text(json!({ "open": { "rate_hz": 60, "return_positions": true } }))
         .await;
-    socket
-        .text(json!({ "message": { "attach": { "session_ids": names } } }))
-        .await;
+    socket.text(json!({ "attach": { "session_ids": names } })).await;
     server.metric("troupe_streams_active", "1").await;
     let closed = async {
         while server
@@ -320,10 +304,8 @@ async fn a_drain_ends_open_sockets() {
     let server = TestServer::start().await;
     open(&mut server.sessions().await, &["w"]).await;
     let mut socket = Socket::connect(&server).await;
-    socket.text(json!({ "message": { "open": {} } })).await;
-    socket
-        .text(json!({ "message": { "attach": { "session_ids": ["w"] } } }))
-        .await;
+    socket.text(json!({ "open": {} })).await;
+    socket.text(json!({ "attach": { "session_ids": ["w"] } })).await;
     socket.said(true).await;
     let stopping = tokio::spawn(timeout(Duration::from_secs(8), server.handle.shut_down()));
     let (reason, frame) = socket.closed().await;
@@ -337,7 +319,11 @@ async fn a_drain_ends_open_sockets() {
 
 #[tokio::test]
 async fn a_request_that_is_no_socket_is_told_so() {
-    let server = TestServer::start_with(|config| config.max_streams = 1).await;
+    let server = TestServer::start_with(|config| {
+        config.max_streams = 1;
+        config.fixed.max_streams_per_client = Some(100);
+    })
+    .await;
     let response = server.get("/v1/drive").await;
     assert_eq!(response.status(), StatusCode::BAD_REQUEST);
     let body: ErrorBody = response.json().await.unwrap();

@@ -209,7 +209,7 @@ export class Editor {
       const answer = await this.api.inBetween(fillRequest(rig, doc, options));
       if (ask !== this.asked) return;
       const variants = variantsOf(rig, answer, options.seeds);
-      const total_us = answer.timing?.total_us ?? 0;
+      const total_us = Number(answer.timing?.total_us ?? 0);
       const filled = { doc, variants, options, pack: answer.pack, version: answer.pack_version, total_us };
       useEditor.setState({ filled, chosen: 0 });
     });

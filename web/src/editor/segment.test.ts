@@ -155,8 +155,7 @@ describe('a request', () => {
     const answer = {
       pack: 'human',
       pack_version: '1',
-      timing: null,
-      characters: [{ id: 'a', frames, intermediates: null, feasibility: null }],
+      characters: [{ id: 'a', frames }],
     };
     const [variant] = variantsOf(rig, answer, [7]);
     expect(variant?.seed).toBe(7);

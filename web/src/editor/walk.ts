@@ -12,12 +12,12 @@ const LEGS: readonly { velocity: { x: number; y: number; z: number }; frames: nu
 ];
 
 export async function serversWalk(api: Api, rig: Rig): Promise<Clip> {
-  const [session] = await api.createSessions([{ pack: rig.pack, seed: 1 }]);
+  const [session] = await api.createSessions([{ pack: rig.pack, seed: '1' }]);
   if (!session) throw new Error('the server opened no session');
   const parts: Clip[] = [];
   try {
     for (const [sequence, { velocity, frames }] of LEGS.entries()) {
-      const command: Command = { session_id: session.id, sequence: sequence + 1, intent: { locomote: { velocity } } };
+      const command: Command = { session_id: session.id, sequence: sequence + 1, locomote: { velocity } };
       const { blocks, command_results } = await api.frames([session.id], frames, [command]);
       const refused = command_results.find((result) => result.problem)?.problem;
       if (refused) throw new Error(refused.message);

@@ -85,7 +85,7 @@ function Inside({ live, of }: { live: Live; of: Character | undefined }) {
       </Text>
       <Time live={live} />
       <Lead peek={peek} />
-      {session && plan && <Plan plan={plan} frame={session.frame} isInFlight={peek.in_flight} />}
+      {session && plan && <Plan plan={plan} frame={Number(session.frame)} isInFlight={peek.in_flight} />}
       {plan && plan.gaits.length > 0 && <Gaits plan={plan} />}
       {plan && plan.tokens.length > 0 && <TokenGrid tokens={plan.tokens} codes={of.kind.codes} heads={of.kind.heads} />}
       <Legend plan={plan ?? undefined} />
@@ -156,7 +156,7 @@ function Lead({ peek }: { peek: PeekResponse | undefined }) {
 }
 
 function Plan({ plan, frame, isInFlight }: { plan: PlanView; frame: number; isInFlight: boolean }) {
-  const age = Math.max(0, frame - plan.asked_at_frame);
+  const age = Math.max(0, frame - Number(plan.asked_at_frame));
   return (
     <div>
       <Row label="Plan" value={`№ ${plan.number}, ${plan.cause.replace('_', ' ')}`} />

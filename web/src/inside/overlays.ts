@@ -41,7 +41,7 @@ export function posesOf(keyframes: readonly Keyframe[]): Pose[] {
 export function drawPlan(stage: Stage, of: Character, peek: PeekResponse): void {
   const { plan } = peek;
   if (!plan) return;
-  const targets = posesOf(plan.targets as Keyframe[]);
+  const targets = posesOf(plan.targets);
   stage.ghosts('plan', of.kind.skeleton, targets.length > 0 ? targets : null, GHOST, of.tint);
   const paths = [plan.root_r_g2, plan.root_r_g3, plan.root_r_g4];
   paths.forEach((numbers, i) => {

@@ -36,7 +36,7 @@ export class Character {
 
   command(intent: Intent): Command {
     this.sequence += 1;
-    return { session_id: this.session, sequence: this.sequence, intent };
+    return { session_id: this.session, sequence: this.sequence, ...intent };
   }
 
   /** A command that leaves the character to do what it does. */

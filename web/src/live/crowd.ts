@@ -132,7 +132,7 @@ export class Crowd {
           pack: block.pack,
           body: block.body,
           slots: block.slots,
-          frames: block.first_frames,
+          frames: block.first_frames.map(Number),
           roots: fromBase64(block.packed_roots),
           rotations: fromBase64(block.packed_rotations),
           contacts: fromBase64(block.contacts),
@@ -268,7 +268,7 @@ export class Crowd {
     // The server may not have noticed yet that the old stream is gone.
     if (busy) throw new ApiError(busy.problem?.message ?? '', 503);
     for (const { session } of sessions) {
-      if (session) this.bySession.get(session.id)?.seen(session.last_sequence);
+      if (session) this.bySession.get(session.id)?.seen(Number(session.last_sequence));
     }
     await this.mend(problems);
   }
@@ -295,7 +295,7 @@ export class Crowd {
 
   private readonly reportRefused = ({ results }: { results: CommandResult[] }): void => {
     for (const { problem, session_id, sequence } of results)
-      if (problem) this.hooks.onProblem(problem.message, session_id, sequence);
+      if (problem) this.hooks.onProblem(problem.message, session_id, Number(sequence));
   };
 
   private readonly complain = (error: unknown): void => {
@@ -304,7 +304,7 @@ export class Crowd {
 }
 
 function optionsOf({ role, x, z, heading, seed, priority }: Opening): SessionOptions {
-  return { ...role, position: { x, y: 0, z }, heading, seed, priority, ttl_ms: TTL_MS };
+  return { ...role, position: { x, y: 0, z }, heading, seed: String(seed), priority, ttl_ms: TTL_MS };
 }
 
 function isBusy({ problem }: SessionProblem): boolean {

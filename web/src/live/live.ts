@@ -472,10 +472,10 @@ export class Live {
   private readonly onEvents = (sessions: SessionEvents[]): void => {
     for (const of of sessions) {
       if (this.crowd.characterOf(of.session_id) !== this.own) continue;
-      for (const { kind } of of.events) {
+      for (const kind of of.events) {
         useLive.setState(({ saying }) => ({ saying: after(saying, kind, this.said) }));
         this.skills.onEvent(kind);
-        if (!kind || !('arrived' in kind)) continue;
+        if (!kind.arrived) continue;
         const { late, off } = kind.arrived;
         const text = `arrived ${late.toFixed(1)} s late, ${(off * 100).toFixed(0)} cm from the end`;
         useLive.setState({ path: { state: 'arrived', text } });

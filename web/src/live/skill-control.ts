@@ -1,6 +1,6 @@
 // Has the own character do skills, and keeps the page's state of them.
 import type { Api } from '../wire/api';
-import type { Intent, SessionEvent, Skill } from '../wire/types';
+import type { EventKind, Intent, Skill } from '../wire/types';
 import type { Character } from './character';
 import type { Doing } from './skills';
 import { afterAsking, afterEvent, afterLook, isUnderWay, NOTHING, withoutAsked } from './skills';
@@ -44,10 +44,10 @@ export class SkillControl {
     if (sequence === this.asked) this.forgetAsked();
   }
 
-  onEvent(kind: SessionEvent['kind']): void {
+  onEvent(kind: EventKind): void {
     this.become(afterEvent(useLive.getState().doing, kind));
     const { doing } = useLive.getState();
-    if (kind && 'reached' in kind && doing.state === 'doing' && isHeldOne(doing)) this.look();
+    if (kind.reached && doing.state === 'doing' && isHeldOne(doing)) this.look();
   }
 
   /** The stream is there again: events may have been missed. */

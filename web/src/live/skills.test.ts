@@ -1,24 +1,22 @@
 import { describe, expect, it } from 'vitest';
-import type { SessionEvent } from '../wire/types';
+import type { EventKind } from '../wire/types';
 import type { Doing } from './skills';
 import { afterAsking, afterEvent, afterLook, isUnderWay, linesOf, NOTHING, withoutAsked } from './skills';
 
-type Kind = SessionEvent['kind'];
-
-const started = (name: string): Kind => ({
-  started: { instance: name, definition: name, variant: '', approach: '', seed: 1 },
+const started = (name: string): EventKind => ({
+  started: { instance: name, definition: name, variant: '', approach: '', seed: '1' },
 });
-const entered = (set: string): Kind => ({ entered: { instance: 'lie', set } });
-const done = (name: string): Kind => ({ done: { instance: name } });
-const interrupted = (name: string): Kind => ({ interrupted: { instance: name } });
+const entered = (set: string): EventKind => ({ entered: { instance: 'lie', set } });
+const done = (name: string): EventKind => ({ done: { instance: name } });
+const interrupted = (name: string): EventKind => ({ interrupted: { instance: name } });
 
-function after(doing: Doing, ...kinds: Kind[]): Doing {
+function after(doing: Doing, ...kinds: EventKind[]): Doing {
   return kinds.reduce(afterEvent, doing);
 }
 
 const asked = afterAsking(NOTHING, 'lie');
 const falling = after(asked, started('lie'), entered('down'));
-const lying = afterLook(falling, falling, { kind: 'held', instance: 'lie', set: 'down' });
+const lying = afterLook(falling, falling, { kind: 'ACTIVITY_KIND_HELD', instance: 'lie', set: 'down' });
 
 describe('a skill', () => {
   it('goes from its command to its end', () => {
@@ -35,14 +33,14 @@ describe('a skill', () => {
   });
 
   it('says what went wrong', () => {
-    const failed = (message: string): Kind => ({ failed: { instance: 'lie', reason: 'NO_PLAN', message } });
+    const failed = (message: string): EventKind => ({ failed: { instance: 'lie', reason: 'NO_PLAN', message } });
     expect(after(falling, failed('no motion'))).toEqual({ ...NOTHING, trouble: 'That could not be done: no motion' });
     expect(after(falling, failed('')).trouble).toBe('That could not be done: NO_PLAN');
   });
 
   it('has nothing to do with other events', () => {
     expect(after(asked, done('lie'))).toBe(asked);
-    expect(after(falling, { fell: { height: 1 } }, null)).toBe(falling);
+    expect(after(falling, { fell: { height: 1 } }, {})).toBe(falling);
   });
 });
 
@@ -70,19 +68,19 @@ describe('a skill that is asked for', () => {
 
 describe('a look at what the character is about', () => {
   it('leaves a skill that goes on', () => {
-    const goes = { kind: 'interacting', instance: 'lie', set: 'down' };
+    const goes = { kind: 'ACTIVITY_KIND_INTERACTING', instance: 'lie', set: 'down' };
     expect(afterLook(falling, falling, goes)).toBe(falling);
-    expect(afterLook(lying, lying, { ...goes, kind: 'held' })).toBe(lying);
+    expect(afterLook(lying, lying, { ...goes, kind: 'ACTIVITY_KIND_HELD' })).toBe(lying);
   });
 
   it('ends one that the server knows nothing of', () => {
-    const walks = { kind: 'locomotion', instance: '', set: '' };
+    const walks = { kind: 'ACTIVITY_KIND_LOCOMOTION', instance: '', set: '' };
     expect(afterLook(lying, lying, walks)).toEqual(NOTHING);
-    expect(afterLook(lying, lying, null)).toEqual(NOTHING);
+    expect(afterLook(lying, lying, undefined)).toEqual(NOTHING);
   });
 
   it('counts for less than events that came meanwhile', () => {
-    const held = { kind: 'held', instance: 'lie', set: 'down' };
+    const held = { kind: 'ACTIVITY_KIND_HELD', instance: 'lie', set: 'down' };
     const leaving = after(falling, entered('up'));
     expect(afterLook(leaving, falling, held)).toBe(leaving);
     expect(afterLook(NOTHING, falling, held)).toBe(NOTHING);

@@ -1,5 +1,5 @@
 // Skills of the own character: what its pack can do where it stands, and how it goes.
-import type { SessionEvent } from '../wire/types';
+import type { EventKind } from '../wire/types';
 
 /** State of the skill that was asked for last. */
 export interface Doing {
@@ -33,21 +33,20 @@ export function withoutAsked(doing: Doing): Doing {
 }
 
 /** The state after an event of the own character. */
-export function afterEvent(doing: Doing, kind: SessionEvent['kind']): Doing {
-  if (!kind) return doing;
-  if ('started' in kind) {
+export function afterEvent(doing: Doing, kind: EventKind): Doing {
+  if (kind.started) {
     const name = kind.started.definition;
     return { ...NOTHING, state: 'doing', name, next: doing.next === name ? '' : doing.next };
   }
   if (!isUnderWay(doing)) return doing;
-  if ('entered' in kind) {
+  if (kind.entered) {
     const state = doing.state === 'held' ? 'leaving' : doing.state;
     return { ...doing, state, set: kind.entered.set };
   }
-  if ('failed' in kind) {
+  if (kind.failed) {
     return ended(doing, `That could not be done: ${kind.failed.message || kind.failed.reason}`);
   }
-  return 'done' in kind || 'interrupted' in kind ? ended(doing, '') : doing;
+  return kind.done || kind.interrupted ? ended(doing, '') : doing;
 }
 
 function ended({ next }: Doing, trouble: string): Doing {
@@ -62,11 +61,11 @@ export interface Activity {
 }
 
 /** The state after the server's answer about the character; `looked` is the state when it was asked. */
-export function afterLook(doing: Doing, looked: Doing, activity: Activity | null): Doing {
+export function afterLook(doing: Doing, looked: Doing, activity: Activity | undefined): Doing {
   // Events that came meanwhile are newer than the answer.
   if (!isUnderWay(doing) || doing.name !== looked.name || doing.set !== looked.set) return doing;
   if (activity?.instance !== doing.name) return ended(doing, '');
-  const isHeld = activity.kind === 'held' && activity.set === doing.set;
+  const isHeld = activity.kind === 'ACTIVITY_KIND_HELD' && activity.set === doing.set;
   return isHeld && doing.state === 'doing' ? { ...doing, state: 'held' } : doing;
 }
 

@@ -1,6 +1,6 @@
 // Sentences for the own character: which pack makes motion of them, and how it goes.
 import type { Skeleton } from '../stage/types';
-import type { Joint, SessionEvent } from '../wire/types';
+import type { EventKind, Joint } from '../wire/types';
 
 /** Most characters of a sentence. */
 export const MOST_CHARACTERS_OF_TEXT = 1000;
@@ -46,13 +46,12 @@ const ENDS: Record<string, string> = {
 };
 
 /** The state after an event of the own character. `sequence` is the number of the command that said the sentence. */
-export function after(saying: Saying, kind: SessionEvent['kind'], sequence: number): Saying {
-  if (!kind) return saying;
-  if ('performing' in kind && kind.performing.sequence === sequence) {
+export function after(saying: Saying, kind: EventKind, sequence: number): Saying {
+  if (kind.performing && Number(kind.performing.sequence) === sequence) {
     const { text, unknown_words } = kind.performing;
     return { state: 'performing', text, unknown: unknown_words, trouble: '' };
   }
-  if ('performed' in kind && kind.performed.sequence === sequence) {
+  if (kind.performed && Number(kind.performed.sequence) === sequence) {
     const { reason, message } = kind.performed;
     const end = ENDS[reason];
     const trouble = end === undefined ? '' : message ? `${end}: ${message}` : `${end}.`;

@@ -6,7 +6,7 @@ import { report } from '../live/store';
 import type { Scenes } from './scenes';
 import { useScenes } from './store';
 import type { Placement, SceneObject } from './types';
-import { headingOf, placementOf, upright } from './types';
+import { headingOf, nameOf, placementOf, upright } from './types';
 
 export function ObjectPanel({ scenes }: { scenes: Scenes }) {
   const [isOpen, setOpen] = useState(true);
@@ -41,7 +41,7 @@ export function ObjectPanel({ scenes }: { scenes: Scenes }) {
 
 function About({ object }: { object: SceneObject }) {
   const definition = useScenes((state) => state.definitions.find(({ name }) => name === object.definition));
-  const state = object.state === 'free' ? 'free' : `${object.state} by a character`;
+  const state = object.state === 'OBJECT_STATE_FREE' ? 'free' : `${nameOf(object.state)} by a character`;
   return (
     <Text size="xs" c="dimmed">
       {object.definition}, {state}. {definition?.description}

@@ -5,6 +5,7 @@ import { Panel } from '../app/Panel';
 import { report } from '../live/store';
 import type { Scenes } from './scenes';
 import { useScenes } from './store';
+import { nameOf } from './types';
 
 export function ObjectsPanel({ scenes }: { scenes: Scenes }) {
   const [isOpen, setOpen] = useState(true);
@@ -47,7 +48,7 @@ function ObjectList({ scenes }: { scenes: Scenes }) {
             }}
           >
             <span>{id}</span>
-            <small>{state === 'free' ? definition : `${definition}, ${state}`}</small>
+            <small>{state === 'OBJECT_STATE_FREE' ? definition : `${definition}, ${nameOf(state)}`}</small>
           </UnstyledButton>
         </li>
       ))}

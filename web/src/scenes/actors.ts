@@ -198,8 +198,8 @@ export class Actors {
     for (const { session_id, events } of sessions) {
       const who = this.crowd.characterOf(session_id)?.id;
       if (who === undefined) continue;
-      for (const { frame, kind } of events) {
-        const says = kind ? describe(kind) : undefined;
+      for (const event of events) {
+        const [frame, says] = [Number(event.frame), describe(event)];
         if (says) log({ frame, seconds: frame / RATE_HZ, who, ...says });
       }
     }

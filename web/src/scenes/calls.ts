@@ -7,7 +7,7 @@ import type { Drawn, ObjectDefinition, ObjectResult, Placement, Scene, SceneSumm
 
 interface ObjectsResponse {
   results: ObjectResult[];
-  revision: number;
+  revision: string;
 }
 
 export class SceneCalls {

@@ -118,7 +118,7 @@ export class SceneDrawing {
       if (!of) continue;
       left.delete(object.id);
       const parts = this.partsOf(object, of);
-      parts.mesh.material = object.state === 'free' ? this.material.object : this.material.used;
+      parts.mesh.material = object.state === 'OBJECT_STATE_FREE' ? this.material.object : this.material.used;
       if (object.id !== moving) put(parts.group, placementOf(object));
     }
     for (const id of left) this.drop(id);

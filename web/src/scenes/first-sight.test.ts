@@ -12,12 +12,16 @@ const DRAWN = new Map([
   ['seat', { isSeat: true } as Drawn],
 ]);
 
-function object(id: string, definition: string, state = 'free'): SceneObject {
+function object(id: string, definition: string, state = 'OBJECT_STATE_FREE'): SceneObject {
   return { id, definition, state, position: { x: 1, y: 0, z: 2 }, rotation: upright(Math.PI / 2) } as SceneObject;
 }
 
 test('a character comes to the first free seat, from before it', () => {
-  const objects = [object('cup-1', 'cup'), object('stool-1', 'seat', 'reserved'), object('stool-2', 'seat')];
+  const objects = [
+    object('cup-1', 'cup'),
+    object('stool-1', 'seat', 'OBJECT_STATE_RESERVED'),
+    object('stool-2', 'seat'),
+  ];
   const sight = firstSightOf(objects, DRAWN, DEFINITIONS)!;
   expect(sight).toMatchObject({ seat: 'stool-2', isFree: true, pack: 'human' });
   // The seat faces +X.
@@ -31,7 +35,7 @@ test('a character comes to the first free seat, from before it', () => {
 });
 
 test('a character stands before a seat that another one has', () => {
-  const sight = firstSightOf([object('stool', 'seat', 'reserved')], DRAWN, DEFINITIONS);
+  const sight = firstSightOf([object('stool', 'seat', 'OBJECT_STATE_RESERVED')], DRAWN, DEFINITIONS);
   expect(sight).toMatchObject({ seat: 'stool', isFree: false });
 });
 

@@ -29,7 +29,7 @@ export function firstSightOf(
   definitions: readonly ObjectDefinition[],
 ): FirstSight | undefined {
   const seats = objects.filter(({ definition }) => drawn.get(definition)?.isSeat);
-  const seat = seats.find(({ state }) => state === 'free') ?? seats[0];
+  const seat = seats.find(({ state }) => state === 'OBJECT_STATE_FREE') ?? seats[0];
   const pack = definitions.find(({ name }) => name === seat?.definition)?.pack;
   if (!seat || !pack) return undefined;
   const { position, rotation } = placementOf(seat);
@@ -43,7 +43,7 @@ export function firstSightOf(
   const target = [position.x - dx / 2, position.y + TARGET_HEIGHT_M, position.z - dz / 2];
   return {
     seat: seat.id,
-    isFree: seat.state === 'free',
+    isFree: seat.state === 'OBJECT_STATE_FREE',
     pack,
     start,
     heading: Math.atan2(dx, dz),

@@ -1,6 +1,6 @@
 // What events say, for people.
 import type { components } from '../wire/gen/openapi';
-import type { SessionEvent } from '../wire/types';
+import type { EventKind } from '../wire/types';
 
 type KeyframeReached = components['schemas']['KeyframeReached'];
 
@@ -21,22 +21,22 @@ function centimetres(metres: number | null | undefined): string {
 }
 
 /** A line for an event; `undefined` for a kind that this page does not know. */
-export function describe(kind: NonNullable<SessionEvent['kind']>): { text: string; failed: boolean } | undefined {
+export function describe(kind: EventKind): { text: string; failed: boolean } | undefined {
   const fine = (text: string) => ({ text, failed: false });
-  if ('started' in kind) {
+  if (kind.started) {
     const { instance, variant, approach } = kind.started;
     return fine(`started ${variant} at ${instance}${approach ? ` from ${approach}` : ''}`);
   }
-  if ('entered' in kind) return fine(`entered ${kind.entered.set} of ${kind.entered.instance}`);
-  if ('reached' in kind) return fine(reached(kind.reached));
-  if ('attached' in kind) return fine(`took ${kind.attached.instance} (${kind.attached.socket})`);
-  if ('released' in kind) return fine(`put down ${kind.released.instance}`);
-  if ('done' in kind) return fine(`done with ${kind.done.instance}`);
-  if ('interrupted' in kind) return fine(`broke off ${kind.interrupted.instance}`);
-  if ('fell' in kind) return fine('fell');
-  if ('landed' in kind) return fine(`landed at ${kind.landed.speed.toFixed(1)} m/s`);
-  if ('arrived' in kind) return fine(`arrived, ${centimetres(kind.arrived.off)} from the end`);
-  if ('failed' in kind) {
+  if (kind.entered) return fine(`entered ${kind.entered.set} of ${kind.entered.instance}`);
+  if (kind.reached) return fine(reached(kind.reached));
+  if (kind.attached) return fine(`took ${kind.attached.instance} (${kind.attached.socket})`);
+  if (kind.released) return fine(`put down ${kind.released.instance}`);
+  if (kind.done) return fine(`done with ${kind.done.instance}`);
+  if (kind.interrupted) return fine(`broke off ${kind.interrupted.instance}`);
+  if (kind.fell) return fine('fell');
+  if (kind.landed) return fine(`landed at ${kind.landed.speed.toFixed(1)} m/s`);
+  if (kind.arrived) return fine(`arrived, ${centimetres(kind.arrived.off)} from the end`);
+  if (kind.failed) {
     const { instance, reason, message } = kind.failed;
     return { text: `failed at ${instance}: ${message || reason}`, failed: true };
   }

@@ -37,8 +37,8 @@ export class Scenes {
   private readonly finder: Finder;
   private readonly drawn = new Map<string, Drawn>();
   /** Revisions of the definitions that are drawn. */
-  private readonly revisions = new Map<string, number>();
-  private revision = -1;
+  private readonly revisions = new Map<string, string>();
+  private revision = '';
   /** State of the camera when the scene was opened. */
   private home: number[] = CAMERA;
   /** Whether the link that was opened says where the camera is. */
@@ -68,7 +68,7 @@ export class Scenes {
     );
     this.actors = new Actors(stage, api, this.bodies, {
       onLive: () => {
-        this.revision = -1;
+        this.revision = '';
         this.look();
       },
       onChange: this.look,
@@ -123,7 +123,7 @@ export class Scenes {
       this.choose(null);
       useScenes.setState({ log: [] });
     }
-    this.revision = -1;
+    this.revision = '';
     this.show(await this.calls.scene(name), performance.now());
     if (isNew) await this.showFirstSight().catch(report);
   }
@@ -168,7 +168,7 @@ export class Scenes {
     documents.sort((a, b) => Number(a.kind === 'scene') - Number(b.kind === 'scene'));
     for (const document of documents) await this.calls.put(document);
     await this.refresh();
-    this.revision = -1;
+    this.revision = '';
     const scene = documents.findLast(({ kind }) => kind === 'scene');
     if (scene) await this.open(scene.name);
     else this.look();
@@ -367,7 +367,7 @@ export class Scenes {
   private forget(): void {
     this.drawing.clear();
     this.stage.setGround(0);
-    this.revision = -1;
+    this.revision = '';
     useScenes.setState({ scene: null, objects: [], colliders: 0, ground: 0 });
     this.choose(null);
   }
@@ -381,7 +381,7 @@ export class Scenes {
 
   private showHandle(): void {
     const { object, tool, objects } = useScenes.getState();
-    const isHeld = objects.some(({ id, state }) => id === object && state === 'held');
+    const isHeld = objects.some(({ id, state }) => id === object && state === 'OBJECT_STATE_HELD');
     const shown =
       object === null || isHeld || (tool !== 'move' && tool !== 'turn') ? undefined : this.drawing.object(object);
     this.handle.show(shown, tool === 'turn' ? 'turn' : 'move');
@@ -396,7 +396,7 @@ export class Scenes {
   /** Whether the scene as it is shown is from after an object left the hand. */
   private wasLetGo(id: string, newest: number, now: number): boolean {
     const object = useScenes.getState().objects.find((one) => one.id === id);
-    if (object?.state === 'held') return false;
+    if (object?.state === 'OBJECT_STATE_HELD') return false;
     const endedAt = performance.now() - (now - newest) * 1000;
     return this.lookedAt > endedAt + LET_GO_MS;
   }

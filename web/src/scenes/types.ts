@@ -54,6 +54,11 @@ export function placementOf({ position, rotation }: Pick<SceneObject, 'position'
   return { position: position ?? { x: 0, y: 0, z: 0 }, rotation: rotation ?? { w: 1, x: 0, y: 0, z: 0 } };
 }
 
+/** A state for people, such as `held`. */
+export function nameOf(state: SceneObject['state']): string {
+  return state.replace('OBJECT_STATE_', '').toLowerCase();
+}
+
 /** Which way a rotation faces over the ground, radians about +Y from +Z. */
 export function headingOf({ w, x, y, z }: Quat): number {
   return Math.atan2(2 * (x * z + w * y), 1 - 2 * (x * x + y * y));

@@ -21,7 +21,7 @@ import {
   Encoding,
   ProblemSchema,
 } from './gen/troupe/v1/session_pb';
-import type { Command, CommandResult, SessionEvent, SessionEvents } from './types';
+import type { Command } from './types';
 import type { FromWorker, TickMessage, ToWorker } from './messages';
 
 const scope = self as unknown as DedicatedWorkerGlobalScope;
@@ -36,47 +36,13 @@ function ask(message: DriveRequest['message']): void {
   socket.send(toBinary(DriveRequestSchema, create(DriveRequestSchema, { message })));
 }
 
-/** A message with the names that JSON over HTTP has. */
+/** A message as JSON, as it comes over HTTP. */
 function plain<T extends Message>(schema: GenMessage<T>, message: T): unknown {
   return toJson(schema, message, { useProtoFieldName: true, alwaysEmitImplicit: true });
 }
 
-/** In protobuf's own JSON the intent is a field of the command. */
-function commandOf({ intent, ...rest }: Command) {
-  return fromJson(CommandSchema, JSON.parse(JSON.stringify({ ...rest, ...intent })) as JsonValue);
-}
-
-interface PlainResults {
-  results: (Omit<CommandResult, 'sequence'> & { sequence: unknown })[];
-}
-
-function resultsOf({ results }: PlainResults): CommandResult[] {
-  return results.map((result) => ({ ...result, sequence: Number(result.sequence) }));
-}
-
-interface PlainEvents {
-  sessions: (Omit<SessionEvents, 'events'> & { events: { frame: unknown }[] })[];
-}
-
-/** In protobuf's own JSON the kind is a field of the event, and 64-bit numbers are text. */
-function eventsOf({ sessions }: PlainEvents): SessionEvents[] {
-  return sessions.map((of) => ({
-    ...of,
-    events: of.events.map(({ frame, ...kind }) => ({
-      frame: Number(frame),
-      kind: numbered(kind) as SessionEvent['kind'],
-    })),
-  }));
-}
-
-/** An event's kind with the number of its command as a number. */
-function numbered(kind: object): object {
-  return Object.fromEntries(
-    Object.entries(kind).map(([name, of]: [string, object]) => [
-      name,
-      'sequence' in of ? { ...of, sequence: Number(of.sequence) } : of,
-    ]),
-  );
+function commandOf(command: Command) {
+  return fromJson(CommandSchema, JSON.parse(JSON.stringify(command)) as JsonValue);
 }
 
 function tickOf(frames: DriveFrames, bytes: number, started: number): TickMessage {
@@ -128,10 +94,10 @@ function hear(data: ArrayBuffer): void {
       say({ kind: 'left', ...(plain(DriveLeftSchema, message.value) as object) } as FromWorker);
       break;
     case 'commands':
-      say({ kind: 'refused', results: resultsOf(plain(CommandResponseSchema, message.value) as PlainResults) });
+      say({ kind: 'refused', ...(plain(CommandResponseSchema, message.value) as object) } as FromWorker);
       break;
     case 'events':
-      say({ kind: 'events', sessions: eventsOf(plain(DriveEventsSchema, message.value) as PlainEvents) });
+      say({ kind: 'events', ...(plain(DriveEventsSchema, message.value) as object) } as FromWorker);
       break;
     case 'closing':
       if (message.value.reason)

@@ -21,6 +21,8 @@ export type SessionOptions = Loose<Schemas['SessionOptions']>;
 export type SessionProblem = Schemas['SessionProblem'];
 export type Problem = Schemas['Problem'];
 export type SessionEvent = Schemas['SessionEvent'];
+/** What happened: one of the fields. */
+export type EventKind = Omit<SessionEvent, 'frame'>;
 export type SessionEvents = Schemas['SessionEvents'];
 export type FrameBlock = Schemas['FrameBlock'];
 export type PeekResponse = Schemas['PeekResponse'];
@@ -92,12 +94,8 @@ export type Intent =
   | { cancel: Record<string, never> }
   | { drop: Record<string, never> };
 
-export interface Command {
-  session_id: string;
-  sequence: number;
-  intent?: Intent;
-  priority?: number;
-}
+/** A command with an intent, or a sign of life without one. */
+export type Command = { session_id: string; sequence: number } & (Intent | object);
 
 /** What a pack can do. */
 export function can(pack: { capabilities?: string[] } | undefined, capability: string): boolean {

@@ -81,7 +81,7 @@ mod tests {
         assert_eq!(
             shown(late),
             (
-                "the request timed out after 1500 ms in the queue".to_owned(),
+                "the request was not served within 1500 ms".to_owned(),
                 Code::DeadlineExceeded,
                 504,
                 "DEADLINE_EXCEEDED",

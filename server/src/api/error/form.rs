@@ -1,4 +1,4 @@
-//! How an error looks: as JSON, as a part of an answer, as a gRPC status.
+//! Forms of an error: JSON, part of an answer, gRPC status.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use troupe_base::telemetry::RequestContext;
 use troupe_edge::is_grpc;
 
 impl ApiError {
-    /// The code's name, for metrics.
+    /// Name of the code, for metrics.
     pub(in crate::api) fn label(&self) -> &'static str {
         self.row().codes.label
     }
@@ -50,7 +50,7 @@ impl ApiError {
         }
     }
 
-    /// The error as part of an answer that serves others.
+    /// The error of one part of a request whose other parts were served.
     pub(in crate::api) fn problem(&self) -> v1::Problem {
         let Row {
             reason,
@@ -101,12 +101,12 @@ impl ApiError {
         status
     }
 
-    /// The answer, as the caller's protocol has it.
+    /// The answer in the caller's protocol.
     pub(in crate::api) fn in_kind(&self, asked: &HeaderMap) -> Response {
         self.in_protocol(is_grpc(asked))
     }
 
-    /// [`ApiError::in_kind`], for a caller who speaks gRPC or does not.
+    /// The answer over gRPC, or over HTTP.
     pub(in crate::api) fn in_protocol(&self, grpc: bool) -> Response {
         match grpc {
             true => self.status().into_http::<Body>(),
@@ -114,8 +114,8 @@ impl ApiError {
         }
     }
 
-    /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the
-    /// request.
+    /// The error behind a gRPC status. The status is our own, or the gRPC library made it while it
+    /// read the request.
     pub fn of_status(status: &Status, limit_bytes: usize) -> Self {
         let own = std::error::Error::source(status).and_then(|source| source.downcast_ref::<Self>());
         if let Some(own) = own {
@@ -126,7 +126,7 @@ impl ApiError {
             Code::OutOfRange | Code::ResourceExhausted => Self::TooLarge { limit_bytes },
             Code::Unimplemented => Self::Unimplemented(message),
             Code::DeadlineExceeded => Self::DeadlineExceeded(Duration::ZERO),
-            // The library calls whatever it cannot read an internal error; it is the caller's.
+            // The library reports requests that it cannot read as internal errors.
             _ if message.contains("EOF") => Self::Truncated {
                 problem: "its message is not whole".to_owned(),
                 limit_bytes,
@@ -136,7 +136,7 @@ impl ApiError {
     }
 }
 
-/// The code of an answer, noted on it for the metrics.
+/// Label of an answer's code, for the metrics.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::api) struct CodeLabel(pub(in crate::api) &'static str);
 
@@ -147,7 +147,7 @@ impl IntoResponse for ApiError {
         } = self.row();
         let mut response = (codes.http, Json(self.body())).into_response();
         if let Some(after) = retry_after {
-            // The header knows whole seconds only; the body has the milliseconds.
+            // The header has whole seconds. The body has the milliseconds.
             let seconds = after.as_millis().div_ceil(1000).max(1) as u64;
             response
                 .headers_mut()
@@ -158,7 +158,7 @@ impl IntoResponse for ApiError {
             response.headers_mut().insert(header::WWW_AUTHENTICATE, challenge);
         }
         response.extensions_mut().insert(CodeLabel(codes.label));
-        // Routes with another form of errors make theirs of it.
+        // Routes with another form of errors use it.
         response.extensions_mut().insert(self);
         response
     }
@@ -174,26 +174,26 @@ pub struct ErrorBody {
 /// What went wrong.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct ErrorDetail {
-    /// Name of the gRPC code that says the same, such as `INVALID_ARGUMENT`.
+    /// Name of the gRPC code, such as `INVALID_ARGUMENT`.
     pub code: String,
     /// A word for the kind of error, finer than its code, such as `SESSION_EXPIRED`.
     #[serde(default)]
     pub reason: String,
     /// What went wrong, for people.
     pub message: String,
-    /// The field that is wrong, such as `characters[0].context[2].pose.rotations[8]`.
+    /// Path of the field, such as `characters[0].context[2].pose.rotations[8]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
-    /// What the field may be, such as `12 to 64`.
+    /// Allowed values of the field, such as `12 to 64`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allowed: Option<String>,
-    /// Line of a document, from 1, where what is wrong is in one and has such a place.
+    /// Line of a document, from 1, if the error is in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub line: Option<u32>,
     /// Column in that line, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<u32>,
-    /// When it is worth to try again, in milliseconds.
+    /// Time after which a new attempt may succeed, in milliseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub retry_after_ms: Option<u64>,
     /// The request's id, as in the header `x-request-id`.

@@ -1,4 +1,4 @@
-//! Errors as the Motion Model Context Protocol has them: the one place that maps our table to its
+//! Errors of the Motion Model Context Protocol: the one place that maps our table to the protocol's
 //! closed list of codes.
 
 use axum::Json;
@@ -35,7 +35,7 @@ impl From<Failure> for ApiError {
 }
 
 impl ApiError {
-    /// What the protocol calls the error.
+    /// The protocol's code for the error.
     fn mmcp_code(&self) -> Code {
         if let Self::Mmcp(fault) = self {
             return fault.code;
@@ -86,7 +86,7 @@ impl ApiError {
         (code, envelope)
     }
 
-    /// An answer with this error, in the protocol's form. What its headers say besides stays.
+    /// `answer` with this error in the protocol's form. Its other headers stay.
     pub(in crate::api) fn in_envelope(&self, answer: Response) -> Response {
         let (code, envelope) = self.envelope();
         let (mut parts, _) = answer.into_parts();

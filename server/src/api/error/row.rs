@@ -1,4 +1,4 @@
-//! A line of the table of errors.
+//! Rows of the table of errors.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ pub(super) const INVALID: Codes = codes(Code::InvalidArgument, StatusCode::BAD_R
 pub(super) const NOT_FOUND: Codes = codes(Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND");
 pub(super) const GONE: Codes = codes(Code::NotFound, StatusCode::GONE, "NOT_FOUND");
 pub(super) const EXISTS: Codes = codes(Code::AlreadyExists, StatusCode::CONFLICT, "ALREADY_EXISTS");
-/// It makes sense, but not as things are.
+/// Not possible in the current state.
 pub(super) const NOT_NOW: Codes = codes(
     Code::FailedPrecondition,
     StatusCode::CONFLICT,
@@ -69,32 +69,32 @@ pub(super) const NO_METHOD: Codes = codes(
 pub(super) const UNIMPLEMENTED: Codes =
     codes(Code::Unimplemented, StatusCode::NOT_IMPLEMENTED, "UNIMPLEMENTED");
 
-/// What an error is to a caller.
+/// How a caller sees an error.
 #[derive(Debug)]
 pub(in crate::api) struct Row<'a> {
     pub(in crate::api) codes: Codes,
     /// A word for the kind of error, finer than its code: the reason in `google.rpc.ErrorInfo`.
     pub(in crate::api) reason: &'static str,
-    /// The field that is wrong, where the error is about one.
+    /// Path of the field, if the error is about one.
     pub(in crate::api) field: Option<&'a str>,
-    /// What would be allowed, where the error is about a value or a size.
+    /// Allowed values or sizes, if the error is about one.
     pub(in crate::api) allowed: Option<String>,
-    /// What is wrong with the field; where it is left out, the error's text.
+    /// What is wrong with the field. None: the error's text.
     pub(in crate::api) description: Option<String>,
-    /// Line and column of what is wrong in a document, from 1.
+    /// Line and column of a document, from 1.
     pub(in crate::api) place: Option<(usize, usize)>,
-    /// When it is worth to try again.
+    /// Time after which a new attempt may succeed.
     pub(in crate::api) retry_after: Option<Duration>,
 }
 
-/// An error that has a line in the table.
+/// An error with a row in the table.
 pub(super) trait Tabled {
-    /// Its line.
+    /// The row, with the error's own field and values.
     fn row(&self) -> Row<'_>;
 }
 
 impl Codes {
-    /// A line that has no more than these codes and a reason.
+    /// A row with only these codes and a reason.
     pub(super) fn because<'a>(self, reason: &'static str) -> Row<'a> {
         Row {
             codes: self,

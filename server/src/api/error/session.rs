@@ -1,16 +1,15 @@
-//! Errors of sessions, styles and what characters are asked to do.
+//! Errors of sessions, styles and commands.
 
 use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
-use super::world::no_upload_memory;
 use troupe_character::live::{CommandError, MAX_WAITING_COMMANDS};
 use troupe_character::primitives::path::MAX_LEAD_M;
 use troupe_live::packs::{CannotDo, UnknownBody, UnknownPack};
-use troupe_live::session::SessionError;
+use troupe_live::session::{SessionError, SpaceError};
 
-/// When to try again where a place is free as soon as somebody leaves, which nobody foresees.
-const WHEN_SOMEBODY_LEAVES: Duration = Duration::from_secs(1);
+/// When to try again if a place becomes free at an unknown time.
+const WHEN_A_PLACE_IS_FREE: Duration = Duration::from_secs(1);
 
 impl Tabled for SessionError {
     fn row(&self) -> Row<'_> {
@@ -39,19 +38,28 @@ impl Tabled for SessionError {
                 .because("STYLE_IS_BUILT_IN")
                 .field(field)
                 .allowed("a name that none of the pack's own styles has"),
-            Self::NoMemory { cause, field } => no_upload_memory(cause.most).field(field),
-            Self::StyleNotKept(_) => INTERNAL.because("INTERNAL"),
             Self::Plan(error) => error.row(),
             Self::Stopped(error) => error.row(),
         }
     }
 }
 
-/// As many as there may be are open.
+/// All places are taken.
 fn no_place(reason: &'static str, limit: usize) -> Row<'static> {
     FULL.because(reason)
         .allowed(format!("at most {limit}"))
-        .retry_after(WHEN_SOMEBODY_LEAVES)
+        .retry_after(WHEN_A_PLACE_IS_FREE)
+}
+
+impl Tabled for SpaceError {
+    fn row(&self) -> Row<'_> {
+        match self {
+            Self::TooMany { most } => FULL
+                .because("TOO_MANY_TENANTS")
+                .allowed(format!("at most {most}")),
+            Self::Unreadable { .. } => INTERNAL.because("TENANT_NOT_READ"),
+        }
+    }
 }
 
 impl Tabled for UnknownPack {
@@ -88,7 +96,7 @@ impl Tabled for CommandError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::NoScene => NOT_NOW.because("NO_SCENE"),
-            Self::ByPath => INVALID
+            Self::ByPath | Self::SkillByPath => INVALID
                 .because("PACK_CANNOT")
                 .allowed("a pack whose characters go to keyframes"),
             Self::PathTooFar { .. } => NOT_NOW
@@ -96,9 +104,6 @@ impl Tabled for CommandError {
                 .allowed(format!("at most {MAX_LEAD_M} m")),
             Self::UnknownObject { .. } => NOT_FOUND.because("UNKNOWN_OBJECT"),
             Self::WrongPack { .. } => NOT_NOW.because("WRONG_PACK"),
-            Self::SkillByPath => INVALID
-                .because("PACK_CANNOT")
-                .allowed("a pack whose characters go to keyframes"),
             Self::UnknownSkill { there_are, .. } => INVALID.because("UNKNOWN_SKILL").allowed(match there_are
                 .is_empty()
             {

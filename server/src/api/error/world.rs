@@ -15,18 +15,18 @@ impl Tabled for WorldError {
             Self::Scene { error, field } => error.row().field(field),
             Self::Object { error, field } => error.row().field(field),
             Self::Definition { error, field } => error.row().field(field),
-            Self::NoMemory { most, field, .. } => no_upload_memory(*most).field(field),
-            Self::DiskFull(_) => FULL.because("DISK_FULL"),
-            Self::Internal(_) => INTERNAL.because("INTERNAL"),
+            Self::NoMemory { cause, field, .. } => {
+                FULL.because("TOO_MUCH_UPLOADED").field(field).allowed(format!(
+                    "at most {} bytes in all scenes, object definitions and styles",
+                    cause.most
+                ))
+            }
+            Self::NotKept {
+                is_disk_full: true, ..
+            } => FULL.because("DISK_FULL"),
+            Self::NotKept { .. } | Self::Internal(_) => INTERNAL.because("INTERNAL"),
         }
     }
-}
-
-/// Scenes, definitions and styles take as much memory as they may.
-pub(super) fn no_upload_memory(most: usize) -> Row<'static> {
-    FULL.because("TOO_MUCH_UPLOADED").allowed(format!(
-        "at most {most} bytes in all scenes, object definitions and styles"
-    ))
 }
 
 impl Tabled for DocumentError {
@@ -94,7 +94,7 @@ impl Tabled for DefinitionsError {
     }
 }
 
-/// Names as an error lists them.
+/// Names in the form of an error's list.
 fn names(names: &[String]) -> String {
     listed(names.iter().map(String::as_str))
 }

@@ -1,4 +1,4 @@
-//! Messages as JSON. Errors name the field.
+//! Messages as JSON.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -19,17 +19,17 @@ use troupe_base::offload::WorkerStopped;
 use troupe_base::telemetry::RequestContext;
 use troupe_character::document::plain;
 
-/// The field of errors about a request as a whole.
+/// The field of errors about the whole body.
 const BODY: &str = "body";
 
-/// Limits of a body. `DefaultBodyLimit` enforces the bytes; here they are named in errors.
+/// Limits of a body. `DefaultBodyLimit` enforces the bytes. Errors name them from here.
 #[derive(Clone)]
 pub(in crate::api) struct BodyLimits {
     pub(in crate::api) bytes: usize,
     pub(in crate::api) shapes: Arc<Shapes>,
 }
 
-/// Reads a message.
+/// Reads a message. Errors name the field by its path.
 pub(in crate::api) fn read<T: rpc::Request + DeserializeOwned>(
     bytes: &[u8],
     limits: &BodyLimits,
@@ -64,7 +64,7 @@ fn not_json(message: String) -> ApiError {
     }
 }
 
-/// Names what a message does not begin with: a byte order mark, what is compressed, an array.
+/// Refuses a body that begins with a byte order mark, a gzip header or an array.
 fn check_start(bytes: &[u8]) -> Result<(), ApiError> {
     let wrong = match bytes {
         [0xef, 0xbb, 0xbf, ..] => "it begins with a byte order mark; allowed: UTF-8 without one",
@@ -75,17 +75,17 @@ fn check_start(bytes: &[u8]) -> Result<(), ApiError> {
     Err(not_json(wrong.to_owned()))
 }
 
-/// The field that an error is about: the value's place, with the name of one that is unknown, twice
-/// or missing there. What is wrong with the whole is about the body.
+/// Path of the field that an error is about. An unknown, duplicate or missing field is part of the
+/// path. Without a path the error is about the body.
 fn field_at_fault(path: &str, message: &str) -> String {
     let kinds = ["unknown field `", "duplicate field `", "missing field `"];
     let rest = kinds.iter().find_map(|kind| message.strip_prefix(kind));
-    // A field may have no name at all; then its place is all there is to say.
+    // An empty name adds nothing to the path.
     let name = rest.and_then(|rest| rest.split('`').next());
     let name = name.filter(|name| !name.is_empty());
     let place = if path == "." { "" } else { path };
     match name {
-        // Some errors have the name in the path already.
+        // The path of some errors has the name already.
         Some(name) if place.is_empty() => name.to_owned(),
         Some(name) if place == name || place.ends_with(&format!(".{name}")) => place.to_owned(),
         Some(name) => format!("{place}.{name}"),
@@ -94,8 +94,7 @@ fn field_at_fault(path: &str, message: &str) -> String {
     }
 }
 
-/// An answer that may be large, written as JSON on the pool for blocking work: it may take a
-/// second.
+/// Writes an answer as JSON on the pool for blocking work, because a large one may take a second.
 pub(in crate::api) async fn written<T: Serialize>(
     answer: impl FnOnce() -> T + Send + 'static,
 ) -> Result<Response, ApiError> {
@@ -108,7 +107,7 @@ pub(in crate::api) async fn written<T: Serialize>(
     Ok(([(header::CONTENT_TYPE, "application/json")], json).into_response())
 }
 
-/// What a body is said to be, where that is not JSON.
+/// The Content-Type of a body, if it is not JSON.
 fn wrong_type(headers: &HeaderMap) -> Option<String> {
     let value = headers.get(header::CONTENT_TYPE);
     let text = value.map_or_else(Default::default, |value| {
@@ -125,7 +124,7 @@ fn wrong_type(headers: &HeaderMap) -> Option<String> {
     (!json).then(|| cut(&text, MAX_PATH))
 }
 
-/// The bytes of a body, whose content type says that it is JSON.
+/// The bytes of a body. Its Content-Type must be JSON.
 pub(in crate::api) async fn body<S: Send + Sync>(
     request: Request,
     state: &S,
@@ -153,7 +152,7 @@ pub(in crate::api) async fn body<S: Send + Sync>(
     }
 }
 
-/// A JSON body, whose content type says so.
+/// A JSON body with that Content-Type.
 pub(in crate::api) struct JsonBody<T>(pub(in crate::api) T);
 
 impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for JsonBody<T> {

@@ -75,10 +75,9 @@ pub(in crate::api) async fn put(
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct SceneForm {
-    /// Convention of the answer: `native` (where left out), `unreal`, `unity` or `ros`.
-    #[serde(with = "troupe_proto::json::convention")]
+    /// Convention of the answer, such as `unreal` or `CONVENTION_UNREAL`. Left out: `native`.
     #[param(value_type = String)]
-    convention: i32,
+    convention: v1::Convention,
     /// Leave the colliders out.
     without_colliders: bool,
 }
@@ -106,7 +105,7 @@ pub(in crate::api) async fn get(
     } = asked(form)?;
     let request = v1::GetSceneRequest {
         name: named("name", name)?,
-        convention,
+        convention: convention.into(),
         without_colliders,
     };
     Ok(Json(service.get_scene(request).await?))
@@ -271,10 +270,9 @@ pub(in crate::api) async fn put_object(
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct ObjectForm {
-    /// Format of the document: `toml` (where left out) or `json`.
-    #[serde(with = "troupe_proto::json::document_format")]
+    /// Format of the document: `toml`, the default, or `json`.
     #[param(value_type = String)]
-    format: i32,
+    format: v1::DocumentFormat,
 }
 
 /// One object definition with its document
@@ -296,7 +294,7 @@ pub(in crate::api) async fn get_object(
 ) -> Result<Json<v1::GetObjectDefinitionResponse>, ApiError> {
     let request = v1::GetObjectDefinitionRequest {
         name: named("name", name)?,
-        format: asked(form)?.format,
+        format: asked(form)?.format.into(),
     };
     Ok(Json(service.get_object_definition(request).await?))
 }

@@ -137,7 +137,7 @@ impl Caller {
         let id = &self.id;
         let mut command = || {
             self.sequence += 1;
-            json!({ "session_id": id, "sequence": self.sequence, "intent": { "locomote": { "velocity": { "z": 1.0 } } } })
+            json!({ "session_id": id, "sequence": self.sequence, "locomote": { "velocity": { "z": 1.0 } } })
         };
         match kind {
             Kind::Create => request(
@@ -263,12 +263,13 @@ pub(super) async fn stream(world: World, mut random: ChaCha8Rng, id: String) {
     let handshake = tokio_tungstenite::client_async("ws://localhost/v1/drive", connection).await;
     let Ok((mut socket, _)) = handshake else { return };
     let mut say = vec![
-        json!({ "message": { "open": { "rate_hz": 30 } } }),
-        json!({ "message": { "attach": { "session_ids": [id] } } }),
+        json!({ "open": { "rate_hz": 30 } }),
+        json!({ "attach": { "session_ids": [id] } }),
     ];
     for sequence in 1..=random.random_range(0..4) {
-        let command = json!({ "session_id": id, "sequence": sequence, "intent": { "locomote": { "velocity": { "x": 0.5 } } } });
-        say.push(json!({ "message": { "command": { "commands": [command] } } }));
+        let command =
+            json!({ "session_id": id, "sequence": sequence, "locomote": { "velocity": { "x": 0.5 } } });
+        say.push(json!({ "command": { "commands": [command] } }));
     }
     for message in say {
         if socket.send(Message::text(message.to_string())).await.is_err() {

@@ -13,7 +13,8 @@ export interface paths {
         };
         /**
          * What this server's models can do, for tools that speak MMCP
-         * @description The Motion Model Context Protocol, version 1.4: a model for each pack, or for each body of a pack.
+         * @description The Motion Model Context Protocol, version 1.4: a model for each pack, or for each body of a
+         *     pack.
          */
         get: operations["MmcpCapabilities"];
         put?: never;
@@ -35,8 +36,8 @@ export interface paths {
         put?: never;
         /**
          * Make motion for a tool that speaks MMCP
-         * @description The Motion Model Context Protocol, version 1.4. A batch, `{"protocol_version", "requests": […]}`, answers
-         *     `{"results": [{"gltf"} or {"error"}, …]}` as application/json.
+         * @description The Motion Model Context Protocol, version 1.4. A batch, `{"protocol_version", "requests":
+         *     […]}`, answers `{"results": [{"gltf"} or {"error"}, …]}` as application/json.
          */
         post: operations["MmcpGenerate"];
         delete?: never;
@@ -127,8 +128,9 @@ export interface paths {
         put?: never;
         /**
          * Put a motion into words, or into audio that goes with it
-         * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
-         *     is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
+         * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
+         *     An error after the first part is a line of its own, with the member `error`, and ends the
+         *     answer. What a pack can do is in its `capabilities`.
          */
         post: operations["Describe"];
         delete?: never;
@@ -163,8 +165,8 @@ export interface paths {
         };
         /**
          * Drive sessions over a WebSocket
-         * @description The messages are DriveRequest and DriveResponse: as JSON in text messages, or as protobuf in binary ones; the server
-         *     answers in the form of the first. That one must be `open`.
+         * @description The messages are DriveRequest and DriveResponse: as JSON in text messages, or as protobuf in
+         *     binary ones; the server answers in the form of the first. That one must be `open`.
          */
         get: operations["Drive"];
         put?: never;
@@ -186,8 +188,9 @@ export interface paths {
         put?: never;
         /**
          * Act out words, or follow a path
-         * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
-         *     is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
+         * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
+         *     An error after the first part is a line of its own, with the member `error`, and ends the
+         *     answer. What a pack can do is in its `capabilities`.
          */
         post: operations["Generate"];
         delete?: never;
@@ -244,7 +247,8 @@ export interface paths {
         get: operations["GetObjectDefinition"];
         /**
          * Add an object definition, or replace one
-         * @description An error of the document names its line, column and field. `name` in the body is the name in the path, or left out.
+         * @description An error of the document names its line, column and field. `name` in the body is the name in the
+         *     path, or left out.
          */
         put: operations["PutObjectDefinition"];
         post?: never;
@@ -377,8 +381,8 @@ export interface paths {
         put?: never;
         /**
          * Put objects into a scene
-         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
-         *     or left out.
+         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the
+         *     body is the name in the path, or left out.
          */
         post: operations["AddObjects"];
         delete?: never;
@@ -398,8 +402,8 @@ export interface paths {
         put?: never;
         /**
          * Move objects of a scene
-         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
-         *     or left out.
+         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the
+         *     body is the name in the path, or left out.
          */
         post: operations["MoveObjects"];
         delete?: never;
@@ -419,8 +423,8 @@ export interface paths {
         put?: never;
         /**
          * Take objects out of a scene, whoever has them
-         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
-         *     or left out.
+         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the
+         *     body is the name in the path, or left out.
          */
         post: operations["RemoveObjects"];
         delete?: never;
@@ -510,8 +514,8 @@ export interface paths {
         put?: never;
         /**
          * Give commands and take the next frames
-         * @description Waits for the plans that the frames need. Sessions that cannot be served are among the problems; where none can be, the
-         *     answer is the first one's error.
+         * @description Waits for the plans that the frames need. Sessions that cannot be served are among the problems;
+         *     where none can be, the answer is the first one's error.
          */
         post: operations["Step"];
         delete?: never;
@@ -531,8 +535,8 @@ export interface paths {
         put?: never;
         /**
          * Get a ticket for a stream
-         * @description A browser cannot send a key with a WebSocket. A ticket opens one stream as its key would, within 30 seconds:
-         *     `/v1/drive?ticket=TICKET`.
+         * @description A browser cannot send a key with a WebSocket. A ticket opens one stream as its key would, within
+         *     30 seconds: `/v1/drive?ticket=TICKET`.
          */
         post: operations["CreateTicket"];
         delete?: never;
@@ -545,38 +549,43 @@ export interface paths {
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
-        /** @description What a character is about. */
+        /** @description What a character does. */
         Activity: {
             /**
-             * @description The object that it approaches or uses.
+             * @description Id of the object that it approaches or uses.
              * @default
              */
             instance: string;
             /**
-             * @description What it is.
-             * @default locomotion
+             * @description The kind of activity.
+             * @default ACTIVITY_KIND_LOCOMOTION
              */
-            kind: string;
+            kind: components["schemas"]["ActivityKind"];
             /**
-             * @description The set of keyframes that it is in, where it interacts or holds.
+             * @description Name of the set of keyframes that it goes through or holds.
              * @default
              */
             set: string;
             /**
-             * @description What it acts out, where it performs.
+             * @description The sentence that it acts out.
              * @default
              */
             text: string;
         };
+        /**
+         * @description What a character does.
+         * @enum {string}
+         */
+        ActivityKind: "ACTIVITY_KIND_LOCOMOTION" | "ACTIVITY_KIND_APPROACHING" | "ACTIVITY_KIND_INTERACTING" | "ACTIVITY_KIND_HELD" | "ACTIVITY_KIND_FALLING" | "ACTIVITY_KIND_PERFORMING";
         /** @description Puts objects into a scene. */
         AddObjectsRequest: {
             /**
              * @description Convention of the objects' places.
-             * @default native
+             * @default CONVENTION_NATIVE
              */
-            convention: string;
+            convention: components["schemas"]["Convention"];
             /**
-             * @description 1 to 4096. One that cannot be put there does not hold up the others.
+             * @description 1 to 4096. If one cannot be added, the others still are.
              * @default []
              */
             objects: components["schemas"]["SceneObject"][];
@@ -586,16 +595,15 @@ export interface components {
              */
             scene: string;
         };
-        /** @description A second character of a motion, and more. */
+        /** @description A further character of a motion. */
         Agent: {
             /**
-             * @description Frames that go before, oldest first, each with root position and pose: as many as those of the first character. Without them
-             *     characters begin side by side, 1 m apart along +X.
+             * @description Frames before the motion, oldest first, each with root position and pose: the same number as for the first character. Without them the characters begin side by side, 1 m apart along +X.
              * @default []
              */
             past: components["schemas"]["Keyframe"][];
             /**
-             * @description What it is to do: as Prompt.text. All characters have words, or none has.
+             * @description What the character does, as in Prompt.text. Either all characters have words, or none has.
              * @default
              */
             text: string;
@@ -603,13 +611,13 @@ export interface components {
         /** @description A session that is now on the stream. */
         Attached: {
             /**
-             * @description Its id.
+             * @description Id of the session.
              * @default
              */
             session_id: string;
             /**
-             * Format: int32
-             * @description Names it in this stream's frames; not used again for another.
+             * Format: uint32
+             * @description Number of the session in this stream's frames. No other session of the stream gets it later.
              * @default 0
              */
             slot: number;
@@ -617,35 +625,35 @@ export interface components {
         /** @description Audio as the codes of a pack. */
         Audio: {
             /**
-             * @description Its codes, oldest first, each below Language.audio_codes.
+             * @description Codes, oldest first, each below Language.audio_codes.
              * @default []
              */
             codes: number[];
             /**
-             * @description What sounds.
-             * @default music
+             * @description The kind of audio.
+             * @default SOUND_MUSIC
              */
-            sound: string;
+            sound: components["schemas"]["Sound"];
         };
-        /** @description A joint of such a skeleton. */
+        /** @description A joint of a BodySkeleton. */
         BodyJoint: {
             /**
              * @description Unique in the skeleton.
              * @default
              */
             name: string;
-            /** @default null */
-            offset: components["schemas"]["Vec3"] | null;
+            /** @description Offset from the parent in the parent's frame, in metres; at least 0.0001 and at most 100 long. */
+            offset?: components["schemas"]["Vec3"];
             /**
              * @description Name of the parent. Empty: the root, which comes first.
              * @default
              */
             parent: string;
         };
-        /** @description A skeleton of the caller's own, which stands upright in its neutral pose, heads along +Z and lets its limbs hang down. */
+        /** @description A skeleton of the caller's own. In its neutral pose it stands upright, faces +Z and lets its limbs hang down. */
         BodySkeleton: {
             /**
-             * @description Names of the joints that touch the ground. None: the lowest ends.
+             * @description Names of the joints that touch the ground. Empty: the lowest ends.
              * @default []
              */
             contact_joints: string[];
@@ -654,31 +662,27 @@ export interface components {
              * @default []
              */
             joints: components["schemas"]["BodyJoint"][];
-            /** @default null */
-            left_axis: components["schemas"]["Vec3"] | null;
+            /** @description The body's left in the first joint's own frame, unit length. Left out: +X of the neutral pose. */
+            left_axis?: components["schemas"]["Vec3"];
             /**
-             * @description World rotations of the neutral pose, one a joint. None: the rest pose, turned to head along +Z.
+             * @description World rotations of the neutral pose, one for each joint. Empty: the rest pose, turned to face +Z.
              * @default []
              */
             neutral: components["schemas"]["Quat"][];
         };
-        /** @description A box along the axes of what it belongs to. */
+        /** @description A box along the axes of its owner. */
         BoxShape: {
-            /** @default null */
-            center: components["schemas"]["Vec3"] | null;
-            /** @default null */
-            half_extents: components["schemas"]["Vec3"] | null;
+            /** @description Middle of the box. Left out: the origin. */
+            center?: components["schemas"]["Vec3"];
+            /** @description Half the size along each axis: 1 mm to 1000 m. */
+            half_extents?: components["schemas"]["Vec3"];
         };
-        /**
-         * @description Break off whatever the character does, at once, and stand. What is in the hand is let go: it is put down by its definition's
-         *     rule, and where that finds no place on whatever is below it.
-         */
+        /** @description Break off whatever the character does, at once, and stand. The character lets go of an object in its hand: it puts it down by the rule of its definition. If that finds no place, the object goes on whatever is below it. */
         Cancel: Record<string, never>;
         /** @description One character's in-betweening task. */
         Character: {
             /**
-             * @description Without frame_count: the token counts (four frames each, 3 to 16) that the model may choose from. Empty: all.
-             *     Refused together with frame_count.
+             * @description The token counts (four frames each, 3 to 16) that the model may choose from. Empty: all. Refused together with frame_count.
              * @default []
              */
             allowed_token_counts: number[];
@@ -688,31 +692,24 @@ export interface components {
              */
             context: components["schemas"]["Keyframe"][];
             /**
-             * Format: int32
-             * @description Frames in the whole segment, from the first context frame to the last target keyframe: 12 to 64.
-             *     Left out: the model predicts it, four frames at a time.
-             * @default null
+             * Format: uint32
+             * @description Frames in the whole segment, from the first context frame to the last target keyframe: 12 to 64. Left out: the model predicts it, four frames at a time.
              */
-            frame_count: number | null;
+            frame_count?: number;
+            /** @description Hold feet still while the decoder has them in contact, and lift them out of the ground. Legs bend so that a foot stays in place, by up to 25 cm. Roots and keyframes do not change. Default true; false gives the output of the networks. */
+            hold_feet?: boolean;
             /**
-             * @description Hold feet still while the decoder has them in contact, and lift them out of the ground: legs are bent so that the feet stay where
-             *     they stand, by up to 25 cm. Roots and keyframes stay as they are. Default true; false gives what the networks made.
-             * @default null
-             */
-            hold_feet: boolean | null;
-            /**
-             * @description Echoed in the result. Free text, at most 128 bytes.
+             * @description Free text that the result repeats, at most 128 bytes.
              * @default
              */
             id: string;
             /**
-             * Format: int32
-             * @description Passes of the pose module: 1 to 10, default 1. More passes commit the most confident tokens first.
-             * @default null
+             * Format: uint32
+             * @description Passes of the pose module: 1 to 10, default 1. With more passes the most confident tokens are fixed first.
              */
-            pose_steps: number | null;
+            pose_steps?: number;
             /**
-             * @description Return what each stage produced.
+             * @description Return the result of each stage.
              * @default false
              */
             return_intermediates: boolean;
@@ -732,22 +729,18 @@ export interface components {
              */
             return_six_d: boolean;
             /**
-             * @description Where the root is to be: in some frames, or in every one. These frames have it exactly. Between them the predicted trajectory is
-             *     moved along: what it lacks is spread by a smooth curve, which starts at the last context frame and ends at a target's root, or stays
-             *     behind the last entry. The pose tokens stay those of the predicted trajectory; the decoder makes the motion of them and of the
-             *     given one. Needs frame_count.
+             * @description The root in some frames, or in all. These frames have it exactly. Between them, the predicted trajectory is shifted by a smooth curve. The curve starts at the last context frame, and ends at a target's root; without one it keeps the shift of the last entry. The pose tokens remain those of the predicted trajectory; the decoder makes the motion from them and from the given one. Needs frame_count.
              * @default []
              */
             root: components["schemas"]["RootKey"][];
             /**
-             * Format: int64
-             * @description The same seed, input and pack give the same frames. As JSON it is a number: JavaScript clients stay below 2^53.
+             * Format: uint64
+             * @description Seed of all random choices. The same seed, input and pack give the same frames.
              * @default 0
              */
-            seed: number;
+            seed: string;
             /**
-             * @description Refuse the request (reason NOT_FEASIBLE) where the answer would not be feasible: at once where the keyframes alone show it. The
-             *     error names the field, and what would be possible. Packs without limits refuse it.
+             * @description Refuse the request (reason NOT_FEASIBLE) if the answer is not feasible. The server refuses at once if the keyframes alone show it. The error names the field, and what is possible. Packs without limits refuse this option.
              * @default false
              */
             strict: boolean;
@@ -758,169 +751,149 @@ export interface components {
             targets: components["schemas"]["Keyframe"][];
             /**
              * Format: float
-             * @description 0 takes the most likely motion; above 0 token count, pose tokens and, by packs that can, the root are sampled. 0 to 2, default 0.
+             * @description 0 takes the most likely motion. Above 0, token count and pose tokens are sampled, and the root too if the pack can. 0 to 2, default 0.
              * @default 0
              */
             temperature: number;
         };
-        /** @description The ground ended under the character. */
+        /** @description The ground ended under the character, and it falls. */
         CharacterFell: {
             /**
              * Format: float
-             * @description How far down the surface is that it falls to. Always given: where there is none within reach, no one falls.
-             * @default null
+             * @description Height of the fall down to the next surface. Always present: without a surface in reach the character does not fall.
              */
-            height: number | null;
+            height?: number;
         };
         /** @description A fall ended on a surface. */
         CharacterLanded: {
             /**
              * Format: float
-             * @description How far it fell.
+             * @description Height of the fall.
              * @default 0
              */
             height: number;
             /**
              * Format: float
-             * @description Speed downward at the touch, m/s.
+             * @description Downward speed at the first contact, m/s.
              * @default 0
              */
             speed: number;
         };
         /** @description One character's answer. */
         CharacterResult: {
-            /** @default null */
-            feasibility: components["schemas"]["Feasibility"] | null;
-            /** @default null */
-            frames: components["schemas"]["Frames"] | null;
+            /** @description Whether the motion stays within the limits of the pack's data. Left out if the pack has none. */
+            feasibility?: components["schemas"]["Feasibility"];
+            /** @description The whole segment, with context and target frames. */
+            frames?: components["schemas"]["Frames"];
             /**
-             * @description The id that the request gave.
+             * @description The id of the request.
              * @default
              */
             id: string;
-            /** @default null */
-            intermediates: components["schemas"]["Intermediates"] | null;
+            /** @description Results of the stages, on request. */
+            intermediates?: components["schemas"]["Intermediates"];
         };
-        /** @description What was closed. */
+        /**
+         * @description What advances a session.
+         * @enum {string}
+         */
+        Clock: "CLOCK_FREE" | "CLOCK_STEP" | "CLOCK_DRIVE";
+        /** @description Closed sessions. */
         CloseSessionsResponse: {
             /**
-             * Format: int32
-             * @description Sessions that were open and are closed now.
+             * Format: uint32
+             * @description Number of sessions that were open and are now closed.
              * @default 0
              */
             closed: number;
         };
-        /** @description What is there to stand on, and what is in the way to objects. It does not move, and does not stop locomotion. */
+        /** @description A static body that characters stand on, or that is in the way to objects. It does not stop locomotion. */
         Collider: {
             /**
              * Format: float
-             * @description Which way it faces, radians, at most 1000 either way. Excludes rotation.
-             * @default null
+             * @description Heading, radians, at most 1000 either way. Excludes rotation.
              */
-            heading: number | null;
+            heading?: number;
             /**
              * @description Unique among the scene's colliders: 1 to 128 bytes.
              * @default
              */
             id: string;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
-            /** @default null */
-            rotation: components["schemas"]["Quat"] | null;
-            /** @default null */
-            shape: components["schemas"]["ColliderShape"] | null;
+            /** @description Position of the collider's origin. Left out: the scene's origin. */
+            position?: components["schemas"]["Vec3"];
+            /** @description Rotation. Left out together with heading: none. Answers have this one. */
+            rotation?: components["schemas"]["Quat"];
+            /** @description Shape of the collider. */
+            shape?: components["schemas"]["ColliderShape"];
         };
         /** @description The shape of a collider: exactly one of these. */
         ColliderShape: {
-            /** @default null */
-            box: components["schemas"]["BoxShape"] | null;
-            /** @default null */
-            convex: components["schemas"]["ConvexShape"] | null;
-            /** @default null */
-            heightfield: components["schemas"]["HeightfieldShape"] | null;
+            /** @description A box. */
+            box?: components["schemas"]["BoxShape"];
+            /** @description A convex hull. */
+            convex?: components["schemas"]["ConvexShape"];
+            /** @description Uneven ground. Its collider may only be turned about the vertical. */
+            heightfield?: components["schemas"]["HeightfieldShape"];
         };
-        /** @description What a character should do from now on. */
+        /** @description What a character does from now on. */
         Command: {
             /**
-             * Format: int64
-             * @description Frame of the session's timeline from which it holds. Left out, or in the past: now. At most 100000 frames ahead. Commands
-             *     that hold from the same frame on are carried out in the order of their numbers. A newer locomote replaces one that still
-             *     waits for its frame, a newer interact, skill, perform or cancel replaces interacts, skills and performs that do. Of all others, none replaces another: at most 8
-             *     wait, one more is refused (TOO_MANY_COMMANDS). What comes during a fall or a skill waits for its end, and of that the newest alone.
-             * @default null
+             * Format: uint64
+             * @description Frame of the session's timeline at which the command takes effect, at most 100000 frames ahead. Left out, or in the past: now. Commands for the same frame take effect in the order of their numbers. A newer locomote replaces one that still waits for its frame. A newer interact, skill, perform or cancel replaces waiting interacts, skills and performs. No other command replaces another. At most 8 wait; a further one is refused (TOO_MANY_COMMANDS). During a fall or a skill only the newest command waits for its end.
              */
-            at_frame: number | null;
-            /** @default null */
-            intent: components["schemas"]["CommandIntent"] | null;
+            at_frame?: string;
+            /** @description At most one of `intent` is there. Break off, and let go of the object in the hand. */
+            cancel?: components["schemas"]["Cancel"];
+            /** @description At most one of `intent` is there. Put down the object in the hand. */
+            drop?: components["schemas"]["DropHeld"];
+            /** @description At most one of `intent` is there. End what is held. */
+            end_interaction?: components["schemas"]["EndInteraction"];
+            /** @description At most one of `intent` is there. Follow a path. Like a locomote otherwise; during a fall it begins after the landing. */
+            follow_path?: components["schemas"]["FollowPath"];
+            /** @description At most one of `intent` is there. Use an object of the scene. */
+            interact?: components["schemas"]["Interact"];
+            /** @description At most one of `intent` is there. Move over the ground. Breaks off an interaction at once. During a fall it takes effect after the landing. Colliders do not stop it. */
+            locomote?: components["schemas"]["Locomote"];
+            /** @description At most one of `intent` is there. Act out a sentence. */
+            perform?: components["schemas"]["Perform"];
             /**
              * Format: float
-             * @description Priority of the session from now on, whatever at_frame says: 0 to 1. Left out: as it is. A command that has a priority
-             *     alone, without an intent, leaves the character to do what it does.
-             * @default null
+             * @description Priority of the session from now on, regardless of at_frame: 0 to 1. Left out: no change. A command with a priority and no intent does not change what the character does.
              */
-            priority: number | null;
+            priority?: number;
             /**
-             * Format: int64
-             * @description Counts up with every command of a session. One that is not above the last is ignored, so that commands may come late or
-             *     twice. The first is at least 1.
+             * Format: uint64
+             * @description Counts up with every command of a session, from 1. A number that is not above the last is ignored, so that commands may come late or twice.
              * @default 0
              */
-            sequence: number;
+            sequence: string;
             /**
-             * @description The session.
+             * @description Id of the session.
              * @default
              */
             session_id: string;
+            /** @description At most one of `intent` is there. Do a skill of the pack. */
+            skill?: components["schemas"]["UseSkill"];
         };
-        /** @description A locomote command asks for more than the style can do; the nearest is done instead. It comes when the command is taken up. */
+        /** @description A locomote command asks for more than the style can do. The character does what comes nearest. Sent when the command takes effect. */
         CommandBounded: {
             /**
              * Format: float
-             * @description Where it faces instead, radians, in the session's convention. Left out: it faces as it was told, or was told nothing.
-             * @default null
+             * @description Heading that the character faces, radians, in the session's convention. Left out if it faces as the command says, or if the command gives no heading.
              */
-            facing: number | null;
+            facing?: number;
             /**
              * Format: float
-             * @description Speed that the character goes at instead, m/s.
+             * @description Speed of the character, m/s.
              * @default 0
              */
             speed: number;
             /**
              * Format: float
-             * @description Speed that was asked for, m/s.
+             * @description Speed of the command, m/s.
              * @default 0
              */
             wanted_speed: number;
-        };
-        /** @description What to do. */
-        CommandIntent: {
-            /**
-             * @description Move over the ground. It breaks off an interaction, at once; in a fall it holds from the landing on. Colliders do not stop
-             *     it.
-             */
-            locomote: components["schemas"]["Locomote"];
-        } | {
-            /** @description Use an object of the scene. */
-            interact: components["schemas"]["Interact"];
-        } | {
-            /** @description Leave what is held. */
-            end_interaction: components["schemas"]["EndInteraction"];
-        } | {
-            /** @description Break off, and let go of what is in the hand. */
-            cancel: components["schemas"]["Cancel"];
-        } | {
-            /** @description Put down what is in the hand. */
-            drop: components["schemas"]["DropHeld"];
-        } | {
-            /** @description Follow a path. As a locomote otherwise; in a fall it begins after the landing. */
-            follow_path: components["schemas"]["FollowPath"];
-        } | {
-            /** @description Act out a sentence. */
-            perform: components["schemas"]["Perform"];
-        } | {
-            /** @description Do a skill of the pack. */
-            skill: components["schemas"]["UseSkill"];
         };
         /** @description Gives commands. */
         CommandRequest: {
@@ -940,51 +913,58 @@ export interface components {
         };
         /** @description Result of a command. */
         CommandResult: {
-            /** @default null */
-            problem: components["schemas"]["Problem"] | null;
+            /** @description Why it was refused. */
+            problem?: components["schemas"]["Problem"];
             /**
-             * Format: int64
-             * @description Its sequence number.
+             * Format: uint64
+             * @description Sequence number of the command.
              * @default 0
              */
-            sequence: number;
+            sequence: string;
             /**
-             * @description The session that the command named.
+             * @description Id of the session, from the command.
              * @default
              */
             session_id: string;
             /**
-             * @description Its result.
-             * @default accepted
+             * @description Result of the command.
+             * @default COMMAND_STATUS_ACCEPTED
              */
-            status: string;
+            status: components["schemas"]["CommandStatus"];
         };
         /**
-         * @description How ground contacts are told from positions and speeds, a number for each contact joint, in the order of
-         *     Pack.contact_joints.
+         * @description Result of a command.
+         * @enum {string}
          */
+        CommandStatus: "COMMAND_STATUS_ACCEPTED" | "COMMAND_STATUS_REPEATED" | "COMMAND_STATUS_LATE" | "COMMAND_STATUS_REFUSED";
+        /** @description How to derive ground contacts from positions and speeds. Lists have a number for each contact joint, in the order of Pack.contact_joints. */
         ContactRules: {
             /**
-             * @description Height of the joint above the ground when it rests on it, in metres.
+             * @description Height of the joint above the ground while it rests on it, in metres.
              * @default []
              */
             clearance: number[];
             /**
-             * @description In contact when the joint's height above the ground is below this, in metres ...
+             * @description A joint is in contact if it is lower than this above the ground, in metres, and slower than max_speed.
              * @default []
              */
             max_height: number[];
             /**
              * Format: float
-             * @description ... and its speed below this, in metres per second.
+             * @description In metres per second.
              * @default 0
              */
             max_speed: number;
         };
+        /**
+         * @description Axes, handedness and unit of all values of a session.
+         * @enum {string}
+         */
+        Convention: "CONVENTION_NATIVE" | "CONVENTION_UNREAL" | "CONVENTION_UNITY" | "CONVENTION_ROS";
         /** @description The convex hull of points. */
         ConvexShape: {
             /**
-             * @description 4 to 64 points, each at most 1000 m from the origin along an axis, that span 1 mm or more in every direction.
+             * @description 4 to 64 points, each at most 1000 m from the origin along an axis. They span 1 mm or more in every direction.
              * @default []
              */
             points: components["schemas"]["Vec3"][];
@@ -992,7 +972,7 @@ export interface components {
         /** @description Opens sessions. */
         CreateSessionsRequest: {
             /**
-             * @description One to the server's max_sessions_per_request (1024 by default).
+             * @description 1 to 1024.
              * @default []
              */
             sessions: components["schemas"]["SessionOptions"][];
@@ -1015,23 +995,22 @@ export interface components {
             /** @description Opens one stream: `/v1/drive?ticket=TICKET`. */
             ticket: string;
         };
-        /** @description The definition is gone. */
+        /** @description The definition was deleted. */
         DeleteObjectDefinitionResponse: Record<string, never>;
-        /** @description The scene is gone. */
+        /** @description The scene was deleted. */
         DeleteSceneResponse: Record<string, never>;
-        /** @description A motion to put into words. */
+        /** @description A motion to describe. */
         DescribeRequest: {
             /**
-             * @description Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024, and as many as a message of the pack
-             *     takes (Pack.frames_per_token to Pack.max_frames, and some that do not fill a token).
+             * @description Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024. A pack takes Pack.frames_per_token to Pack.max_frames of them, and a few more that do not fill a token.
              * @default []
              */
             frames: components["schemas"]["Keyframe"][];
             /**
-             * @description What to put it into.
-             * @default words
+             * @description Form of the description.
+             * @default TELLING_WORDS
              */
-            into: string;
+            into: components["schemas"]["Telling"];
             /**
              * @description Other characters of the same motion; at most Language.max_agents characters in all.
              * @default []
@@ -1042,47 +1021,41 @@ export interface components {
              * @default
              */
             pack: string;
-            /** @default null */
-            sampling: components["schemas"]["Sampling"] | null;
+            /** @description How the model chooses tokens. Left out: the pack's own values. */
+            sampling?: components["schemas"]["Sampling"];
             /**
-             * Format: int64
-             * @description The same seed, input and pack give the same answer. As JSON it is a number: JavaScript clients stay below 2^53.
+             * Format: uint64
+             * @description Seed of all random choices. The same seed, input and pack give the same answer.
              * @default 0
              */
-            seed: number;
+            seed: string;
         };
-        /** @description A part of a description, which follows those before. */
+        /** @description A part of a description. It follows the parts before. */
         DescribeResponse: {
+            /** @description At most one of `part` is there. Codes of audio. */
+            audio?: components["schemas"]["Audio"];
             /**
-             * @description Whether the answer ends with it.
+             * @description Whether this is the last part.
              * @default false
              */
             is_last: boolean;
             /**
-             * @description What the model was asked for that it may not do well. They come with the first part.
+             * @description Parts of the request that the model may not do well. They come with the first part.
              * @default []
              */
             notes: string[];
-            /** @default null */
-            part: components["schemas"]["DescribeResponsePart"] | null;
+            /** @description At most one of `part` is there. Words, with the spaces between parts. */
+            text?: string;
         };
-        /** @description What it is. */
-        DescribeResponsePart: {
-            /** @description Words; spaces between parts are in them. */
-            text: string;
-        } | {
-            /** @description Codes of audio. */
-            audio: components["schemas"]["Audio"];
-        };
-        /** @description A box, standing or on its way. */
+        /** @description A box, at rest or in motion. */
         DetectBox: {
-            /** @default null */
-            center: components["schemas"]["Vec3"] | null;
-            /** @default null */
-            half_extents: components["schemas"]["Vec3"] | null;
+            /** @description Middle of the box at the start. */
+            center?: components["schemas"]["Vec3"];
+            /** @description Half the size along each of the box's own axes, which are the convention's at heading 0: 1 mm to 1000 m. */
+            half_extents?: components["schemas"]["Vec3"];
             /**
              * Format: float
-             * @description Which way it faces, radians, at most 1000 either way.
+             * @description Heading, radians, at most 1000 either way.
              * @default 0
              */
             heading: number;
@@ -1091,49 +1064,48 @@ export interface components {
              * @default
              */
             scene: string;
-            /** @default null */
-            sweep: components["schemas"]["Vec3"] | null;
+            /** @description Movement of the box. Left out: none. */
+            sweep?: components["schemas"]["Vec3"];
         };
-        /** @description Asks what is in reach: exactly one of session_id and box. */
+        /** @description Asks for objects in reach: exactly one of session_id and box. */
         DetectRequest: {
             /**
              * Format: float
-             * @description How far the session's box is moved to where the character faces: 0 to 100 m, in the session's unit.
+             * @description Movement of the session's box forward, as the character faces: 0 to 100 m, in the session's unit.
              * @default 0
              */
             ahead: number;
-            /** @default null */
-            box: components["schemas"]["DetectBox"] | null;
+            /** @description Any box. */
+            box?: components["schemas"]["DetectBox"];
             /**
              * @description Convention of the box and the answer.
-             * @default native
+             * @default CONVENTION_NATIVE
              */
-            convention: string;
+            convention: components["schemas"]["Convention"];
             /**
-             * @description Leave out what somebody has reserved.
+             * @description Leave out reserved objects.
              * @default false
              */
             only_free: boolean;
             /**
-             * @description A session that is in a scene: its character's box, 0.5 m wide and deep and 1.8 m high about the root joint. The answer is
-             *     in the session's convention.
+             * @description A session in a scene. Its character's box is 0.5 m wide and deep and 1.8 m high, around the root joint. The answer is in the session's convention.
              * @default
              */
             session_id: string;
         };
-        /** @description What is in reach. */
+        /** @description Objects in reach. */
         DetectResponse: {
             /**
-             * @description Those reached first, then the nearer ones. Held objects are nowhere.
+             * @description In the order in which the sweep reaches them, then by distance. Held objects are left out.
              * @default []
              */
             objects: components["schemas"]["Detected"][];
             /**
-             * Format: int64
-             * @description The scene's revision that was looked at.
+             * Format: uint64
+             * @description The scene's revision of this answer.
              * @default 0
              */
-            revision: number;
+            revision: string;
             /**
              * @description Name of the scene.
              * @default
@@ -1143,73 +1115,74 @@ export interface components {
         /** @description An object in reach. */
         Detected: {
             /**
-             * @description The approach nearest to that side. Empty: any side will do.
+             * @description Name of the approach nearest to that side. Empty: any side will do.
              * @default
              */
             approach: string;
             /**
              * Format: float
-             * @description From the middle of the box at first to the middle of the object's trigger.
+             * @description Distance from the middle of the box at the start to the middle of the object's trigger.
              * @default 0
              */
             distance: number;
             /**
-             * @description Whether nobody has it; always true of shared objects.
+             * @description Whether no session has the object. Always true of shared objects.
              * @default false
              */
             free: boolean;
-            /** @default null */
-            object: components["schemas"]["SceneObject"] | null;
+            /** @description The object. */
+            object?: components["schemas"]["SceneObject"];
             /**
              * Format: float
-             * @description How far that approach is from the side, radians; 0 where the box is within its range.
+             * @description Angle between that approach and the side, radians. 0 if the box is within the approach's range.
              * @default 0
              */
             off: number;
             /**
              * Format: float
-             * @description Share of the sweep after which it is reached, 0 to 1; 0 where it is from the start.
+             * @description Share of the sweep until the box reaches the object, 0 to 1. 0: it does from the start.
              * @default 0
              */
             share: number;
             /**
              * Format: float
-             * @description The side of the object on which the box is at first: radians about the vertical from where the object faces, as seen from
-             *     its pivot, within half a turn.
+             * @description Direction from the object's pivot to the box at the start: radians about the vertical from the object's heading, within half a turn.
              * @default 0
              */
             side: number;
             /**
-             * @description Whether characters of the session's pack can use it; of a box: true.
+             * @description Whether characters of the session's pack can use the object. Always true for a box.
              * @default false
              */
             usable: boolean;
             /**
-             * @description The ways to use it.
+             * @description The ways to use the object.
              * @default []
              */
             variants: components["schemas"]["ObjectVariant"][];
         };
-        /**
-         * @description A scene or an object definition as text, always in the native convention: metres, degrees. An error names line, column,
-         *     field and what is allowed.
-         */
+        /** @description A scene or an object definition as text, always in the native convention: metres, degrees. Errors name line, column and field, and what is allowed. */
         Document: {
             /**
-             * @description How it is written.
-             * @default toml
+             * @description Format of the text.
+             * @default DOCUMENT_FORMAT_TOML
              */
-            format: string;
+            format: components["schemas"]["DocumentFormat"];
             /**
-             * @description The text: at most 8 MiB for a scene, 1 MiB for a definition, and less where the server takes smaller requests.
+             * @description The text: at most 8 MiB for a scene, 1 MiB for a definition.
              * @default
              */
             text: string;
         };
+        /**
+         * @description Format of a document.
+         * @enum {string}
+         */
+        DocumentFormat: "DOCUMENT_FORMAT_TOML" | "DOCUMENT_FORMAT_JSON";
         /** @description Takes sessions onto the stream. */
         DriveAttach: {
             /**
-             * @description Their ids: those in nobody else's hands. At most the server's max_sessions_per_stream on one stream.
+             * @description Ids of sessions that no step or other stream advances. At most 4096 on one stream.
              * @default []
              */
             session_ids: string[];
@@ -1217,42 +1190,38 @@ export interface components {
         /** @description Result of an attach. */
         DriveAttached: {
             /**
-             * @description Those that could not be taken.
+             * @description Sessions that could not be attached.
              * @default []
              */
             problems: components["schemas"]["SessionProblem"][];
             /**
-             * @description The sessions that are on the stream now.
+             * @description Sessions that are now on the stream.
              * @default []
              */
             sessions: components["schemas"]["Attached"][];
         };
-        /** @description The stream ends after this. */
+        /** @description The last message of a stream. */
         DriveClosing: {
-            /** @default null */
-            reason: components["schemas"]["Problem"] | null;
+            /** @description Why: CLIENT_DONE, DRAINING, SLOW_READER, WATCHED_ENDED or INVALID_REQUEST. */
+            reason?: components["schemas"]["Problem"];
         };
         /** @description Takes sessions off the stream. */
         DriveDetach: {
             /**
-             * @description Their ids.
+             * @description Ids of sessions on this stream.
              * @default []
              */
             session_ids: string[];
         };
-        /**
-         * @description What happened to sessions of the stream. It comes before the frames of the tick that it happened in, and none of it is left
-         *     out where frames are; only where a reader takes nothing for so long that more than 64 wait for a session are the oldest
-         *     dropped.
-         */
+        /** @description Events of sessions on the stream. They come before the frames of their tick. Dropped frames do not drop their events. If a reader takes nothing for so long that more than 64 events wait for a session, the oldest are dropped. */
         DriveEvents: {
             /**
-             * @description Those to which something did.
+             * @description Sessions with new events.
              * @default []
              */
             sessions: components["schemas"]["SessionEvents"][];
         };
-        /** @description A tick's frames. */
+        /** @description Frames of one tick. */
         DriveFrames: {
             /**
              * @description One for each pack and body, one frame for each session.
@@ -1260,30 +1229,30 @@ export interface components {
              */
             blocks: components["schemas"]["FrameBlock"][];
             /**
-             * Format: int64
-             * @description Ticks of this stream that were not sent since it was opened, because the reader or the server was slow.
+             * Format: uint64
+             * @description Ticks since the stream was opened that were not sent, because the reader or the server was slow.
              * @default 0
              */
-            dropped_ticks: number;
+            dropped_ticks: string;
             /**
-             * @description What is in the hands of the sessions.
+             * @description Objects in the hands of the sessions.
              * @default []
              */
             held: components["schemas"]["HeldObject"][];
             /**
-             * Format: int64
+             * Format: uint64
              * @description Counts the ticks of this stream from 0.
              * @default 0
              */
-            tick: number;
+            tick: string;
             /**
-             * Format: int32
-             * @description Sessions of this tick that had to slow down because a plan was late.
+             * Format: uint32
+             * @description Number of sessions in this tick that had to slow down because a plan was late.
              * @default 0
              */
             underruns: number;
         };
-        /** @description Why a session left the stream. */
+        /** @description Sessions that left the stream. */
         DriveLeft: {
             /**
              * @description The sessions, each with the reason: DETACHED, SESSION_CLOSED or SESSION_EXPIRED.
@@ -1294,18 +1263,18 @@ export interface components {
         /** @description Opens a stream. */
         DriveOpen: {
             /**
-             * @description Close the sessions of the stream when it ends. Else they wait for their time to live.
+             * @description Close the sessions of the stream when it ends. Otherwise they stay open until they expire.
              * @default false
              */
             close_sessions: boolean;
             /**
-             * @description How to write the frames.
-             * @default f32
+             * @description Form of the frames.
+             * @default ENCODING_F32
              */
-            encoding: string;
+            encoding: components["schemas"]["Encoding"];
             /**
-             * Format: int32
-             * @description Ticks a second: 30, 50 or 60. 0: 30.
+             * Format: uint32
+             * @description Ticks per second: 30, 50 or 60. 0: 30.
              * @default 0
              */
             rate_hz: number;
@@ -1320,64 +1289,45 @@ export interface components {
              */
             return_six_d: boolean;
             /**
-             * @description Watch the stream that has the session of this id: get what it says of its sessions, events and frames, with its slots,
-             *     ticks and dropped ticks. Rate and form are its own, so leave out the fields above. A stream that watches takes commands,
-             *     and attaches nothing. Empty: the stream has sessions of its own.
+             * @description Id of a session on another stream, which this stream then watches. It gets that stream's messages about its sessions, events and frames, with its slots, ticks and dropped ticks. Rate and form are those of the other stream, so leave out the fields above. A stream that watches takes commands, and cannot attach sessions. Empty: the stream has sessions of its own.
              * @default
              */
             watch: string;
         };
-        /** @description What a client says on the stream. */
+        /** @description A message of a client on the stream. */
         DriveRequest: {
-            /** @default null */
-            message: components["schemas"]["DriveRequestMessage"] | null;
+            /** @description At most one of `message` is there. Takes sessions onto the stream. */
+            attach?: components["schemas"]["DriveAttach"];
+            /** @description At most one of `message` is there. Gives commands, to any session. */
+            command?: components["schemas"]["CommandRequest"];
+            /** @description At most one of `message` is there. Takes sessions off the stream. */
+            detach?: components["schemas"]["DriveDetach"];
+            /** @description At most one of `message` is there. The first message, and only the first. */
+            open?: components["schemas"]["DriveOpen"];
         };
-        /** @description One of these. */
-        DriveRequestMessage: {
-            /** @description First, and once. */
-            open: components["schemas"]["DriveOpen"];
-        } | {
-            /** @description Takes sessions onto the stream. */
-            attach: components["schemas"]["DriveAttach"];
-        } | {
-            /** @description Takes sessions off the stream. */
-            detach: components["schemas"]["DriveDetach"];
-        } | {
-            /** @description Gives commands, to any session. */
-            command: components["schemas"]["CommandRequest"];
-        };
-        /** @description What the server says on the stream. */
+        /** @description A message of the server on the stream. */
         DriveResponse: {
-            /** @default null */
-            message: components["schemas"]["DriveResponseMessage"] | null;
+            /** @description At most one of `message` is there. Result of an attach. */
+            attached?: components["schemas"]["DriveAttached"];
+            /** @description At most one of `message` is there. The stream ends after this. */
+            closing?: components["schemas"]["DriveClosing"];
+            /** @description At most one of `message` is there. Results of commands that were not accepted. */
+            commands?: components["schemas"]["CommandResponse"];
+            /** @description At most one of `message` is there. Events of sessions. */
+            events?: components["schemas"]["DriveEvents"];
+            /** @description At most one of `message` is there. Frames of one tick. */
+            frames?: components["schemas"]["DriveFrames"];
+            /** @description At most one of `message` is there. Sessions that left. */
+            left?: components["schemas"]["DriveLeft"];
         };
-        /** @description One of these. */
-        DriveResponseMessage: {
-            /** @description A tick's frames. */
-            frames: components["schemas"]["DriveFrames"];
-        } | {
-            /** @description Result of an attach. */
-            attached: components["schemas"]["DriveAttached"];
-        } | {
-            /** @description Sessions that left. */
-            left: components["schemas"]["DriveLeft"];
-        } | {
-            /** @description Results of commands; only those that were not accepted. */
-            commands: components["schemas"]["CommandResponse"];
-        } | {
-            /** @description The stream ends after this. */
-            closing: components["schemas"]["DriveClosing"];
-        } | {
-            /** @description What happened to sessions. */
-            events: components["schemas"]["DriveEvents"];
-        };
-        /** @description Put down what is in the hand, by its definition's rule. With an empty hand it is accepted and does nothing. */
+        /** @description Put down the object in the hand, by the rule of its definition. With an empty hand the command is accepted and does nothing. */
         DropHeld: Record<string, never>;
         /**
-         * @description Leave an interaction that is held, such as sitting, by its exit. A character that carries an object goes through the exit of
-         *     the variant by which it took it: the way out. One that is on the way to an object turns away from it. On the way out, and
-         *     without any of these, this does nothing.
+         * @description Form of frames.
+         * @enum {string}
          */
+        Encoding: "ENCODING_F32" | "ENCODING_COMPACT" | "ENCODING_QPOS";
+        /** @description End an interaction that is held, such as sitting, by its exit. A character that carries an object goes through the exit of the variant that took it: the way out. A character on its way to an object turns away from it. In all other cases, and on the way out, this does nothing. */
         EndInteraction: Record<string, never>;
         /** @description Every error over HTTP. */
         ErrorBody: {
@@ -1414,69 +1364,65 @@ export interface components {
              */
             retry_after_ms?: number | null;
         };
-        /**
-         * @description Whether a motion stays within what the pack's data does. The first nine figures are of the frames and of the keyframes that were
-         *     asked for, the last three of the way from the context to the targets.
-         */
+        /** @description Whether a motion stays within the limits of the pack's data. The first nine figures are about the frames and the keyframes of the request. The last three are about the way from the context to the targets. */
         Feasibility: {
-            /** @default null */
-            below_ground: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            bend: components["schemas"]["FeasibilityFigure"] | null;
+            /** @description Depth of the lowest joint below the ground, metres. */
+            below_ground?: components["schemas"]["FeasibilityFigure"];
+            /** @description Bend of a joint beyond its range in the data, radians. */
+            bend?: components["schemas"]["FeasibilityFigure"];
             /**
-             * @description Whether no figure is beyond its limit.
+             * @description Whether all figures are within their limits.
              * @default false
              */
             feasible: boolean;
-            /** @default null */
-            joint_acceleration: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            joint_speed: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            off_ground: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            pose_reach: components["schemas"]["FeasibilityFigure"] | null;
+            /** @description Largest acceleration of a joint relative to the root, m/s². */
+            joint_acceleration?: components["schemas"]["FeasibilityFigure"];
+            /** @description Speed of the fastest joint relative to the root, m/s. */
+            joint_speed?: components["schemas"]["FeasibilityFigure"];
+            /** @description Height of the lowest joint above the ground, metres. */
+            off_ground?: components["schemas"]["FeasibilityFigure"];
+            /** @description Mean distance of the joints between the context and a target, relative to the root's place on the ground, metres. The limit is that of the same number of frames. */
+            pose_reach?: components["schemas"]["FeasibilityFigure"];
             /**
              * Format: float
-             * @description Its value divided by its limit.
+             * @description That ratio.
              * @default 0
              */
             ratio: number;
-            /** @default null */
-            root_acceleration: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            root_reach: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            root_speed: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            tilt: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            turn_reach: components["schemas"]["FeasibilityFigure"] | null;
-            /** @default null */
-            turning: components["schemas"]["FeasibilityFigure"] | null;
+            /** @description Acceleration of the root, m/s². A velocity that a target asks for counts as the step that leads to it. */
+            root_acceleration?: components["schemas"]["FeasibilityFigure"];
+            /** @description Distance over the ground from a target to the place that the context's velocity leads to, metres. The limit is that of the same number of frames. */
+            root_reach?: components["schemas"]["FeasibilityFigure"];
+            /** @description Speed of the root over the ground, m/s. */
+            root_speed?: components["schemas"]["FeasibilityFigure"];
+            /** @description Angle of the pelvis from its usual stance, radians. */
+            tilt?: components["schemas"]["FeasibilityFigure"];
+            /** @description Turn of the pelvis from the context to a target, radians. The limit is that of the same number of frames. */
+            turn_reach?: components["schemas"]["FeasibilityFigure"];
+            /** @description Angular speed of the pelvis about any axis, rad/s. */
+            turning?: components["schemas"]["FeasibilityFigure"];
             /**
-             * @description Name of the figure that is farthest beyond its limit, or nearest to it.
+             * @description Name of the figure with the largest ratio of value to limit.
              * @default
              */
             worst: string;
         };
-        /** @description A figure of a motion beside its limit. Its unit is that of its field in Feasibility. */
+        /** @description A figure of a motion and its limit. The unit is that of its field in Feasibility. */
         FeasibilityFigure: {
             /**
-             * Format: int32
+             * Format: uint32
              * @description The frame that has the value.
              * @default 0
              */
             frame: number;
             /**
-             * Format: int32
-             * @description Index of the joint that has it, in the order of the pack's joints, where it is a joint's.
-             * @default null
+             * Format: uint32
+             * @description Index of the joint that has the value, in the order of the pack's joints. Left out: the figure is not about a joint.
              */
-            joint: number | null;
+            joint?: number;
             /**
              * Format: float
-             * @description What all but 0.1 % of the windows of the pack's training data stay within.
+             * @description All but 0.1 % of the windows of the pack's training data stay within this.
              * @default 0
              */
             limit: number;
@@ -1487,99 +1433,87 @@ export interface components {
              */
             value: number;
         };
-        /**
-         * @description Follow a path, and stand at its end. The character goes to the first point from where it is. Where a path is faster than it can
-         *     go, it falls behind; the event of the end says by how much.
-         */
+        /** @description Follow a path, and stand at its end. The character goes to the first point from its current place. If the path is faster than the character can go, it falls behind. The event at the end says by how much. */
         FollowPath: {
             /**
-             * @description Go on from the last point to the first, for ever.
+             * @description Continue from the last point to the first, for ever.
              * @default false
              */
             loop: boolean;
             /**
-             * @description 2 to 1024 points in the session's convention, at most 15 m/s from one to the next. Times count from the command, up to 600 s. The
-             *     path is a smooth curve through them. The first is at most 5 m from the character.
+             * @description 2 to 1024 points in the session's convention, at most 15 m/s from one to the next. Times count from the command, up to 600 s. The path is a smooth curve through them. The first is at most 5 m from the character.
              * @default []
              */
             points: components["schemas"]["PathPoint"][];
             /**
              * Format: float
              * @description Speed along the path in the session's units per second, for points without times: 0.05 to 15 m/s. Left out: the style's.
-             * @default null
              */
-            speed: number | null;
+            speed?: number;
             /**
-             * @description Style to move in. Empty: the one it has.
+             * @description Style to move in. Empty: no change.
              * @default
              */
             style: string;
         };
-        /**
-         * @description Frames of characters of one pack and body, packed by column. With C characters, F frames each, J joints: every column holds all
-         *     frames of the first character, then all of the second, and so on.
-         */
+        /** @description Frames of characters with the same pack and body, packed by column. With C characters, F frames each, J joints: every column has all frames of the first character, then all of the second, and so on. */
         FrameBlock: {
             /**
-             * @description Name of the body, whose joints the columns have. Empty for packs of one skeleton.
+             * @description Name of the body, whose joints the columns have. Empty for packs with one skeleton.
              * @default
              */
             body: string;
             /**
-             * @description C x F: hinges that were asked for more than their limits, and are at the limit (ENCODING_QPOS).
+             * @description C x F: number of hinges that were asked for more than their limits, and are at the limit (ENCODING_QPOS).
              * @default []
              */
             clamped_hinges: number[];
             /**
              * Format: byte
-             * @description C x F bytes: bit i is set where contact joint i of the pack is on the ground.
+             * @description C x F bytes: bit i is set while contact joint i of the pack is on the ground.
              * @default
              */
             contacts: string;
             /**
-             * @description The session's frame number of each character's first frame, rounded down: one for each character.
+             * @description Frame number of each character's first frame in its session, rounded down.
              * @default []
              */
-            first_frames: number[];
+            first_frames: string[];
             /**
-             * Format: int32
+             * Format: uint32
              * @description Frames of each character.
              * @default 0
              */
             frame_count: number;
             /**
-             * @description C x F: how far the hinges could not follow the motion, as the largest angle of any joint in the world, radians (ENCODING_QPOS).
+             * @description C x F: how far the hinges could not follow the motion. The largest angle of any joint in the world, radians (ENCODING_QPOS).
              * @default []
              */
             hinge_residuals: number[];
             /**
-             * @description The pack: its skeleton gives the joints.
+             * @description Name of the pack. Its skeleton gives the joints.
              * @default
              */
             pack: string;
             /**
              * Format: byte
-             * @description C x F x 12 bytes: three little-endian 32-bit integers along the session's axes, 0.1 mm each whatever its unit
-             *     (ENCODING_COMPACT).
+             * @description C x F x 12 bytes: three little-endian 32-bit integers along the session's axes, 0.1 mm each in every convention (ENCODING_COMPACT).
              * @default
              */
             packed_roots: string;
             /**
              * Format: byte
-             * @description C x F x J x 6 bytes: three little-endian 16-bit words (ENCODING_COMPACT). The top bits of the first two words, lower
-             *     first, say which of (w, x, y, z) is left out; it is positive and makes the length 1. The others follow in that order in
-             *     the low 15 bits: value = (bits / 32767 * 2 - 1) / sqrt(2).
+             * @description C x F x J x 6 bytes: three little-endian 16-bit words (ENCODING_COMPACT). The top bits of the first two words, lower first, say which of (w, x, y, z) is left out. It is positive, and makes the length 1. The others follow in that order in the low 15 bits: value = (bits / 32767 * 2 - 1) / sqrt(2).
              * @default
              */
             packed_rotations: string;
             /**
-             * @description C x F x J x 3, when asked for: world joint positions.
+             * @description C x F x J x 3, on request: world joint positions.
              * @default []
              */
             positions: number[];
             /**
-             * @description C x F x Robot.qpos_size: the root's x, y, z (metres, X forward, Y left, Z up) and rotation (w, x, y, z), then the angles of
-             *     Robot.hinges, radians (ENCODING_QPOS).
+             * @description C x F x Robot.qpos_size: the root's x, y, z (metres, X forward, Y left, Z up) and rotation (w, x, y, z), then the angles of Robot.hinges, radians (ENCODING_QPOS).
              * @default []
              */
             qpos: number[];
@@ -1594,12 +1528,12 @@ export interface components {
              */
             rotations: number[];
             /**
-             * @description C x F x J x 6, when asked for: the first two columns of each joint's rotation matrix in the world.
+             * @description C x F x J x 6, on request: the first two columns of each joint's rotation matrix in the world.
              * @default []
              */
             six_d: number[];
             /**
-             * @description Which characters: places in the request's session_ids (Step) or slots (Drive).
+             * @description The characters: indices in the request's session_ids (Step), or slots (Drive).
              * @default []
              */
             slots: number[];
@@ -1607,7 +1541,7 @@ export interface components {
         /** @description Generated frames, packed by column: every array holds frame 0 first. Frame 0 is the first context frame. */
         Frames: {
             /**
-             * @description Of a robot's frames, one each: hinges that were asked for more than their limits, and are at the limit.
+             * @description frame_count, for robots: number of hinges that were asked for more than their limits, and are at the limit.
              * @default []
              */
             clamped_hinges: number[];
@@ -1617,24 +1551,23 @@ export interface components {
              */
             contacts: number[];
             /**
-             * Format: int32
+             * Format: uint32
              * @description Frames in every array below.
              * @default 0
              */
             frame_count: number;
             /**
-             * @description Of a robot's frames, one each: how far the hinges could not follow the networks or a keyframe, as the largest angle of any joint
-             *     in the world, radians.
+             * @description frame_count, for robots: how far the hinges could not follow the networks or a keyframe. The largest angle of any joint in the world, radians.
              * @default []
              */
             hinge_residuals: number[];
             /**
-             * @description frame_count x joints x 3, when asked for: world joint positions in metres.
+             * @description frame_count x joints x 3, on request: world joint positions in metres.
              * @default []
              */
             positions: number[];
             /**
-             * @description frame_count x Robot.qpos_size, when asked for: MuJoCo's qpos, in its own axes (X forward, Y left, Z up).
+             * @description frame_count x Robot.qpos_size, on request: MuJoCo's qpos, in its own axes (X forward, Y left, Z up).
              * @default []
              */
             qpos: number[];
@@ -1649,12 +1582,12 @@ export interface components {
              */
             rotations: number[];
             /**
-             * @description frame_count x joints x 6, when asked for: the first two columns of each joint's rotation matrix in the world.
+             * @description frame_count x joints x 6, on request: the first two columns of each joint's rotation matrix in the world.
              * @default []
              */
             six_d: number[];
         };
-        /** @description One way to move at one velocity: a cycle of keyframes. */
+        /** @description A way to move at one velocity: a cycle of keyframes. */
         Gait: {
             /**
              * Format: float
@@ -1669,8 +1602,8 @@ export interface components {
              */
             height: number;
             /**
-             * Format: int32
-             * @description Keyframes of the gait, given in lists too.
+             * Format: uint32
+             * @description Number of keyframes, also in lists.
              * @default 0
              */
             key_count: number;
@@ -1686,13 +1619,13 @@ export interface components {
              */
             left: number;
             /**
-             * @description Its name, unique in the style, such as idle, walk, run, walk-left, turn-right.
+             * @description Name, unique in the style, such as idle, walk, run, walk-left, turn-right.
              * @default
              */
             name: string;
             /**
              * Format: float
-             * @description Frames of a cycle at 30 Hz, such as the two steps of a walk; 0 for one that stands.
+             * @description Frames of a cycle at 30 Hz, such as the two steps of a walk. 0 for a standing gait.
              * @default 0
              */
             period_frames: number;
@@ -1724,7 +1657,7 @@ export interface components {
              */
             left: number;
             /**
-             * @description (w, x, y, z) for each joint of the pack; the first with the heading taken out, others relative to their parents.
+             * @description (w, x, y, z) for each joint of the pack: the first without the heading, the others relative to their parents.
              * @default []
              */
             rotations: number[];
@@ -1735,10 +1668,10 @@ export interface components {
              */
             turn: number;
         };
-        /** @description A gait's part in a blend. */
+        /** @description A gait's share in a blend. */
         GaitWeight: {
             /**
-             * @description Its name.
+             * @description Name of the gait.
              * @default
              */
             gait: string;
@@ -1751,75 +1684,63 @@ export interface components {
         };
         /** @description A motion to make. */
         GenerateRequest: {
-            /** @default null */
-            goal: components["schemas"]["GenerateRequestGoal"] | null;
             /**
              * @description Name of the pack. Empty: the server's default pack.
              * @default
              */
             pack: string;
             /**
-             * @description Frames that go before, oldest first, each with root position and pose: none, or as many as Pack.context_frames; beside a prompt
-             *     up to Pack.max_frames, where the pack has a language model. Without them the motion begins at the origin and faces +Z.
+             * @description Frames before the motion, oldest first, each with root position and pose: none, or Pack.context_frames. With a prompt up to Pack.max_frames, if the pack has a language model. Without them the motion begins at the origin and faces +Z.
              * @default []
              */
             past: components["schemas"]["Keyframe"][];
-            /** @default null */
-            sampling: components["schemas"]["Sampling"] | null;
+            /** @description At most one of `goal` is there. Follow a path, with a body of any skeleton. Needs the capability `path`. */
+            path?: components["schemas"]["PathGoal"];
+            /** @description At most one of `goal` is there. Act out words. Needs the capability `text`. */
+            prompt?: components["schemas"]["Prompt"];
+            /** @description How the model chooses the tokens of a prompt's motion. Left out: the pack's own values. A path refuses it. */
+            sampling?: components["schemas"]["Sampling"];
             /**
-             * Format: int64
-             * @description The same seed, input and pack give the same answer. As JSON it is a number: JavaScript clients stay below 2^53.
+             * Format: uint64
+             * @description Seed of all random choices. The same seed, input and pack give the same answer.
              * @default 0
              */
-            seed: number;
+            seed: string;
         };
-        /** @description What to make: exactly one of these. */
-        GenerateRequestGoal: {
-            /** @description Act out words. Needs the capability `text`. */
-            prompt: components["schemas"]["Prompt"];
-        } | {
-            /** @description Follow a path, with a body of any skeleton. Needs the capability `path`. */
-            path: components["schemas"]["PathGoal"];
-        };
-        /** @description A part of a motion, which follows those before. */
+        /** @description A part of a motion. It follows the parts before. */
         GenerateResponse: {
             /**
-             * Format: int32
-             * @description Whose frames they are: 0 for the first character, 1 and more for those of Prompt.others.
+             * Format: uint32
+             * @description The character: 0 for the first, 1 and more for those of Prompt.others.
              * @default 0
              */
             character: number;
-            /** @default null */
-            feasibility: components["schemas"]["Feasibility"] | null;
+            /** @description For frames along a path: whether they stay within the limits of the body's data. Frames count from the first of the answer. Left out if the body has no limits. */
+            feasibility?: components["schemas"]["Feasibility"];
+            /** @description At most one of `part` is there. Frames of one character. */
+            frames?: components["schemas"]["Frames"];
             /**
-             * @description Whether the answer ends with it.
+             * @description Whether this is the last part.
              * @default false
              */
             is_last: boolean;
             /**
-             * @description What the model was asked for that it may not do well. They come with the first part.
+             * @description Parts of the request that the model may not do well. They come with the first part.
              * @default []
              */
             notes: string[];
-            /** @default null */
-            part: components["schemas"]["GenerateResponsePart"] | null;
-        };
-        /** @description What it is. */
-        GenerateResponsePart: {
-            /** @description Frames of one character. */
-            frames: components["schemas"]["Frames"];
         };
         /** @description One definition. */
         GetObjectDefinitionResponse: {
-            /** @default null */
-            definition: components["schemas"]["ObjectDefinition"] | null;
-            /** @default null */
-            document: components["schemas"]["Document"] | null;
+            /** @description The definition in short. */
+            definition?: components["schemas"]["ObjectDefinition"];
+            /** @description The whole definition. */
+            document?: components["schemas"]["Document"];
         };
         /** @description Heights over a grid around the origin of its collider. */
         HeightfieldShape: {
             /**
-             * Format: int32
+             * Format: uint32
              * @description Samples from right to left, 2 to 512.
              * @default 0
              */
@@ -1831,13 +1752,12 @@ export interface components {
              */
             depth: number;
             /**
-             * @description rows x columns heights, at most 1000 m up or down, row by row: the rearmost row first, each from right to left. At most
-             *     1048576 in one scene.
+             * @description rows x columns heights, at most 1000 m up or down, row by row: the rearmost row first, each from right to left. At most 1048576 in one scene.
              * @default []
              */
             heights: number[];
             /**
-             * Format: int32
+             * Format: uint32
              * @description Samples from back to front, 2 to 512.
              * @default 0
              */
@@ -1852,25 +1772,25 @@ export interface components {
         /** @description An object in a character's hand. */
         HeldObject: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
-            /** @default null */
-            rotation: components["schemas"]["Quat"] | null;
+            /** @description Position of the object's origin at the last frame of the same message. */
+            position?: components["schemas"]["Vec3"];
+            /** @description Rotation of the object at that frame. */
+            rotation?: components["schemas"]["Quat"];
             /**
-             * Format: int32
-             * @description Place in the request's session_ids (Step) or slot (Drive) of the session; 0 in the description of a session.
+             * Format: uint32
+             * @description The session: its index in session_ids (Step) or its slot (Drive). 0 in a Session.
              * @default 0
              */
             slot: number;
         };
         /** @description A joint that turns about one axis. Its rotation relative to its parent is `rest`, then the turn by its angle about `axis`. */
         Hinge: {
-            /** @default null */
-            axis: components["schemas"]["Vec3"] | null;
+            /** @description Axis in the joint's own frame, unit length. */
+            axis?: components["schemas"]["Vec3"];
             /**
              * @description Name of the joint.
              * @default
@@ -1884,12 +1804,12 @@ export interface components {
             lower: number;
             /**
              * Format: float
-             * @description The fastest that it turns, in radians per second. Frames are not held to it.
+             * @description Top speed, in radians per second. Frames may be faster.
              * @default 0
              */
             max_speed: number;
-            /** @default null */
-            rest: components["schemas"]["Quat"] | null;
+            /** @description Rotation relative to the parent at angle 0. */
+            rest?: components["schemas"]["Quat"];
             /**
              * Format: float
              * @description Largest angle, in radians.
@@ -1897,10 +1817,10 @@ export interface components {
              */
             upper: number;
         };
-        /** @description What to generate, and with which pack. */
+        /** @description Motion to fill in, and the pack that makes it. */
         InBetweenRequest: {
             /**
-             * @description One to the server's max_characters_per_request (256 by default).
+             * @description 1 to 256.
              * @default []
              */
             characters: components["schemas"]["Character"][];
@@ -1927,16 +1847,13 @@ export interface components {
              * @default
              */
             pack_version: string;
-            /** @default null */
-            timing: components["schemas"]["Timing"] | null;
+            /** @description Times of the request. */
+            timing?: components["schemas"]["Timing"];
         };
-        /**
-         * @description Use an object of the session's scene: go to it, and through the sets of one of its variants. The object is reserved from
-         *     the frame on at which the command holds.
-         */
+        /** @description Use an object of the session's scene: go to it, and through the sets of one of its variants. The object is reserved from the frame at which the command takes effect. */
         Interact: {
             /**
-             * @description Name of the approach. Empty: the one nearest to where the character is.
+             * @description Name of the approach. Empty: the one nearest to the character.
              * @default
              */
             approach: string;
@@ -1946,38 +1863,33 @@ export interface components {
              */
             instance: string;
             /**
-             * @description Name of the variant. Empty: one by weight. All choices of a session follow from its seed.
+             * @description Name of the variant. Empty: a random one by weight, from the session's seed.
              * @default
              */
             variant: string;
         };
-        /** @description An interaction went through to its end. */
+        /** @description An interaction ended as planned. */
         InteractionDone: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
         };
-        /**
-         * @description An interaction could not go on; the character stands. Also: an object that is carried was taken out of the scene, which the
-         *     character goes on without (REMOVED).
-         */
+        /** @description An interaction failed, and the character stands still. Also sent if a carried object is removed from the scene (REMOVED). Then the character goes on without it. */
         InteractionFailed: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
             /**
-             * @description The same for people, with names and numbers.
+             * @description The reason for people, with names and numbers.
              * @default
              */
             message: string;
             /**
-             * @description Why: NOT_REACHED (the place to start from, in time), BLOCKED (something came in the way), TAKEN (somebody else has the
-             *     object), MOVED (too late to follow it), REMOVED (from the scene), NO_PLACE (to put the object down), OUT_OF_REACH (of
-             *     a joint that a keyframe places) or NO_PLAN (the networks gave no motion).
+             * @description NOT_REACHED: the character did not reach the start in time. BLOCKED: something is in the way. TAKEN: another session has the object. MOVED: the object moved too late to follow it. REMOVED: the object left the scene. NO_PLACE: there is no place to put the object down. OUT_OF_REACH: a joint does not reach its keyframe. NO_PLAN: the networks gave no motion.
              * @default
              */
             reason: string;
@@ -1985,48 +1897,45 @@ export interface components {
         /** @description A command broke an interaction off. */
         InteractionInterrupted: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
         };
-        /**
-         * @description An interaction began: the object is reserved. The way out of an object that is carried (see EndInteraction) has none: it goes
-         *     on with what began when the object was taken, and tells its sets and its end.
-         */
+        /** @description An interaction began, and the object is reserved. The way out of a carried object (see EndInteraction) is part of the interaction that took it, so no event of this kind is sent for it. */
         InteractionStarted: {
             /**
-             * @description The approach that was chosen; empty where the definition has none.
+             * @description The approach that was chosen. Empty if the definition has no approaches.
              * @default
              */
             approach: string;
             /**
-             * @description Name of its definition.
+             * @description Name of the object's definition, or of the skill.
              * @default
              */
             definition: string;
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
             /**
-             * Format: int64
-             * @description What the variant was chosen by: any 64-bit number. As JSON it is a number, which JavaScript and jq round above 2^53.
+             * Format: uint64
+             * @description Seed of the choice of the variant.
              * @default 0
              */
-            seed: number;
+            seed: string;
             /**
              * @description The variant that was chosen.
              * @default
              */
             variant: string;
         };
-        /** @description What each stage produced, in world coordinates. */
+        /** @description Results of the stages, in world coordinates. */
         Intermediates: {
             /**
-             * Format: int32
-             * @description Frames that the root module predicted (a multiple of four; the segment itself may be shorter).
+             * Format: uint32
+             * @description Frames that the root module predicted: a multiple of four. The segment may be shorter.
              * @default 0
              */
             predicted_frame_count: number;
@@ -2041,7 +1950,7 @@ export interface components {
              */
             root_r_g4: number[];
             /**
-             * @description Probability of 3, 4, ... 16 tokens, after masking by what was allowed.
+             * @description Probability of 3, 4, ... 16 tokens, among the counts that were allowed.
              * @default []
              */
             token_count_probabilities: number[];
@@ -2058,8 +1967,8 @@ export interface components {
              * @default
              */
             name: string;
-            /** @default null */
-            offset: components["schemas"]["Vec3"] | null;
+            /** @description Offset from the parent in metres, in the parent's frame. */
+            offset?: components["schemas"]["Vec3"];
             /**
              * Format: int32
              * @description Index of the parent, or -1 for the root joint.
@@ -2069,71 +1978,64 @@ export interface components {
         };
         /** @description A keyframe constraint: any subset of root, velocity and pose, but at least one. */
         Keyframe: {
-            /** @default null */
-            pose: components["schemas"]["Pose"] | null;
+            /** @description Rotations of all joints. */
+            pose?: components["schemas"]["Pose"];
             /**
-             * @description Root and pose of a robot, in place of both: MuJoCo's qpos, with Robot.qpos_size numbers. The root's x, y, z (metres, X
-             *     forward, Y left, Z up) and rotation (w, x, y, z, unit length within 1e-3), then an angle for each of Robot.hinges, radians,
-             *     within its limits or at most 0.01 rad outside. The convention of a session makes no difference to it. Packs without a robot
-             *     refuse it.
+             * @description Root and pose of a robot, instead of `root` and `pose`: MuJoCo's qpos, with Robot.qpos_size numbers. First the root's x, y, z (metres, X forward, Y left, Z up) and rotation (w, x, y, z, unit length within 1e-3), then an angle for each of Robot.hinges, in radians. An angle may be at most 0.01 rad outside the hinge's limits. The convention of a session does not change qpos. Packs without a robot refuse it.
              * @default []
              */
             qpos: number[];
-            /** @default null */
-            root: components["schemas"]["Root"] | null;
-            /** @default null */
-            velocity: components["schemas"]["RootVelocity"] | null;
+            /** @description Position and heading of the character. */
+            root?: components["schemas"]["Root"];
+            /** @description Velocity of the root. Left out: free, or derived if consecutive keyframes give their roots. Then each has the velocity that leads to it from the keyframe before, and the first has that of the second. */
+            velocity?: components["schemas"]["RootVelocity"];
         };
-        /**
-         * @description How far a motion is from a keyframe: from its whole pose, in which what the keyframe does not say is as in the standing pose
-         *     of the style, and place and heading as in the keyframe before, or where the set begins.
-         */
+        /** @description How far a motion is from a keyframe. A keyframe gives part of a pose. The rest is the standing pose of the style. Position and heading, if the keyframe gives none, are those of the keyframe before, or of the start of the set. */
         KeyframeError: {
             /**
              * Format: float
-             * @description Heading, degrees.
+             * @description Difference of heading, degrees.
              * @default 0
              */
             heading_deg: number;
             /**
              * Format: float
-             * @description The farthest of all joints, metres.
+             * @description Distance of the joint that is farthest off, metres.
              * @default 0
              */
             joint_m: number;
             /**
              * Format: float
-             * @description Root joint, metres.
+             * @description Distance of the root joint, metres.
              * @default 0
              */
             root_m: number;
         };
-        /** @description A keyframe was reached. */
+        /** @description The character reached a keyframe. */
         KeyframeReached: {
-            /** @default null */
-            after: components["schemas"]["KeyframeError"] | null;
-            /** @default null */
-            before: components["schemas"]["KeyframeError"] | null;
+            /** @description Error of the frames that were sent, after the motion was drawn to the keyframe. */
+            after?: components["schemas"]["KeyframeError"];
+            /** @description Error of the motion that the networks made. */
+            before?: components["schemas"]["KeyframeError"];
             /**
-             * Format: int32
-             * @description How many frames before the keyframe's own frame what follows began: 0 for a hard keyframe, at most drop_frames for a soft
-             *     one. A command that comes within the last frames of an interaction cuts those short, a hard keyframe with them.
+             * Format: uint32
+             * @description Frames by which the next motion began before the keyframe's own frame. 0 for a hard keyframe, at most drop_frames for a soft one. A command near the end of an interaction cuts the last frames short, even before a hard keyframe.
              * @default 0
              */
             early_frames: number;
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
             /**
-             * Format: int32
-             * @description Index of the keyframe in it.
+             * Format: uint32
+             * @description Index of the keyframe in its set.
              * @default 0
              */
             keyframe: number;
             /**
-             * @description The set.
+             * @description Name of the set.
              * @default
              */
             set: string;
@@ -2141,34 +2043,33 @@ export interface components {
         /** @description What a pack's language model reads and writes. */
         Language: {
             /**
-             * Format: int32
-             * @description Codes of audio; 0 where it has none.
+             * Format: uint32
+             * @description Number of audio codes; 0 for none.
              * @default 0
              */
             audio_codes: number;
             /**
-             * Format: int32
-             * @description Steps that the flow decoder was made for; 0 where the pack has none.
+             * Format: uint32
+             * @description Steps that the flow decoder was made for. 0: the pack has no flow decoder.
              * @default 0
              */
             flow_steps: number;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Most characters of a motion.
              * @default 0
              */
             max_agents: number;
             /**
-             * Format: int32
-             * @description Most text pieces of a prompt, those of all characters together.
+             * Format: uint32
+             * @description Most text pieces of a prompt, over all characters.
              * @default 0
              */
             max_prompt_pieces: number;
-            /** @default null */
-            sampling: components["schemas"]["Sampling"] | null;
+            /** @description How the model chooses tokens if a request does not say. */
+            sampling?: components["schemas"]["Sampling"];
             /**
-             * @description What it was trained to do: text_to_motion, motion_to_text, prediction, inbetween, continuation, unconditional, music_to_dance,
-             *     dance_to_music, speech_to_gesture, gesture_to_speech.
+             * @description The tasks of its training: text_to_motion, motion_to_text, prediction, inbetween, continuation, unconditional, music_to_dance, dance_to_music, speech_to_gesture, gesture_to_speech.
              * @default []
              */
             tasks: string[];
@@ -2210,8 +2111,8 @@ export interface components {
              */
             sessions: components["schemas"]["Session"][];
             /**
-             * Format: int32
-             * @description Sessions open on the server.
+             * Format: uint32
+             * @description Number of open sessions on the server.
              * @default 0
              */
             total: number;
@@ -2219,7 +2120,7 @@ export interface components {
         /** @description The styles of a pack. */
         ListStylesResponse: {
             /**
-             * @description Name of the body; empty for packs of one skeleton.
+             * @description Name of the body. Empty for packs with one skeleton.
              * @default
              */
             body: string;
@@ -2243,29 +2144,26 @@ export interface components {
         Locomote: {
             /**
              * Format: float
-             * @description Where to face, radians. Left out: where it goes, or where it faces when it stands.
-             * @default null
+             * @description Heading to face, radians. Left out: the direction of movement; a standing character keeps its heading.
              */
-            facing: number | null;
+            facing?: number;
             /**
-             * @description Gait of the style to move in, such as `walk` where the speed alone would have it run. Empty: the gaits that suit the
-             *     velocity.
+             * @description Gait of the style to move in, such as `walk` at a speed that would otherwise be a run. Empty: the gaits that suit the velocity.
              * @default
              */
             gait: string;
             /**
              * Format: float
              * @description Height of the root joint in the session's unit, for styles that have a range of heights. Left out: the style's.
-             * @default null
              */
-            height: number | null;
+            height?: number;
             /**
-             * @description Style to move in. Empty: the one it has.
+             * @description Style to move in. Empty: no change.
              * @default
              */
             style: string;
-            /** @default null */
-            velocity: components["schemas"]["Vec3"] | null;
+            /** @description Direction and speed, in the session's units per second. The vertical part must be 0. Left out: stand. A speed above the style's range becomes the style's top speed. */
+            velocity?: components["schemas"]["Vec3"];
         };
         /** @description Every error of the Motion Model Context Protocol. */
         MmcpError: {
@@ -2285,11 +2183,11 @@ export interface components {
         MoveObjectsRequest: {
             /**
              * @description Convention of the places.
-             * @default native
+             * @default CONVENTION_NATIVE
              */
-            convention: string;
+            convention: components["schemas"]["Convention"];
             /**
-             * @description 1 to 4096. One that cannot be moved does not hold up the others.
+             * @description 1 to 4096. If one cannot be moved, the others still are.
              * @default []
              */
             moves: components["schemas"]["ObjectMove"][];
@@ -2302,12 +2200,12 @@ export interface components {
         /** @description The object went to a socket of the character. */
         ObjectAttached: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
             /**
-             * @description The socket.
+             * @description Name of the socket.
              * @default
              */
             socket: string;
@@ -2320,18 +2218,18 @@ export interface components {
              */
             approaches: string[];
             /**
-             * @description What it is, for people.
+             * @description A description for people.
              * @default
              */
             description: string;
             /**
-             * @description Its name.
+             * @description Name of the definition.
              * @default
              */
             name: string;
             /**
-             * Format: int32
-             * @description Objects of it in all scenes.
+             * Format: uint32
+             * @description Number of such objects in all scenes.
              * @default 0
              */
             objects: number;
@@ -2341,18 +2239,18 @@ export interface components {
              */
             pack: string;
             /**
-             * Format: int64
-             * @description Grows with every upload to the server, so that no two uploads have the same.
+             * Format: uint64
+             * @description Grows with every upload to the server. No two uploads have the same.
              * @default 0
              */
-            revision: number;
+            revision: string;
             /**
-             * @description Names of its sets of keyframes.
+             * @description Names of the definition's sets of keyframes.
              * @default []
              */
             sets: string[];
             /**
-             * @description Whether any number of characters may use it at once.
+             * @description Whether any number of characters may use one at the same time.
              * @default false
              */
             shared: boolean;
@@ -2362,7 +2260,7 @@ export interface components {
              */
             sockets: string[];
             /**
-             * @description Whether rays and boxes hit it.
+             * @description Whether rays and boxes hit such objects.
              * @default false
              */
             solid: boolean;
@@ -2376,52 +2274,56 @@ export interface components {
         ObjectMove: {
             /**
              * Format: float
-             * @description Which way it is to face, radians, at most 1000 either way. Excludes rotation.
-             * @default null
+             * @description New heading, radians, at most 1000 either way. Excludes rotation.
              */
-            heading: number | null;
+            heading?: number;
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             id: string;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
-            /** @default null */
-            rotation: components["schemas"]["Quat"] | null;
+            /** @description New position of the object's origin. Left out: no change. */
+            position?: components["schemas"]["Vec3"];
+            /** @description New rotation. Left out together with heading: no change. */
+            rotation?: components["schemas"]["Quat"];
         };
-        /** @description The object was put down. */
+        /** @description The character put the object down. */
         ObjectReleased: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
-            /** @default null */
-            rotation: components["schemas"]["Quat"] | null;
+            /** @description Position of the object's origin from now on. */
+            position?: components["schemas"]["Vec3"];
+            /** @description Rotation of the object from now on. */
+            rotation?: components["schemas"]["Quat"];
         };
         /** @description Result of one object. */
         ObjectResult: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             id: string;
-            /** @default null */
-            problem: components["schemas"]["Problem"] | null;
+            /** @description Why it failed. Left out: it was done. */
+            problem?: components["schemas"]["Problem"];
         };
+        /**
+         * @description Whether a session has an object.
+         * @enum {string}
+         */
+        ObjectState: "OBJECT_STATE_FREE" | "OBJECT_STATE_RESERVED" | "OBJECT_STATE_HELD";
         /** @description A way to use an object. */
         ObjectVariant: {
             /**
-             * @description Its name.
+             * @description Name of the variant.
              * @default
              */
             name: string;
             /**
              * Format: float
-             * @description How often it is chosen, compared with the others; 0: only when asked for by name.
+             * @description Weight of a random choice, relative to the other variants. 0: chosen only by name.
              * @default 0
              */
             weight: number;
@@ -2434,34 +2336,34 @@ export interface components {
              */
             results: components["schemas"]["ObjectResult"][];
             /**
-             * Format: int64
-             * @description The scene's revision with these changes, all of which became visible at once.
+             * Format: uint64
+             * @description The scene's revision with these changes, which became visible all at once.
              * @default 0
              */
-            revision: number;
+            revision: string;
         };
-        /** @description The motion of a second character, and more. */
+        /** @description The motion of a further character. */
         OtherMotion: {
             /**
-             * @description Its frames, as many as those of the first character.
+             * @description The same number of frames as for the first character.
              * @default []
              */
             frames: components["schemas"]["Keyframe"][];
         };
-        /** @description A model pack: what it animates, its limits and where it comes from. */
+        /** @description A model pack: what it animates, its limits, and its origin. */
         Pack: {
             /**
-             * @description The bodies that one network moves, the default one first. None: the pack has the one skeleton above.
+             * @description The bodies that one network moves, the default one first. Empty: the pack has one skeleton, `joints`.
              * @default []
              */
             bodies: components["schemas"]["PackBody"][];
             /**
-             * @description What the pack can do: inbetween, live, path, text, describe, agents.
+             * @description Capabilities: inbetween, live, path, text, describe, agents.
              * @default []
              */
             capabilities: string[];
             /**
-             * Format: int32
+             * Format: uint32
              * @description Codes of each head.
              * @default 0
              */
@@ -2471,32 +2373,32 @@ export interface components {
              * @default []
              */
             contact_joints: string[];
-            /** @default null */
-            contact_rules: components["schemas"]["ContactRules"] | null;
+            /** @description How to derive contacts from positions and speeds. */
+            contact_rules?: components["schemas"]["ContactRules"];
             /**
              * @description sha256 of the ONNX files.
              * @default
              */
             content_hash: string;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Context keyframes that a request gives.
              * @default 0
              */
             context_frames: number;
             /**
-             * @description Whose work the pack is built on.
+             * @description Authors of the work that the pack builds on.
              * @default []
              */
             credits: string[];
             /**
-             * Format: int32
+             * Format: uint32
              * @description Most steps of the sampler.
              * @default 0
              */
             diffusion_steps: number;
             /**
-             * @description What runs the pack's networks on this server: cpu (f32), openvino-bf16, cuda or tensorrt.
+             * @description The engine of the pack on this server: cpu (f32), openvino-bf16, cuda or tensorrt.
              * @default
              */
             engine: string;
@@ -2517,8 +2419,8 @@ export interface components {
              */
             fps: number;
             /**
-             * Format: int32
-             * @description Frames that one motion token stands for.
+             * Format: uint32
+             * @description Frames of a motion token.
              * @default 0
              */
             frames_per_token: number;
@@ -2529,13 +2431,13 @@ export interface components {
              */
             ground_y: number;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Heads (independent codebooks) of a token.
              * @default 0
              */
             heads: number;
             /**
-             * @description True for the pack that answers requests with an empty pack name.
+             * @description Whether this pack answers requests with an empty pack name.
              * @default false
              */
             is_default: boolean;
@@ -2544,54 +2446,54 @@ export interface components {
              * @default []
              */
             joints: components["schemas"]["Joint"][];
-            /** @default null */
-            language: components["schemas"]["Language"] | null;
-            /** @default null */
-            left_axis: components["schemas"]["Vec3"] | null;
+            /** @description The language model of a pack that understands words. Left out: it has none. */
+            language?: components["schemas"]["Language"];
+            /** @description The character's left in the first joint's own frame, unit length. Headings are derived from it. */
+            left_axis?: components["schemas"]["Vec3"];
             /**
              * @description Licence of the weights.
              * @default
              */
             licence: string;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Most frames of a segment.
              * @default 0
              */
             max_frames: number;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Most target keyframes that a request may give.
              * @default 0
              */
             max_targets: number;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Fewest frames of a segment.
              * @default 0
              */
             min_frames: number;
             /**
-             * @description The name that requests give.
+             * @description The name that requests use.
              * @default
              */
             name: string;
             /**
-             * Format: int64
-             * @description Weights of all stages.
+             * Format: uint64
+             * @description Number of weights in all stages.
              * @default 0
              */
-            parameters: number;
-            /** @default null */
-            robot: components["schemas"]["Robot"] | null;
+            parameters: string;
+            /** @description The robot that the pack animates. Left out: none. */
+            robot?: components["schemas"]["Robot"];
             /**
-             * Format: int32
-             * @description Steps of the sampler where a request names none; 0 where there is no sampler.
+             * Format: uint32
+             * @description Default steps of the sampler. 0: the pack has no sampler.
              * @default 0
              */
             sampler_steps: number;
             /**
-             * @description What its characters can do where they stand, beside walking: see UseSkill.
+             * @description What its characters can do in place, beside walking: see UseSkill.
              * @default []
              */
             skills: components["schemas"]["PackSkill"][];
@@ -2601,7 +2503,7 @@ export interface components {
              */
             version: string;
             /**
-             * @description Words that paths may be styled with.
+             * @description Words for the styles of paths.
              * @default []
              */
             words: string[];
@@ -2615,26 +2517,26 @@ export interface components {
             contact_joints: string[];
             /**
              * Format: float
-             * @description Height of the root where it stands, in metres.
+             * @description Height of the root of the standing body, in metres.
              * @default 0
              */
             height: number;
             /**
-             * @description Its skeleton, parents before children. GetPack alone has it.
+             * @description The skeleton, parents before children. Only GetPack returns it.
              * @default []
              */
             joints: components["schemas"]["Joint"][];
-            /** @default null */
-            left_axis: components["schemas"]["Vec3"] | null;
+            /** @description The body's left in the first joint's own frame, unit length. */
+            left_axis?: components["schemas"]["Vec3"];
             /**
-             * @description The name that requests give.
+             * @description The name that requests use.
              * @default
              */
             name: string;
-            /** @default null */
-            robot: components["schemas"]["Robot"] | null;
+            /** @description The robot that this body is. Left out: none. */
+            robot?: components["schemas"]["Robot"];
             /**
-             * @description Words that its clips show.
+             * @description Words that the body's clips show.
              * @default []
              */
             words: string[];
@@ -2642,37 +2544,37 @@ export interface components {
         /** @description A skill of a pack. */
         PackSkill: {
             /**
-             * @description What it is, for people.
+             * @description A description for people.
              * @default
              */
             description: string;
             /**
-             * @description Whether it is held until it is ended, such as lying.
+             * @description Whether the character holds it until a command ends it, such as lying.
              * @default false
              */
             held: boolean;
             /**
-             * @description The name that commands give.
+             * @description The name that commands use.
              * @default
              */
             name: string;
             /**
-             * @description Names of its variants.
+             * @description Names of the skill's variants.
              * @default []
              */
             variants: string[];
         };
-        /** @description A path that a character followed came to its end; it stands there. */
+        /** @description The character came to the end of a path, and stands there. */
         PathArrived: {
             /**
              * Format: float
-             * @description How much later than the path's times, seconds: the path was too fast, or the character was too far from it.
+             * @description Delay behind the path's times, seconds. Positive if the path was too fast, or began too far away.
              * @default 0
              */
             late: number;
             /**
              * Format: float
-             * @description How far from the last point it came to stand.
+             * @description Distance from the last point.
              * @default 0
              */
             off: number;
@@ -2686,173 +2588,154 @@ export interface components {
             body: string;
             /**
              * Format: float
-             * @description 1 has the style as it was trained, more exaggerates it and takes twice the time. 0 to 8, default 1.
-             * @default null
+             * @description Strength of the style: 1 is as trained. More exaggerates it, and takes twice the time. 0 to 8, default 1.
              */
-            guidance: number | null;
+            guidance?: number;
             /**
-             * @description Where to go: 1 to 10000 points in order. In between the way is a smooth curve; behind the last one the body stays there. A path
-             *     that goes on from `past` begins at most 5 m from its last frame, and the motion leads over to it.
+             * @description Points of the path in order: 1 to 10000. A smooth curve joins them, and the body stays at the last one. A path that continues from `past` begins at most 5 m from its last frame. The motion leads over to it.
              * @default []
              */
             points: components["schemas"]["PathPoint"][];
             /**
              * Format: float
              * @description Length of the motion in seconds, above 0 and at most 300. Left out: that of the path. A path of one point needs it.
-             * @default null
              */
-            seconds: number | null;
-            /** @default null */
-            skeleton: components["schemas"]["BodySkeleton"] | null;
+            seconds?: number;
+            /** @description A body of the caller's own, instead of one of the pack's. The model may move it badly. */
+            skeleton?: components["schemas"]["BodySkeleton"];
             /**
              * Format: float
-             * @description How fast to go where points have no times, in metres a second: 0.05 to 15. Left out: a walk of the body's size, or what
-             *     `seconds` leaves time for.
-             * @default null
+             * @description Speed for points without times, in metres per second: 0.05 to 15. Left out: a walk that suits the body's size, or the speed that `seconds` asks for.
              */
-            speed: number | null;
+            speed?: number;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Steps of the sampler, from 1 to Pack.diffusion_steps. Left out: Pack.sampler_steps.
-             * @default null
              */
-            steps: number | null;
+            steps?: number;
             /**
-             * @description Refuse the request (reason NOT_FEASIBLE) where the path, the past and the targets alone show that the motion would not be feasible,
-             *     and end the answer where its frames do. Bodies without limits refuse it.
+             * @description Refuse the request (reason NOT_FEASIBLE) if the path, the past and the targets alone show that the motion is not feasible. End the answer with that error if a frame shows it. Bodies without limits refuse this option.
              * @default false
              */
             strict: boolean;
             /**
-             * @description Words of the pack and how much of each, at most 1 in all. None: no style.
+             * @description Words of the pack with their weights, which add up to at most 1. Empty: no style.
              * @default []
              */
             style: components["schemas"]["StyleWord"][];
             /**
-             * @description How the motion ends: up to Pack.max_targets last frames, each with root position and pose, at most 5 m from the path's end.
+             * @description Last frames of the motion, up to Pack.max_targets, each with root position and pose, at most 5 m from the path's end.
              * @default []
              */
             targets: components["schemas"]["Keyframe"][];
         };
-        /** @description Where to be, and when. */
+        /** @description A point of a path, and perhaps the time to be there. */
         PathPoint: {
             /**
              * Format: float
              * @description Heading in radians, at most 1000 either way. Left out: along the path.
-             * @default null
              */
-            heading: number | null;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
+            heading?: number;
+            /** @description World position, at most 10000 m from the origin; the height does not count. In metres, or in a session's unit. */
+            position?: components["schemas"]["Vec3"];
             /**
              * Format: float
-             * @description Seconds from the motion's begin, which is its first frame, or the last one of `past`. In a session: from the command. All points have one, or none has. Each is
-             *     later than the one before.
-             * @default null
+             * @description Seconds since the motion's first frame, or since the last frame of `past`. In a session: since the command. Either all points have a time, or none has. Each time is later than the one before.
              */
-            time: number | null;
+            time?: number;
         };
         /** @description A session's buffered future. */
         PeekResponse: {
-            /** @default null */
-            future: components["schemas"]["FrameBlock"] | null;
+            /** @description Frames buffered beyond the cursor at the pack's rate, as floats. */
+            future?: components["schemas"]["FrameBlock"];
             /**
              * @description Whether a plan is on its way.
              * @default false
              */
             in_flight: boolean;
-            /** @default null */
-            plan: components["schemas"]["PlanView"] | null;
-            /** @default null */
-            session: components["schemas"]["Session"] | null;
-            /** @default null */
-            waiting: components["schemas"]["Command"] | null;
+            /** @description The newest plan that has come. The cursor moves on it from its splice frame on. Left out: none has come yet. */
+            plan?: components["schemas"]["PlanView"];
+            /** @description The state of the session. */
+            session?: components["schemas"]["Session"];
+            /** @description The first of the commands that wait for their frames, or the one that waits for the plan in flight. */
+            waiting?: components["schemas"]["Command"];
         };
-        /**
-         * @description Act out a sentence, and go on in locomotion. The character goes on as it does until the first frames have come, blends into them,
-         *     and takes up again what it did before; of a path that it followed, it stands. Every locomote, follow_path, interact, skill, perform
-         *     and cancel breaks a performance off, and so does a fall.
-         */
+        /** @description Act out a sentence, and return to locomotion. The character goes on until the first frames have come, and blends into them. Afterwards it returns to what it did before; if it followed a path, it stands. Every locomote, follow_path, interact, skill, perform and cancel breaks a performance off, and so does a fall. */
         Perform: {
             /**
-             * @description Name of a pack with the capability `text`, whose skeleton has the same joints as the session's. Empty: the server's default pack
-             *     where it is one of those, else the first by name that is.
+             * @description Name of a pack with the capability `text` and the same joints as the session's skeleton. Empty: the server's default pack if it is one of those, otherwise the first of them by name.
              * @default
              */
             pack: string;
             /**
              * Format: float
-             * @description How long, 0.5 to 30 s. Left out: as long as the model finds right, and at most 30 s.
-             * @default null
+             * @description Length, 0.5 to 30 s. Left out: the model decides, up to 30 s.
              */
-            seconds: number | null;
+            seconds?: number;
             /**
              * Format: float
-             * @description 0 takes the likeliest motion, more varies: 0 to 2. Left out: the pack's. What is drawn follows from the session's seed and the
-             *     command's sequence number.
-             * @default null
+             * @description 0 takes the likeliest motion, more varies: 0 to 2. Left out: the pack's. Random choices follow from the session's seed and the command's sequence number.
              */
-            temperature: number | null;
+            temperature?: number;
             /**
-             * @description What to do, in words: 1 to 1000 characters, as far as the pack's longest prompt goes.
+             * @description What to do, in words: 1 to 1000 characters, within the pack's longest prompt.
              * @default
              */
             text: string;
         };
-        /** @description A performance came to its end, or to nothing. Every perform that holds has one of these, whether it started or not. */
+        /** @description A performance ended, or did not start at all. Each perform command that took effect gets one of these. */
         PerformanceEnded: {
             /**
-             * @description The same for people, where it failed.
+             * @description The reason for people, after a failure.
              * @default
              */
             message: string;
             /**
-             * @description Why: DONE, INTERRUPTED (by a command or a fall), FAILED (the pack gave no motion), LATE (its frames did not come in time) or
-             *     RESTARTED (the server was).
+             * @description DONE, INTERRUPTED (by a command or a fall), FAILED (the pack gave no motion), LATE (frames did not come in time) or RESTARTED (the server restarted).
              * @default
              */
             reason: string;
             /**
-             * Format: int64
+             * Format: uint64
              * @description Sequence number of the command.
              * @default 0
              */
-            sequence: number;
+            sequence: string;
         };
         /** @description A character began to act out a sentence: its first frames are shown. */
         PerformanceStarted: {
             /**
-             * @description Name of the pack that makes motion of it.
+             * @description Name of the pack that makes the motion.
              * @default
              */
             pack: string;
             /**
-             * Format: int64
+             * Format: uint64
              * @description Sequence number of the command.
              * @default 0
              */
-            sequence: number;
+            sequence: string;
             /**
-             * @description What it acts out.
+             * @description The sentence.
              * @default
              */
             text: string;
             /**
-             * @description Words that the captions of the pack's training did not use, at most 8: it may do badly what they say.
+             * @description Words that the captions of the pack's training data do not have, at most 8. The character may act them out badly.
              * @default []
              */
             unknown_words: string[];
         };
-        /** @description A plan: what was asked of the networks, and what each stage made of it, in the session's convention. */
+        /** @description A plan: what the server asked the networks for, and the result of each stage, in the session's convention. */
         PlanView: {
             /**
-             * Format: int64
-             * @description The cursor's frame when it was asked for.
+             * Format: uint64
+             * @description The cursor's frame when the plan was requested.
              * @default 0
              */
-            asked_at_frame: number;
+            asked_at_frame: string;
             /**
-             * @description What called for it: command, low_buffer, interval or object (the keyframes of one).
+             * @description Why it was made: command, low_buffer, interval or object (for an object's keyframes).
              * @default
              */
             cause: string;
@@ -2862,18 +2745,18 @@ export interface components {
              */
             context: components["schemas"]["Keyframe"][];
             /**
-             * @description How much of each gait went into the target pose.
+             * @description Share of each gait in the target pose.
              * @default []
              */
             gaits: components["schemas"]["GaitWeight"][];
             /**
-             * Format: int64
+             * Format: uint64
              * @description Counts the session's plans.
              * @default 0
              */
-            number: number;
-            /** @default null */
-            root_r_g1: components["schemas"]["Root"] | null;
+            number: string;
+            /** @description r_g1: the root at the horizon if it followed the command alone. */
+            root_r_g1?: components["schemas"]["Root"];
             /**
              * @description r_g2: the spring's path, frames x 5 (x, y, z, cos heading, sin heading); frame 0 is the first context frame.
              * @default []
@@ -2890,18 +2773,18 @@ export interface components {
              */
             root_r_g4: number[];
             /**
-             * Format: int64
-             * @description The session's frame of the plan's last context frame; the frames after it are new.
+             * Format: uint64
+             * @description The session's frame of the plan's last context frame. The frames after it are new.
              * @default 0
              */
-            splice_frame: number;
+            splice_frame: string;
             /**
-             * @description The target keyframes, the last of which is the plan's last frame.
+             * @description The target keyframes. The last one is the plan's last frame.
              * @default []
              */
             targets: components["schemas"]["Keyframe"][];
             /**
-             * @description Probability of 3, 4, ... 16 tokens, after masking by what was allowed.
+             * @description Probability of 3, 4, ... 16 tokens, among the counts that were allowed.
              * @default []
              */
             token_count_probabilities: number[];
@@ -2915,32 +2798,29 @@ export interface components {
         Pose: {
             /**
              * Format: float
-             * @description Height of the root joint (y) in metres, needed only where the keyframe has no root. Where it has one, within 1 mm of
-             *     its position's y; at most 100 m above or below the ground.
-             * @default null
+             * @description Height of the root joint (y) in metres, at most 100 m above or below the ground. Needed if the keyframe has no root. Otherwise within 1 mm of the root position's y.
              */
-            root_height: number | null;
+            root_height?: number;
             /**
-             * @description Four numbers (w, x, y, z) for each joint, in the pack's joint order. The first joint's rotation is in the world,
-             *     every other is relative to its parent. Each quaternion has unit length within 1e-3.
+             * @description Four numbers (w, x, y, z) for each joint, in the pack's joint order. The first joint's rotation is in the world, every other is relative to its parent. Each quaternion has unit length within 1e-3.
              * @default []
              */
             rotations: number[];
         };
-        /** @description Why one of many could not be served. */
+        /** @description An error of one part of a request. */
         Problem: {
             /**
-             * @description What the field may be.
+             * @description The allowed values of the field.
              * @default
              */
             allowed: string;
             /**
-             * @description The field that is wrong, where there is one.
+             * @description The field with the error. Empty: no single field.
              * @default
              */
             field: string;
             /**
-             * @description What is wrong, for people.
+             * @description The error for people.
              * @default
              */
             message: string;
@@ -2952,22 +2832,18 @@ export interface components {
         };
         /** @description Words to act out. */
         Prompt: {
-            /** @default null */
-            audio: components["schemas"]["Audio"] | null;
+            /** @description Audio to dance or to speak to. For packs with the task `music_to_dance` or `speech_to_gesture`. */
+            audio?: components["schemas"]["Audio"];
             /**
-             * Format: int32
-             * @description Steps of the pack's flow decoder, whose frames are finer and come in one part: up to 256, for packs where Language.flow_steps is not
-             *     0. 0 or left out: the plain decoder.
-             * @default null
+             * Format: uint32
+             * @description Steps of the pack's flow decoder, whose frames are finer and come in one part: up to 256. Only for packs whose Language.flow_steps is not 0. 0 or left out: the plain decoder.
              */
-            flow_steps: number | null;
+            flow_steps?: number;
             /**
-             * Format: int32
-             * @description Frames to make: 1 to 1024. Left out: the model decides. Beside `targets` one of `frame_count` and `seconds` is needed, and the
-             *     frames are a multiple of Pack.frames_per_token.
-             * @default null
+             * Format: uint32
+             * @description Frames to make: 1 to 1024. Left out: the model decides. With `targets`, either `frame_count` or `seconds` is needed, and the number of frames is a multiple of Pack.frames_per_token.
              */
-            frame_count: number | null;
+            frame_count?: number;
             /**
              * @description Other characters of the same motion. Needs the capability `agents`; at most Language.max_agents characters in all.
              * @default []
@@ -2975,19 +2851,16 @@ export interface components {
             others: components["schemas"]["Agent"][];
             /**
              * Format: float
-             * @description Length of the motion in seconds, in the place of `frame_count`: above 0, and at most 1024 frames. It is rounded to frames, beside
-             *     `targets` to multiples of Pack.frames_per_token.
-             * @default null
+             * @description Length of the motion in seconds, instead of `frame_count`: above 0, and at most 1024 frames. It is rounded to whole frames, with `targets` to multiples of Pack.frames_per_token.
              */
-            seconds: number | null;
+            seconds?: number;
             /**
-             * @description Frames that come after, oldest first, each with root position and pose: Pack.frames_per_token to Pack.max_frames, beside a `past`
-             *     of the request. The motion that is made lies between the two, and comes in one part.
+             * @description Frames after the motion, oldest first, each with root position and pose: Pack.frames_per_token to Pack.max_frames. Needs `past` in the request. The motion then lies between the two, and comes in one part.
              * @default []
              */
             targets: components["schemas"]["Keyframe"][];
             /**
-             * @description What to do: 1 to 1000 characters. Empty beside `past`, `targets` or `audio`: the model decides.
+             * @description What to do: 1 to 1000 characters. May be empty with `past`, `targets` or `audio`. Then the model decides.
              * @default
              */
             text: string;
@@ -2995,83 +2868,82 @@ export interface components {
         /** @description Adds or replaces a definition. */
         PutObjectDefinitionRequest: {
             /**
-             * @description Only check it: nothing changes.
+             * @description Only check the definition: nothing changes.
              * @default false
              */
             check_only: boolean;
-            /** @default null */
-            document: components["schemas"]["Document"] | null;
+            /** @description The definition. */
+            document?: components["schemas"]["Document"];
             /**
-             * @description Name that it must have. Empty: whatever it says. At most 256 definitions.
+             * @description The name that the definition must have. Empty: any. At most 256 definitions.
              * @default
              */
             name: string;
             /**
-             * @description Name of the pack for whose characters it is: its joints and poses are checked against that. Empty: the server's
-             *     default pack.
+             * @description Name of the pack whose characters use the object. Joints and poses are checked against it. Empty: the server's default pack.
              * @default
              */
             pack: string;
         };
-        /** @description What an upload did. */
+        /** @description Result of an upload. */
         PutObjectDefinitionResponse: {
-            /** @default null */
-            definition: components["schemas"]["ObjectDefinition"] | null;
+            /** @description The definition. It has no revision if it was only checked. */
+            definition?: components["schemas"]["ObjectDefinition"];
             /**
-             * Format: int32
-             * @description Objects in scenes that have its shape and trigger now.
+             * Format: uint32
+             * @description Number of objects in scenes that have its shape and trigger now.
              * @default 0
              */
             rebound: number;
             /**
-             * @description Whether it took, or would take, the place of one of its name.
+             * @description Whether it replaces, or would replace, one of the same name.
              * @default false
              */
             replaced: boolean;
         };
         /** @description Creates or replaces a scene: exactly one of scene and document. */
         PutSceneRequest: {
-            /** @default null */
-            document: components["schemas"]["Document"] | null;
+            /** @description The scene as text. */
+            document?: components["schemas"]["Document"];
             /**
-             * @description Name that the scene must have. Empty: whatever it says. At most 256 scenes.
+             * @description The name that the scene must have. Empty: any. At most 256 scenes.
              * @default
              */
             name: string;
-            /** @default null */
-            scene: components["schemas"]["Scene"] | null;
+            /** @description The scene as a message. An object with the id and definition of an existing one continues it: a session that has reserved or holds it still does. All others are new, and objects that are not in this message are removed. */
+            scene?: components["schemas"]["Scene"];
         };
         /** @description A rotation as a quaternion of unit length within 1e-3. */
         Quat: {
             /**
              * Format: float
-             * @description Its real part.
+             * @description The real part.
              * @default 0
              */
             w: number;
             /**
              * Format: float
-             * @description Along x.
+             * @description The part along x.
              * @default 0
              */
             x: number;
             /**
              * Format: float
-             * @description Along y.
+             * @description The part along y.
              * @default 0
              */
             y: number;
             /**
              * Format: float
-             * @description Along z.
+             * @description The part along z.
              * @default 0
              */
             z: number;
         };
-        /** @description Takes objects out. */
+        /** @description Removes objects. */
         RemoveObjectsRequest: {
             /**
-             * @description 1 to 4096 ids of objects. One that is not there does not hold up the others.
+             * @description 1 to 4096 ids of objects. If one does not exist, the others are still removed.
              * @default []
              */
             ids: string[];
@@ -3081,48 +2953,44 @@ export interface components {
              */
             scene: string;
         };
-        /** @description Takes up sessions. */
+        /** @description Resumes sessions. */
         ResumeSessionsRequest: {
             /**
-             * @description One to the server's max_sessions_per_request (1024 by default).
+             * @description 1 to 1024.
              * @default []
              */
             sessions: components["schemas"]["SessionResume"][];
         };
-        /** @description What was taken up. */
+        /** @description Resumed sessions. */
         ResumeSessionsResponse: {
             /**
-             * @description Those that could not: they are gone, or in somebody else's hands.
+             * @description Sessions that were not: they are gone, or another client has them.
              * @default []
              */
             problems: components["schemas"]["SessionProblem"][];
             /**
-             * @description In the order of the request, those that could be.
+             * @description Sessions that were resumed, in the order of the request.
              * @default []
              */
             sessions: components["schemas"]["ResumedSession"][];
         };
-        /** @description A session that was taken up. */
+        /** @description A session that was resumed. */
         ResumedSession: {
             /**
-             * @description Whether it was restored, for the server was started again. Else it went on, and what the client says that it saw makes no
-             *     difference.
+             * @description Whether the session was restored after a restart of the server. Otherwise it never stopped, and the frame and pose of the request have no effect.
              * @default false
              */
             restored: boolean;
             /**
-             * Format: int64
-             * @description The frame that it was at when it was found.
+             * Format: uint64
+             * @description The session's frame before it was resumed.
              * @default 0
              */
-            restored_frame: number;
-            /** @default null */
-            session: components["schemas"]["Session"] | null;
+            restored_frame: string;
+            /** @description The session. Commands with sequence numbers above its last_sequence are lost, and may be given again. */
+            session?: components["schemas"]["Session"];
         };
-        /**
-         * @description The robot that a pack animates: all its joints are hinges, but for the root, which floats, and those that are fixed to their
-         *     parents. Every frame of such a pack is on the hinges and within their limits, however it is written.
-         */
+        /** @description The robot that a pack animates. The root floats, some joints are fixed to their parents, and all others are hinges. Every frame of such a pack is on the hinges and within their limits, in whatever form it is written. */
         Robot: {
             /**
              * @description In the order of qpos.
@@ -3130,65 +2998,55 @@ export interface components {
              */
             hinges: components["schemas"]["Hinge"][];
             /**
-             * @description Its name, as in its URDF.
+             * @description Name in the robot's URDF.
              * @default
              */
             name: string;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Numbers of a qpos: 7 of the root and one for each hinge.
              * @default 0
              */
             qpos_size: number;
         };
-        /** @description The global root (r_g of the paper): where the pelvis is and which way it faces. */
+        /** @description The global root (r_g of the paper): position and heading of the pelvis. */
         Root: {
             /**
              * Format: float
-             * @description Heading in radians. Left out: taken from the pose's pelvis rotation, which must then be given. With both, it is
-             *     within 0.01 rad of the pelvis' heading, unless the pelvis lies on its side and so has none.
-             * @default null
+             * @description Heading in radians. Left out: taken from the pose's pelvis rotation, which must then be given. If both are given, they differ by at most 0.01 rad. A pelvis that lies on its side has no heading, and is not compared.
              */
-            heading: number | null;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
+            heading?: number;
+            /** @description World position of the root joint (the pelvis), in metres: at most 10000 m from that of the last context frame, and at most 100 m above or below the ground. */
+            position?: components["schemas"]["Vec3"];
         };
-        /**
-         * @description What the root is to be in a frame (root override, figure 4 of the paper): any subset of place, height and heading, but at least one.
-         *     What is left out is as the networks make it.
-         */
+        /** @description The root of one frame (root override, figure 4 of the paper): any subset of place, height and heading, but at least one. The networks make the rest. */
         RootKey: {
             /**
-             * Format: int32
-             * @description The frame, counted from 0, the first context frame; below frame_count, and later than that of the entry before. In a frame of a
-             *     context or target keyframe it repeats what the keyframe gives: places and heights within 1 mm, headings within 0.01 rad.
+             * Format: uint32
+             * @description The frame, counted from 0, the first context frame: below frame_count, and above the frame of the entry before. A frame that is a context or target keyframe repeats the keyframe's values: places and heights within 1 mm, headings within 0.01 rad.
              * @default 0
              */
             frame: number;
             /**
              * Format: float
              * @description Heading in radians.
-             * @default null
              */
-            heading: number | null;
+            heading?: number;
             /**
              * Format: float
              * @description Height of the root joint (y) in metres, at most 100 m above or below the ground.
-             * @default null
              */
-            height: number | null;
+            height?: number;
             /**
              * Format: float
-             * @description World X of the root joint (the pelvis), in metres: over the ground at most 10000 m from the last context frame. With z, or neither.
-             * @default null
+             * @description World X of the root joint (the pelvis), in metres: over the ground at most 10000 m from the last context frame. Give both x and z, or neither.
              */
-            x: number | null;
+            x?: number;
             /**
              * Format: float
              * @description World Z of the root joint, in metres.
-             * @default null
              */
-            z: number | null;
+            z?: number;
         };
         /** @description The local root (r_l of the paper): how the pelvis moves over the ground. */
         RootVelocity: {
@@ -3200,11 +3058,9 @@ export interface components {
             angular: number;
             /**
              * Format: float
-             * @description Height of the root joint (y) in metres, needed only where the keyframe has neither a root nor a pose with
-             *     `root_height`. Where there is one, within 1 mm of it; at most 100 m above or below the ground.
-             * @default null
+             * @description Height of the root joint (y) in metres, at most 100 m above or below the ground. Needed if the keyframe has neither a root nor a pose with `root_height`. Otherwise within 1 mm of that.
              */
-            height: number | null;
+            height?: number;
             /**
              * Format: float
              * @description Velocity along world X, in metres per second.
@@ -3218,32 +3074,28 @@ export interface components {
              */
             z: number;
         };
-        /** @description How a language model chooses the next token. What is left out is as the pack says (Language.sampling). */
+        /** @description How a language model chooses the next token. Fields that are left out have the pack's values (Language.sampling). */
         Sampling: {
             /**
              * Format: float
-             * @description What the logits of the last 8 tokens are weakened by: 1 to 10. 1 for nothing.
-             * @default null
+             * @description Factor that weakens the logits of the last 8 tokens: 1 to 10. 1: no change.
              */
-            repetition: number | null;
+            repetition?: number;
             /**
              * Format: float
-             * @description 0 takes the most likely token; above 0 one is drawn with the seed. 0 to 2.
-             * @default null
+             * @description 0 takes the most likely token. Above 0, the seed draws one. 0 to 2.
              */
-            temperature: number | null;
+            temperature?: number;
             /**
-             * Format: int32
-             * @description How many of the likeliest tokens may be drawn; 0 for all of them.
-             * @default null
+             * Format: uint32
+             * @description Draw among this number of the likeliest tokens. 0: among all.
              */
-            top_k: number | null;
+            top_k?: number;
             /**
              * Format: float
-             * @description The likeliest tokens that may be drawn are together at least so likely: above 0, at most 1. 1 for all of them.
-             * @default null
+             * @description Draw among the likeliest tokens whose probabilities add up to at least this: above 0, at most 1. 1: among all.
              */
-            top_p: number | null;
+            top_p?: number;
         };
         /** @description A whole scene. */
         Scene: {
@@ -3253,10 +3105,10 @@ export interface components {
              */
             colliders: components["schemas"]["Collider"][];
             /**
-             * @description The convention of everything below.
-             * @default native
+             * @description Convention of everything below.
+             * @default CONVENTION_NATIVE
              */
-            convention: string;
+            convention: components["schemas"]["Convention"];
             /**
              * Format: float
              * @description Height of the ground plane.
@@ -3264,7 +3116,7 @@ export interface components {
              */
             ground: number;
             /**
-             * @description Its name: 1 to 64 letters, digits, '-', '\_' or '.'.
+             * @description Name: 1 to 64 letters, digits, '-', '_' or '.'.
              * @default
              */
             name: string;
@@ -3274,14 +3126,14 @@ export interface components {
              */
             objects: components["schemas"]["SceneObject"][];
             /**
-             * Format: int64
-             * @description Grows with every change. Not read in requests.
+             * Format: uint64
+             * @description Grows with every change. Ignored in requests.
              * @default 0
              */
-            revision: number;
+            revision: string;
             /**
-             * Format: int32
-             * @description Sessions that are in it. Not read in requests.
+             * Format: uint32
+             * @description Number of sessions in the scene. Ignored in requests.
              * @default 0
              */
             sessions: number;
@@ -3289,18 +3141,17 @@ export interface components {
         /** @description An object of a scene. */
         SceneObject: {
             /**
-             * @description Name of its definition.
+             * @description Name of the object's definition.
              * @default
              */
             definition: string;
             /**
              * Format: float
-             * @description Which way it faces, radians, at most 1000 either way. Excludes rotation.
-             * @default null
+             * @description Heading, radians, at most 1000 either way. Excludes rotation.
              */
-            heading: number | null;
+            heading?: number;
             /**
-             * @description Id of the session that has reserved or holds it. Not read in requests.
+             * @description Id of the session that has reserved or holds the object. Ignored in requests.
              * @default
              */
             holder: string;
@@ -3309,311 +3160,282 @@ export interface components {
              * @default
              */
             id: string;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
+            /** @description Position of the object's origin. Left out: the scene's origin. Of a held object: the place that it was taken from. */
+            position?: components["schemas"]["Vec3"];
             /**
-             * Format: int64
-             * @description Grows whenever it moves or its shape is replaced. Not read in requests.
+             * Format: uint64
+             * @description Grows when the object moves or its shape is replaced. Ignored in requests.
              * @default 0
              */
-            revision: number;
-            /** @default null */
-            rotation: components["schemas"]["Quat"] | null;
+            revision: string;
+            /** @description Rotation. Left out together with heading: none. Answers have this one. */
+            rotation?: components["schemas"]["Quat"];
             /**
-             * @description Whose it is. Not read in requests.
-             * @default free
+             * @description Whether a session has the object. Ignored in requests.
+             * @default OBJECT_STATE_FREE
              */
-            state: string;
+            state: components["schemas"]["ObjectState"];
         };
         /** @description A scene in a list. */
         SceneSummary: {
             /**
-             * Format: int32
-             * @description Its static colliders.
+             * Format: uint32
+             * @description Number of static colliders.
              * @default 0
              */
             colliders: number;
             /**
-             * @description Its name.
+             * @description Name of the scene.
              * @default
              */
             name: string;
             /**
-             * Format: int32
-             * @description Its objects, held ones too.
+             * Format: uint32
+             * @description Number of objects, with the held ones.
              * @default 0
              */
             objects: number;
             /**
-             * Format: int64
+             * Format: uint64
              * @description Grows with every change.
              * @default 0
              */
-            revision: number;
+            revision: string;
             /**
-             * Format: int32
-             * @description Sessions that are in it.
+             * Format: uint32
+             * @description Number of sessions in the scene.
              * @default 0
              */
             sessions: number;
         };
-        /** @description A session as it stands. */
+        /** @description The state of a session. */
         Session: {
-            /** @default null */
-            activity: components["schemas"]["Activity"] | null;
+            /** @description What the character does. */
+            activity?: components["schemas"]["Activity"];
             /**
-             * @description Name of the body that it moves; empty for packs of one skeleton.
+             * @description Name of the body. Empty for packs with one skeleton.
              * @default
              */
             body: string;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Frames planned beyond the cursor.
              * @default 0
              */
             buffered_frames: number;
             /**
-             * @description Who advances it.
-             * @default free
+             * @description What advances it.
+             * @default CLOCK_FREE
              */
-            clock: string;
+            clock: components["schemas"]["Clock"];
             /**
-             * @description Its convention.
-             * @default native
+             * @description Axes and unit of the values below.
+             * @default CONVENTION_NATIVE
              */
-            convention: string;
+            convention: components["schemas"]["Convention"];
             /**
-             * Format: int32
-             * @description Time left of that, milliseconds; the whole of it while somebody advances the session.
+             * Format: uint32
+             * @description Time left until then, milliseconds. While a step or stream advances the session, all of ttl_ms.
              * @default 0
              */
             expires_in_ms: number;
             /**
-             * Format: int64
-             * @description The frame of its timeline that the cursor has reached.
+             * Format: uint64
+             * @description The frame of the timeline that the cursor has reached.
              * @default 0
              */
-            frame: number;
+            frame: string;
             /**
              * Format: float
-             * @description Where it faces, radians.
+             * @description Heading, radians.
              * @default 0
              */
             heading: number;
-            /** @default null */
-            held: components["schemas"]["HeldObject"] | null;
+            /** @description The object in the character's hand. Left out: none. */
+            held?: components["schemas"]["HeldObject"];
             /**
-             * @description Its name.
+             * @description Name of the session.
              * @default
              */
             id: string;
             /**
-             * Format: int64
+             * Format: uint64
              * @description Highest sequence number of a command so far.
              * @default 0
              */
-            last_sequence: number;
+            last_sequence: string;
             /**
-             * @description Name of its pack.
+             * @description Name of the pack.
              * @default
              */
             pack: string;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
+            /** @description Position of the root joint. */
+            position?: components["schemas"]["Vec3"];
             /**
              * Format: float
-             * @description Its priority.
+             * @description Priority among characters, 0 to 1.
              * @default 0
              */
             priority: number;
             /**
-             * @description Name of the scene that it lives in; empty: none.
+             * @description Name of the scene that it lives in. Empty: none.
              * @default
              */
             scene: string;
             /**
-             * Format: int64
-             * @description Its seed.
+             * Format: uint64
+             * @description Seed of all random choices.
              * @default 0
              */
-            seed: number;
+            seed: string;
             /**
              * Format: float
-             * @description Speed over the ground, in metres per second whatever the convention.
+             * @description Speed over the ground, in metres per second in every convention.
              * @default 0
              */
             speed: number;
-            /** @default null */
-            stats: components["schemas"]["SessionStats"] | null;
+            /** @description Counts since the start. */
+            stats?: components["schemas"]["SessionStats"];
             /**
              * @description The style that it moves in, or changes to.
              * @default
              */
             style: string;
             /**
-             * Format: int32
-             * @description Time without a sign of life after which it expires, milliseconds.
+             * Format: uint32
+             * @description Time without a command, step or stream after which it expires, milliseconds.
              * @default 0
              */
             ttl_ms: number;
         };
-        /** @description Something that happened to a character. */
+        /** @description An event of a character. */
         SessionEvent: {
+            /** @description At most one of `kind` is there. The character came to the end of its path. */
+            arrived?: components["schemas"]["PathArrived"];
+            /** @description At most one of `kind` is there. The object went to a socket. */
+            attached?: components["schemas"]["ObjectAttached"];
+            /** @description At most one of `kind` is there. A command asks for more than the style can do. */
+            bounded?: components["schemas"]["CommandBounded"];
+            /** @description At most one of `kind` is there. An interaction ended as planned. */
+            done?: components["schemas"]["InteractionDone"];
+            /** @description At most one of `kind` is there. A set of keyframes began. */
+            entered?: components["schemas"]["SetEntered"];
+            /** @description At most one of `kind` is there. An interaction failed. */
+            failed?: components["schemas"]["InteractionFailed"];
+            /** @description At most one of `kind` is there. The character began to fall. */
+            fell?: components["schemas"]["CharacterFell"];
             /**
-             * Format: int64
-             * @description Frame of the session's timeline at which it did.
+             * Format: uint64
+             * @description Frame of the session's timeline.
              * @default 0
              */
-            frame: number;
-            /** @default null */
-            kind: components["schemas"]["SessionEventKind"] | null;
+            frame: string;
+            /** @description At most one of `kind` is there. A command broke an interaction off. */
+            interrupted?: components["schemas"]["InteractionInterrupted"];
+            /** @description At most one of `kind` is there. The character landed. */
+            landed?: components["schemas"]["CharacterLanded"];
+            /** @description At most one of `kind` is there. A performance ended. */
+            performed?: components["schemas"]["PerformanceEnded"];
+            /** @description At most one of `kind` is there. A performance began. */
+            performing?: components["schemas"]["PerformanceStarted"];
+            /** @description At most one of `kind` is there. The character reached a keyframe. */
+            reached?: components["schemas"]["KeyframeReached"];
+            /** @description At most one of `kind` is there. The character put the object down. */
+            released?: components["schemas"]["ObjectReleased"];
+            /** @description At most one of `kind` is there. An interaction began. */
+            started?: components["schemas"]["InteractionStarted"];
         };
-        /** @description What happened. */
-        SessionEventKind: {
-            /** @description An interaction began. */
-            started: components["schemas"]["InteractionStarted"];
-        } | {
-            /** @description A set of keyframes began. */
-            entered: components["schemas"]["SetEntered"];
-        } | {
-            /** @description A keyframe was reached. */
-            reached: components["schemas"]["KeyframeReached"];
-        } | {
-            /** @description The object went to a socket. */
-            attached: components["schemas"]["ObjectAttached"];
-        } | {
-            /** @description The object was put down. */
-            released: components["schemas"]["ObjectReleased"];
-        } | {
-            /** @description An interaction went through to its end. */
-            done: components["schemas"]["InteractionDone"];
-        } | {
-            /** @description An interaction could not go on. */
-            failed: components["schemas"]["InteractionFailed"];
-        } | {
-            /** @description A command broke an interaction off. */
-            interrupted: components["schemas"]["InteractionInterrupted"];
-        } | {
-            /** @description The ground ended. */
-            fell: components["schemas"]["CharacterFell"];
-        } | {
-            /** @description A fall ended. */
-            landed: components["schemas"]["CharacterLanded"];
-        } | {
-            /** @description A path came to its end. */
-            arrived: components["schemas"]["PathArrived"];
-        } | {
-            /** @description A performance began. */
-            performing: components["schemas"]["PerformanceStarted"];
-        } | {
-            /** @description A performance ended. */
-            performed: components["schemas"]["PerformanceEnded"];
-        } | {
-            /** @description A command asks for more than the style can do. */
-            bounded: components["schemas"]["CommandBounded"];
-        };
-        /** @description What happened to one session since events of it were last handed out. At most 64 wait; the oldest are dropped. */
+        /** @description New events of one session. At most 64 wait for a client. Then the oldest are dropped. */
         SessionEvents: {
             /**
-             * @description In the order of their frames.
+             * @description By frame.
              * @default []
              */
             events: components["schemas"]["SessionEvent"][];
             /**
-             * Format: int64
-             * @description Events of this session that were dropped since it was created, because nobody took them.
+             * Format: uint64
+             * @description Events of this session that were dropped since it was created, because no client took them.
              * @default 0
              */
-            events_dropped: number;
+            events_dropped: string;
             /**
-             * @description The session.
+             * @description Id of the session.
              * @default
              */
             session_id: string;
             /**
-             * Format: int32
-             * @description Place in the request's session_ids (Step) or slot (Drive).
+             * Format: uint32
+             * @description The session: its index in session_ids (Step) or its slot (Drive).
              * @default 0
              */
             slot: number;
         };
-        /** @description What a new session is. */
+        /** @description Options of a new session. */
         SessionOptions: {
             /**
-             * @description Name of the body that it moves, one of Pack.bodies. Empty: the pack's default one. A pack of one skeleton has no bodies.
+             * @description Name of the character's body, one of Pack.bodies. Empty: the pack's default one. A pack with one skeleton has no bodies.
              * @default
              */
             body: string;
             /**
-             * @description How it stood before: exactly four consecutive frames at the pack's rate, each with a root position and a pose, the last
-             *     of which is frame 0. Left out: it stands in the style's idle pose. Excludes position and heading.
+             * @description Motion before the start: exactly four consecutive frames at the pack's rate, each with a root position and a pose. The last one is frame 0. Left out: the character stands in the style's idle pose. Excludes position and heading.
              * @default []
              */
             context: components["schemas"]["Keyframe"][];
             /**
-             * @description Axes and unit of everything that the session takes and gives, but for MuJoCo's qpos, which has its own.
-             * @default native
+             * @description Axes and unit of all values of the session, except MuJoCo's qpos, which has its own.
+             * @default CONVENTION_NATIVE
              */
-            convention: string;
+            convention: components["schemas"]["Convention"];
             /**
              * Format: float
-             * @description Where it faces at first, in radians, at most 1000 either way.
+             * @description Heading at the start, in radians, at most 1000 either way.
              * @default 0
              */
             heading: number;
             /**
-             * @description Name for the session, unique on the server: 1 to 64 letters, digits, '-', '\_' or '.'. Empty: the server makes one.
+             * @description Name for the session, unique on the server: 1 to 64 letters, digits, '-', '_' or '.'. Empty: the server makes one.
              * @default
              */
             id: string;
             /**
-             * Format: int32
-             * @description Frames between the cursor and the point where a new plan takes over: 2 to 12, default 4. Fewer react faster, more
-             *     give the server longer before a plan is late.
-             * @default null
+             * Format: uint32
+             * @description Frames between the cursor and the point where a new plan takes over: 2 to 12, default 4. Fewer frames react faster. More frames give the server longer before a plan is late.
              */
-            look_ahead_frames: number | null;
+            look_ahead_frames?: number;
             /**
              * @description Name of the pack. Empty: the server's default pack.
              * @default
              */
             pack: string;
-            /** @default null */
-            position: components["schemas"]["Vec3"] | null;
+            /** @description Position at the start; the pack sets the height. Left out: the origin. In a scene the character stands on what is below the position, or on the ground. */
+            position?: components["schemas"]["Vec3"];
             /**
              * Format: float
-             * @description How much it matters that this character is planned for often, where there are more than the networks can serve: 0 is
-             *     far from the camera, 1 the hero. 0 to 1, default 0.5. It makes no difference while they can.
-             * @default null
+             * @description Share of plans that this character gets if the networks cannot serve all: 0 for one far from the camera, 1 for the hero. 0 to 1, default 0.5. Without such a shortage it has no effect.
              */
-            priority: number | null;
+            priority?: number;
             /**
-             * Format: int32
-             * @description Frames between plans: 3 to 30, in effect no fewer than look_ahead_frames. Left out: the style's. On a stream there are more
-             *     where there are more characters than the networks can serve, by priority.
-             * @default null
+             * Format: uint32
+             * @description Frames between plans: 3 to 30, in effect no fewer than look_ahead_frames. Left out: the style's. If a stream has more characters than the networks can serve, the server raises it, by priority.
              */
-            replan_interval_frames: number | null;
+            replan_interval_frames?: number;
             /**
              * Format: float
-             * @description How closely the root follows the spring's path: 0 leaves it to the networks, 1 follows the spring; 0 to 1.2.
-             *     Left out: the style's.
-             * @default null
+             * @description How closely the root follows the spring's path: 0 leaves it to the networks, 1 follows the spring; 0 to 1.2. Left out: the style's.
              */
-            root_ratio: number | null;
+            root_ratio?: number;
             /**
-             * @description Name of the scene that it lives in, to its end. Empty: none; then the ground is level at height 0, and there is nothing
-             *     to use or to fall from.
+             * @description Name of the scene that the character lives in until the session ends. Empty: none. Then the ground is level at height 0, and there is nothing to use or to fall from.
              * @default
              */
             scene: string;
             /**
-             * Format: int64
-             * @description All random choices follow from it: the same seed and commands give the same frames. As JSON it is a number:
-             *     JavaScript clients stay below 2^53.
+             * Format: uint64
+             * @description Seed of all random choices. The same seed and commands give the same frames.
              * @default 0
              */
-            seed: number;
+            seed: string;
             /**
              * @description Style to start with. Empty: the pack's default style.
              * @default
@@ -3621,136 +3443,137 @@ export interface components {
             style: string;
             /**
              * Format: float
-             * @description Above 0, poses are sampled with the seed, and roots by packs that can. 0 to 2, default 0.
+             * @description Above 0, poses are sampled with the seed, and roots too if the pack can. 0 to 2, default 0.
              * @default 0
              */
             temperature: number;
             /**
-             * Format: int32
-             * @description Time without a command, step or stream after which the session expires: 1000 to 86400000 ms. Left out: the server's
-             *     default (60000).
-             * @default null
+             * Format: uint32
+             * @description Time without a command, step or stream after which the session expires: 1000 to 86400000 ms. Left out: 60000 ms.
              */
-            ttl_ms: number | null;
+            ttl_ms?: number;
         };
-        /** @description A session of a call that could not be served. */
+        /** @description A session that a call could not serve. */
         SessionProblem: {
-            /** @default null */
-            problem: components["schemas"]["Problem"] | null;
+            /** @description What went wrong. */
+            problem?: components["schemas"]["Problem"];
             /**
-             * @description Its id.
+             * @description Id of the session.
              * @default
              */
             session_id: string;
             /**
-             * Format: int32
-             * @description Place in the request's session_ids (Step, DriveAttach) or slot (DriveLeft).
+             * Format: uint32
+             * @description The session: its index in session_ids (Step, DriveAttach) or its slot (DriveLeft).
              * @default 0
              */
             slot: number;
         };
-        /** @description A session to take up again. */
+        /** @description A session to resume. */
         SessionResume: {
             /**
-             * Format: int64
-             * @description Number of the last frame that the client saw, at most 90 beyond the one where the session was kept. The session goes on behind
-             *     it: frame numbers never go back. Left out: the client saw none.
-             * @default null
+             * Format: uint64
+             * @description Number of the last frame that the client saw, at most 90 after the frame that the server kept. The session continues after it: frame numbers never go back. Left out: the client saw none.
              */
-            frame: number | null;
-            /** @default null */
-            pose: components["schemas"]["Keyframe"] | null;
+            frame?: string;
+            /** @description Root and pose of that frame, as the client showed it, within 5 m of the session's place. The next frames continue from it without a jump. Left out: they continue from the frame that the server kept. */
+            pose?: components["schemas"]["Keyframe"];
             /**
-             * @description Its id.
+             * @description Id of the session.
              * @default
              */
             session_id: string;
         };
-        /** @description What a session has done so far. */
+        /** @description Counts of a session since its start. */
         SessionStats: {
             /**
-             * Format: int64
-             * @description Events that were dropped because nobody took them.
+             * Format: uint64
+             * @description Events that were dropped because no client took them.
              * @default 0
              */
-            events_dropped: number;
+            events_dropped: string;
             /**
-             * Format: int64
-             * @description Plans that failed; the next is asked for at once.
+             * Format: uint64
+             * @description Plans that failed. The server asks for the next one at once.
              * @default 0
              */
-            failed_plans: number;
+            failed_plans: string;
             /**
-             * Format: int64
-             * @description Plans that came after the frame where they were to take over.
+             * Format: uint64
+             * @description Plans that came after the frame that they were to take over at.
              * @default 0
              */
-            late_plans: number;
+            late_plans: string;
             /**
-             * Format: int64
-             * @description Plans that took over, by what called for them.
+             * Format: uint64
+             * @description Plans that took over, made for a command.
              * @default 0
              */
-            plans_for_command: number;
+            plans_for_command: string;
             /**
-             * Format: int64
-             * @description Plans after the style's interval.
+             * Format: uint64
+             * @description Plans that took over, made after the style's interval.
              * @default 0
              */
-            plans_for_interval: number;
+            plans_for_interval: string;
             /**
-             * Format: int64
-             * @description Plans for a buffer that ran low.
+             * Format: uint64
+             * @description Plans that took over, made because the buffer ran low.
              * @default 0
              */
-            plans_for_low_buffer: number;
+            plans_for_low_buffer: string;
             /**
-             * Format: int64
-             * @description Plans for the keyframes of objects.
+             * Format: uint64
+             * @description Plans that took over, made for the keyframes of objects.
              * @default 0
              */
-            plans_for_object: number;
+            plans_for_object: string;
             /**
-             * Format: int64
-             * @description Times that a plan was so late that the character had to slow down.
+             * Format: uint64
+             * @description Times that the character had to slow down because a plan was late.
              * @default 0
              */
-            underruns: number;
+            underruns: string;
         };
         /** @description A set of keyframes began. */
         SetEntered: {
             /**
-             * @description The object.
+             * @description Id of the object.
              * @default
              */
             instance: string;
             /**
-             * @description The set.
+             * @description Name of the set.
              * @default
              */
             set: string;
         };
+        /**
+         * @description A kind of audio.
+         * @enum {string}
+         */
+        Sound: "SOUND_MUSIC" | "SOUND_SPEECH";
         /** @description Advances characters. */
         StepRequest: {
             /**
-             * @description Commands to apply first, for these sessions or others: at most 10000.
+             * @description Commands that take effect first, for these sessions or others: at most 10000.
              * @default []
              */
             commands: components["schemas"]["Command"][];
             /**
-             * @description How to write the frames.
-             * @default f32
+             * @description Form of the frames.
+             * @default ENCODING_F32
              */
-            encoding: string;
+            encoding: components["schemas"]["Encoding"];
             /**
-             * Format: int32
+             * Format: uint32
              * @description Frames of each: 1 to 120, and at most 131072 of all sessions together. 0: one.
              * @default 0
              */
             frames: number;
             /**
-             * Format: int32
-             * @description Frames a second: 30, 50 or 60. 0: 30.
+             * Format: uint32
+             * @description Frames per second: 30, 50 or 60. 0: 30.
              * @default 0
              */
             rate_hz: number;
@@ -3765,7 +3588,7 @@ export interface components {
              */
             return_six_d: boolean;
             /**
-             * @description Whom to advance: 1 to the server's max_sessions_per_request, none twice.
+             * @description Sessions to advance: 1 to 1024, each once.
              * @default []
              */
             session_ids: string[];
@@ -3783,37 +3606,37 @@ export interface components {
              */
             command_results: components["schemas"]["CommandResult"][];
             /**
-             * @description What happened to the sessions that were served, those to which something did.
+             * @description Events of the sessions that were served. Sessions without new events are left out.
              * @default []
              */
             events: components["schemas"]["SessionEvents"][];
             /**
-             * @description What is in the hands of the sessions that were served, at the last of the frames.
+             * @description Objects in the hands of the sessions that were served, at the last of the frames.
              * @default []
              */
             held: components["schemas"]["HeldObject"][];
             /**
-             * @description Sessions that could not be served; the others were. Where none could be, the call fails with the first one's error.
+             * @description Sessions that could not be served. The others were. If none could be, the call fails with the first one's error.
              * @default []
              */
             problems: components["schemas"]["SessionProblem"][];
             /**
-             * Format: int64
+             * Format: uint64
              * @description From the call's arrival to its answer, microseconds.
              * @default 0
              */
-            total_us: number;
+            total_us: string;
             /**
-             * Format: int64
-             * @description Of that, waiting for plans.
+             * Format: uint64
+             * @description Part of total_us that was spent waiting for plans.
              * @default 0
              */
-            waited_us: number;
+            waited_us: string;
         };
-        /** @description A way to move: gaits between which the command's velocity chooses and blends. */
+        /** @description A way to move: gaits, among which the command's velocity chooses and blends. */
         Style: {
             /**
-             * @description Token counts that a plan may have, each 3 to 16. Empty: as many as the horizon of 1 s takes.
+             * @description Token counts that a plan may have, each 3 to 16. Empty: what the horizon of 1 s takes.
              * @default []
              */
             allowed_token_counts: number[];
@@ -3824,27 +3647,27 @@ export interface components {
             built_in: boolean;
             /**
              * Format: float
-             * @description Speed that it was captured at, m/s: the default of a command-line drive.
+             * @description Speed at which it was captured, m/s: the default of a command-line drive.
              * @default 0
              */
             default_speed: number;
             /**
-             * @description At least one; none where styles are words.
+             * @description At least one. None if the pack's styles are words.
              * @default []
              */
             gaits: components["schemas"]["Gait"][];
             /**
-             * @description It stands still: plans are made for commands and a low buffer only.
+             * @description Whether the character stands still. Then plans are made only for commands and a low buffer.
              * @default false
              */
             is_static: boolean;
             /**
-             * @description Its name: 1 to 64 letters, digits, '-', '\_' or '.'.
+             * @description Name: 1 to 64 letters, digits, '-', '_' or '.'.
              * @default
              */
             name: string;
             /**
-             * Format: int32
+             * Format: uint32
              * @description Frames between plans, 3 to 30.
              * @default 0
              */
@@ -3856,69 +3679,69 @@ export interface components {
              */
             root_ratio: number;
             /**
-             * @description For packs that know words: how to move, in words that the body's clips show. At most 8; none leaves it to the path.
+             * @description For packs that know words: how to move, in words that the body's clips show. At most 8. Empty: the path decides.
              * @default []
              */
             words: components["schemas"]["StyleWord"][];
         };
-        /** @description How much of a word a style has. */
+        /** @description A word of a style and its weight. */
         StyleWord: {
             /**
              * Format: float
              * @description 0 to 1. Left out: 1.
-             * @default null
              */
-            weight: number | null;
+            weight?: number;
             /**
-             * @description One of Pack.words, once.
+             * @description One of Pack.words. A style has each word once.
              * @default
              */
             word: string;
         };
-        /** @description Where the time went, in microseconds, by the server's clock. */
+        /**
+         * @description Form of a description.
+         * @enum {string}
+         */
+        Telling: "TELLING_WORDS" | "TELLING_MUSIC" | "TELLING_SPEECH";
+        /** @description Times of a request, in microseconds, by the server's clock. The times of parts that run at the same time add up, except for queue_us and total_us. */
         Timing: {
             /**
-             * Format: int64
+             * Format: uint64
              * @description Filling the input tensors.
              * @default 0
              */
-            assemble_us: number;
+            assemble_us: string;
             /**
-             * Format: int32
-             * @description Characters in the largest batch that carried this request.
+             * Format: uint32
+             * @description Characters in the largest batch with a part of this request.
              * @default 0
              */
             batch_size: number;
             /**
-             * Format: int64
-             * @description The three ONNX stages. Where parts of the request ran at the same time, their times add up; so above and below.
+             * Format: uint64
+             * @description The three ONNX stages.
              * @default 0
              */
-            inference_us: number;
+            inference_us: string;
             /**
-             * Format: int64
-             * @description From the request's arrival at the batcher to the cut of its (first) batch.
+             * Format: uint64
+             * @description From the request's arrival in the queue until its first batch starts.
              * @default 0
              */
-            queue_us: number;
+            queue_us: string;
             /**
-             * Format: int64
-             * @description Turning tensors into this request's frames.
+             * Format: uint64
+             * @description Making frames from the output tensors.
              * @default 0
              */
-            scatter_us: number;
+            scatter_us: string;
             /**
-             * Format: int64
-             * @description From arrival to the answer ready for encoding.
+             * Format: uint64
+             * @description From the request's arrival until the answer is ready to be encoded.
              * @default 0
              */
-            total_us: number;
+            total_us: string;
         };
-        /**
-         * @description Do a skill of the session's pack where the character stands, such as lying down or jumping: go through the sets of one of its
-         *     variants. One that moves stops first. Nothing is needed for it: no object and no scene. Commands that move the character, use an
-         *     object or cancel come after the skill: a held one is left by its exit first, so who lies gets up before it walks.
-         */
+        /** @description Do a skill of the session's pack on the spot, such as lying down or jumping: go through the sets of one of its variants. A moving character stops first. A skill needs no object and no scene. Commands that move the character, use an object or cancel take effect after the skill. A skill that is held ends by its exit first: a lying character gets up before it walks. */
         UseSkill: {
             /**
              * @description Name of the skill, one of Pack.skills.
@@ -3926,12 +3749,12 @@ export interface components {
              */
             name: string;
             /**
-             * @description Name of the variant. Empty: one by weight. All choices of a session follow from its seed.
+             * @description Name of the variant. Empty: a random one by weight, from the session's seed.
              * @default
              */
             variant: string;
         };
-        /** @description A vector, in metres where nothing else is said. */
+        /** @description A vector, in metres unless its field says otherwise. */
         Vec3: {
             /**
              * Format: float
@@ -4862,7 +4685,7 @@ export interface operations {
     GetObjectDefinition: {
         parameters: {
             query?: {
-                /** @description Format of the document: `toml` (where left out) or `json`. */
+                /** @description Format of the document: `toml`, the default, or `json`. */
                 format?: string;
             };
             header?: never;
@@ -5519,7 +5342,7 @@ export interface operations {
     GetScene: {
         parameters: {
             query?: {
-                /** @description Convention of the answer: `native` (where left out), `unreal`, `unity` or `ros`. */
+                /** @description Convention of the answer, such as `unreal` or `CONVENTION_UNREAL`. Left out: `native`. */
                 convention?: string;
                 /** @description Leave the colliders out. */
                 without_colliders?: boolean;

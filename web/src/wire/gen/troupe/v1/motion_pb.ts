@@ -1,5 +1,5 @@
-// The public contract of Troupe. gRPC speaks it as protobuf, HTTP speaks the same messages as JSON
-// (snake_case names), so both fronts share one validation and one set of errors.
+// The public contract of Troupe. gRPC uses these messages as protobuf, HTTP as JSON, so both have
+// the same checks and the same errors.
 //
 // Conventions: right-handed, Y up, +Z forward, metres, seconds, radians, quaternions (w, x, y, z).
 // A heading is the angle about +Y; heading 0 faces +Z and heading pi/2 faces +X.
@@ -19,7 +19,7 @@ export const file_troupe_v1_motion: GenFile = /*@__PURE__*/
   fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJKChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXIiuwEKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IpgFCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZSKeAQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzEisKC2ZlYXNpYmlsaXR5GAQgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5IuwBCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASIwoEcGF0aBgHIAEoCzITLnRyb3VwZS52MS5QYXRoR29hbEgAEiEKBHBhc3QYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDAoEc2VlZBgFIAEoBBIlCghzYW1wbGluZxgIIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZ0IGCgRnb2FsSgQIAxAESgQIBhAHUghkZXNjcmliZVILdGVtcGVyYXR1cmUimAEKCFNhbXBsaW5nEhgKC3RlbXBlcmF0dXJlGAEgASgCSACIAQESEgoFdG9wX2sYAiABKA1IAYgBARISCgV0b3BfcBgDIAEoAkgCiAEBEhcKCnJlcGV0aXRpb24YBCABKAJIA4gBAUIOCgxfdGVtcGVyYXR1cmVCCAoGX3RvcF9rQggKBl90b3BfcEINCgtfcmVwZXRpdGlvbiLzAQoGUHJvbXB0EgwKBHRleHQYASABKAkSGAoLZnJhbWVfY291bnQYAiABKA1IAIgBARIUCgdzZWNvbmRzGAMgASgCSAGIAQESJAoHdGFyZ2V0cxgEIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIgCgZvdGhlcnMYBSADKAsyEC50cm91cGUudjEuQWdlbnQSHwoFYXVkaW8YBiABKAsyEC50cm91cGUudjEuQXVkaW8SFwoKZmxvd19zdGVwcxgHIAEoDUgCiAEBQg4KDF9mcmFtZV9jb3VudEIKCghfc2Vjb25kc0INCgtfZmxvd19zdGVwcyI4CgVBZ2VudBIMCgR0ZXh0GAEgASgJEiEKBHBhc3QYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUiNwoFQXVkaW8SHwoFc291bmQYASABKA4yEC50cm91cGUudjEuU291bmQSDQoFY29kZXMYAiADKA0i2AIKCFBhdGhHb2FsEgwKBGJvZHkYASABKAkSLgoIc2tlbGV0b24YAiABKAsyFy50cm91cGUudjEuQm9keVNrZWxldG9uSACIAQESJAoGcG9pbnRzGAMgAygLMhQudHJvdXBlLnYxLlBhdGhQb2ludBIUCgdzZWNvbmRzGAQgASgCSAGIAQESEgoFc3BlZWQYBSABKAJIAogBARIjCgVzdHlsZRgGIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQSEgoFc3RlcHMYByABKA1IA4gBARIVCghndWlkYW5jZRgIIAEoAkgEiAEBEiQKB3RhcmdldHMYCSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDgoGc3RyaWN0GAogASgIQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIoUBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAiJKCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0i3QUKBFBhY2sSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJEg8KB2xpY2VuY2UYAyABKAkSDwoHY3JlZGl0cxgEIAMoCRILCgNmcHMYBSABKAISIAoGam9pbnRzGAYgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAcgAygJEhYKDmNvbnRleHRfZnJhbWVzGAggASgNEhMKC21heF90YXJnZXRzGAkgASgNEhIKCm1pbl9mcmFtZXMYCiABKA0SEgoKbWF4X2ZyYW1lcxgLIAEoDRIYChBmcmFtZXNfcGVyX3Rva2VuGAwgASgNEg0KBWhlYWRzGA0gASgNEg0KBWNvZGVzGA4gASgNEhQKDGNvbnRlbnRfaGFzaBgPIAEoCRISCgppc19kZWZhdWx0GBAgASgIEhIKCnBhcmFtZXRlcnMYESABKAQSFAoMZmlndXJlc19qc29uGBIgASgJEiIKCWxlZnRfYXhpcxgTIAEoCzIPLnRyb3VwZS52MS5WZWMzEhAKCGdyb3VuZF95GBQgASgCEi4KDWNvbnRhY3RfcnVsZXMYFSABKAsyFy50cm91cGUudjEuQ29udGFjdFJ1bGVzEg4KBmVuZ2luZRgWIAEoCRIfCgVyb2JvdBgXIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZmYW1pbHkYGCABKAkSFAoMY2FwYWJpbGl0aWVzGBkgAygJEiMKBmJvZGllcxgaIAMoCzITLnRyb3VwZS52MS5QYWNrQm9keRINCgV3b3JkcxgbIAMoCRIVCg1zYW1wbGVyX3N0ZXBzGBwgASgNEhcKD2RpZmZ1c2lvbl9zdGVwcxgdIAEoDRIlCghsYW5ndWFnZRgeIAEoCzITLnRyb3VwZS52MS5MYW5ndWFnZRIkCgZza2lsbHMYHyADKAsyFC50cm91cGUudjEuUGFja1NraWxsIk4KCVBhY2tTa2lsbBIMCgRuYW1lGAEgASgJEhMKC2Rlc2NyaXB0aW9uGAIgASgJEhAKCHZhcmlhbnRzGAMgAygJEgwKBGhlbGQYBCABKAgimAEKCExhbmd1YWdlEg0KBXRhc2tzGAEgAygJEhkKEW1heF9wcm9tcHRfcGllY2VzGAIgASgNEhIKCm1heF9hZ2VudHMYAyABKA0SEwoLYXVkaW9fY29kZXMYBCABKA0SEgoKZmxvd19zdGVwcxgFIAEoDRIlCghzYW1wbGluZxgGIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZyK2AQoIUGFja0JvZHkSDAoEbmFtZRgBIAEoCRIgCgZqb2ludHMYAiADKAsyEC50cm91cGUudjEuSm9pbnQSFgoOY29udGFjdF9qb2ludHMYAyADKAkSIgoJbGVmdF9heGlzGAQgASgLMg8udHJvdXBlLnYxLlZlYzMSHwoFcm9ib3QYBSABKAsyEC50cm91cGUudjEuUm9ib3QSDgoGaGVpZ2h0GAYgASgCEg0KBXdvcmRzGAcgAygJKioKBVNvdW5kEg8KC1NPVU5EX01VU0lDEAASEAoMU09VTkRfU1BFRUNIEAEqQwoHVGVsbGluZxIRCg1URUxMSU5HX1dPUkRTEAASEQoNVEVMTElOR19NVVNJQxABEhIKDlRFTExJTkdfU1BFRUNIEAIy3QIKBk1vdGlvbhJGCglJbkJldHdlZW4SGy50cm91cGUudjEuSW5CZXR3ZWVuUmVxdWVzdBocLnRyb3VwZS52MS5JbkJldHdlZW5SZXNwb25zZRJFCghHZW5lcmF0ZRIaLnRyb3VwZS52MS5HZW5lcmF0ZVJlcXVlc3QaGy50cm91cGUudjEuR2VuZXJhdGVSZXNwb25zZTABEkUKCERlc2NyaWJlEhoudHJvdXBlLnYxLkRlc2NyaWJlUmVxdWVzdBobLnRyb3VwZS52MS5EZXNjcmliZVJlc3BvbnNlMAESRgoJTGlzdFBhY2tzEhsudHJvdXBlLnYxLkxpc3RQYWNrc1JlcXVlc3QaHC50cm91cGUudjEuTGlzdFBhY2tzUmVzcG9uc2USNQoHR2V0UGFjaxIZLnRyb3VwZS52MS5HZXRQYWNrUmVxdWVzdBoPLnRyb3VwZS52MS5QYWNrYgZwcm90bzM");
 
 /**
- * A vector, in metres where nothing else is said.
+ * A vector, in metres unless its field says otherwise.
  *
  * @generated from message troupe.v1.Vec3
  */
@@ -60,28 +60,28 @@ export const Vec3Schema: GenMessage<Vec3> = /*@__PURE__*/
  */
 export type Quat = Message<"troupe.v1.Quat"> & {
   /**
-   * Its real part.
+   * The real part.
    *
    * @generated from field: float w = 1;
    */
   w: number;
 
   /**
-   * Along x.
+   * The part along x.
    *
    * @generated from field: float x = 2;
    */
   x: number;
 
   /**
-   * Along y.
+   * The part along y.
    *
    * @generated from field: float y = 3;
    */
   y: number;
 
   /**
-   * Along z.
+   * The part along z.
    *
    * @generated from field: float z = 4;
    */
@@ -96,22 +96,23 @@ export const QuatSchema: GenMessage<Quat> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 1);
 
 /**
- * The global root (r_g of the paper): where the pelvis is and which way it faces.
+ * The global root (r_g of the paper): position and heading of the pelvis.
  *
  * @generated from message troupe.v1.Root
  */
 export type Root = Message<"troupe.v1.Root"> & {
   /**
-   * World position of the root joint (the pelvis), in metres: at most 10000 m from that of the last context frame, and
-   * at most 100 m above or below the ground.
+   * World position of the root joint (the pelvis), in metres: at most 10000 m from that of the last
+   * context frame, and at most 100 m above or below the ground.
    *
    * @generated from field: troupe.v1.Vec3 position = 1;
    */
   position?: Vec3 | undefined;
 
   /**
-   * Heading in radians. Left out: taken from the pose's pelvis rotation, which must then be given. With both, it is
-   * within 0.01 rad of the pelvis' heading, unless the pelvis lies on its side and so has none.
+   * Heading in radians. Left out: taken from the pose's pelvis rotation, which must then be given.
+   * If both are given, they differ by at most 0.01 rad. A pelvis that lies on its side has no
+   * heading, and is not compared.
    *
    * @generated from field: optional float heading = 2;
    */
@@ -153,8 +154,8 @@ export type RootVelocity = Message<"troupe.v1.RootVelocity"> & {
   angular: number;
 
   /**
-   * Height of the root joint (y) in metres, needed only where the keyframe has neither a root nor a pose with
-   * `root_height`. Where there is one, within 1 mm of it; at most 100 m above or below the ground.
+   * Height of the root joint (y) in metres, at most 100 m above or below the ground. Needed if the
+   * keyframe has neither a root nor a pose with `root_height`. Otherwise within 1 mm of that.
    *
    * @generated from field: optional float height = 4;
    */
@@ -175,16 +176,17 @@ export const RootVelocitySchema: GenMessage<RootVelocity> = /*@__PURE__*/
  */
 export type Pose = Message<"troupe.v1.Pose"> & {
   /**
-   * Four numbers (w, x, y, z) for each joint, in the pack's joint order. The first joint's rotation is in the world,
-   * every other is relative to its parent. Each quaternion has unit length within 1e-3.
+   * Four numbers (w, x, y, z) for each joint, in the pack's joint order. The first joint's rotation
+   * is in the world, every other is relative to its parent. Each quaternion has unit length within
+   * 1e-3.
    *
    * @generated from field: repeated float rotations = 1;
    */
   rotations: number[];
 
   /**
-   * Height of the root joint (y) in metres, needed only where the keyframe has no root. Where it has one, within 1 mm of
-   * its position's y; at most 100 m above or below the ground.
+   * Height of the root joint (y) in metres, at most 100 m above or below the ground. Needed if the
+   * keyframe has no root. Otherwise within 1 mm of the root position's y.
    *
    * @generated from field: optional float root_height = 2;
    */
@@ -205,32 +207,34 @@ export const PoseSchema: GenMessage<Pose> = /*@__PURE__*/
  */
 export type Keyframe = Message<"troupe.v1.Keyframe"> & {
   /**
-   * Where the character is and which way it faces.
+   * Position and heading of the character.
    *
    * @generated from field: troupe.v1.Root root = 1;
    */
   root?: Root | undefined;
 
   /**
-   * How it moves. Left out: where several consecutive keyframes give their roots, each moves as it takes to come from
-   * the one before it, and the first as the second does. Else it is free.
+   * Velocity of the root. Left out: free, or derived if consecutive keyframes give their roots.
+   * Then each has the velocity that leads to it from the keyframe before, and the first has that of
+   * the second.
    *
    * @generated from field: troupe.v1.RootVelocity velocity = 2;
    */
   velocity?: RootVelocity | undefined;
 
   /**
-   * How it stands.
+   * Rotations of all joints.
    *
    * @generated from field: troupe.v1.Pose pose = 3;
    */
   pose?: Pose | undefined;
 
   /**
-   * Root and pose of a robot, in place of both: MuJoCo's qpos, with Robot.qpos_size numbers. The root's x, y, z (metres, X
-   * forward, Y left, Z up) and rotation (w, x, y, z, unit length within 1e-3), then an angle for each of Robot.hinges, radians,
-   * within its limits or at most 0.01 rad outside. The convention of a session makes no difference to it. Packs without a robot
-   * refuse it.
+   * Root and pose of a robot, instead of `root` and `pose`: MuJoCo's qpos, with Robot.qpos_size
+   * numbers. First the root's x, y, z (metres, X forward, Y left, Z up) and rotation (w, x, y, z,
+   * unit length within 1e-3), then an angle for each of Robot.hinges, in radians. An angle may be
+   * at most 0.01 rad outside the hinge's limits. The convention of a session does not change qpos.
+   * Packs without a robot refuse it.
    *
    * @generated from field: repeated float qpos = 4;
    */
@@ -245,22 +249,24 @@ export const KeyframeSchema: GenMessage<Keyframe> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 5);
 
 /**
- * What the root is to be in a frame (root override, figure 4 of the paper): any subset of place, height and heading, but at least one.
- * What is left out is as the networks make it.
+ * The root of one frame (root override, figure 4 of the paper): any subset of place, height and
+ * heading, but at least one. The networks make the rest.
  *
  * @generated from message troupe.v1.RootKey
  */
 export type RootKey = Message<"troupe.v1.RootKey"> & {
   /**
-   * The frame, counted from 0, the first context frame; below frame_count, and later than that of the entry before. In a frame of a
-   * context or target keyframe it repeats what the keyframe gives: places and heights within 1 mm, headings within 0.01 rad.
+   * The frame, counted from 0, the first context frame: below frame_count, and above the frame of
+   * the entry before. A frame that is a context or target keyframe repeats the keyframe's values:
+   * places and heights within 1 mm, headings within 0.01 rad.
    *
    * @generated from field: uint32 frame = 1;
    */
   frame: number;
 
   /**
-   * World X of the root joint (the pelvis), in metres: over the ground at most 10000 m from the last context frame. With z, or neither.
+   * World X of the root joint (the pelvis), in metres: over the ground at most 10000 m from the
+   * last context frame. Give both x and z, or neither.
    *
    * @generated from field: optional float x = 2;
    */
@@ -302,14 +308,15 @@ export const RootKeySchema: GenMessage<RootKey> = /*@__PURE__*/
  */
 export type Character = Message<"troupe.v1.Character"> & {
   /**
-   * Echoed in the result. Free text, at most 128 bytes.
+   * Free text that the result repeats, at most 128 bytes.
    *
    * @generated from field: string id = 1;
    */
   id: string;
 
   /**
-   * Exactly four consecutive frames at the pack's frame rate, oldest first, each with root position and pose.
+   * Exactly four consecutive frames at the pack's frame rate, oldest first, each with root position
+   * and pose.
    *
    * @generated from field: repeated troupe.v1.Keyframe context = 2;
    */
@@ -323,15 +330,15 @@ export type Character = Message<"troupe.v1.Character"> & {
   targets: Keyframe[];
 
   /**
-   * Frames in the whole segment, from the first context frame to the last target keyframe: 12 to 64.
-   * Left out: the model predicts it, four frames at a time.
+   * Frames in the whole segment, from the first context frame to the last target keyframe: 12 to
+   * 64. Left out: the model predicts it, four frames at a time.
    *
    * @generated from field: optional uint32 frame_count = 4;
    */
   frameCount?: number | undefined;
 
   /**
-   * Without frame_count: the token counts (four frames each, 3 to 16) that the model may choose from. Empty: all.
+   * The token counts (four frames each, 3 to 16) that the model may choose from. Empty: all.
    * Refused together with frame_count.
    *
    * @generated from field: repeated uint32 allowed_token_counts = 5;
@@ -339,28 +346,30 @@ export type Character = Message<"troupe.v1.Character"> & {
   allowedTokenCounts: number[];
 
   /**
-   * The same seed, input and pack give the same frames. As JSON it is a number: JavaScript clients stay below 2^53.
+   * Seed of all random choices. The same seed, input and pack give the same frames.
    *
    * @generated from field: uint64 seed = 6;
    */
   seed: bigint;
 
   /**
-   * 0 takes the most likely motion; above 0 token count, pose tokens and, by packs that can, the root are sampled. 0 to 2, default 0.
+   * 0 takes the most likely motion. Above 0, token count and pose tokens are sampled, and the root
+   * too if the pack can. 0 to 2, default 0.
    *
    * @generated from field: float temperature = 7;
    */
   temperature: number;
 
   /**
-   * Passes of the pose module: 1 to 10, default 1. More passes commit the most confident tokens first.
+   * Passes of the pose module: 1 to 10, default 1. With more passes the most confident tokens are
+   * fixed first.
    *
    * @generated from field: optional uint32 pose_steps = 8;
    */
   poseSteps?: number | undefined;
 
   /**
-   * Return what each stage produced.
+   * Return the result of each stage.
    *
    * @generated from field: bool return_intermediates = 9;
    */
@@ -388,26 +397,29 @@ export type Character = Message<"troupe.v1.Character"> & {
   returnQpos: boolean;
 
   /**
-   * Hold feet still while the decoder has them in contact, and lift them out of the ground: legs are bent so that the feet stay where
-   * they stand, by up to 25 cm. Roots and keyframes stay as they are. Default true; false gives what the networks made.
+   * Hold feet still while the decoder has them in contact, and lift them out of the ground. Legs
+   * bend so that a foot stays in place, by up to 25 cm. Roots and keyframes do not change. Default
+   * true; false gives the output of the networks.
    *
    * @generated from field: optional bool hold_feet = 13;
    */
   holdFeet?: boolean | undefined;
 
   /**
-   * Refuse the request (reason NOT_FEASIBLE) where the answer would not be feasible: at once where the keyframes alone show it. The
-   * error names the field, and what would be possible. Packs without limits refuse it.
+   * Refuse the request (reason NOT_FEASIBLE) if the answer is not feasible. The server refuses at
+   * once if the keyframes alone show it. The error names the field, and what is possible. Packs
+   * without limits refuse this option.
    *
    * @generated from field: bool strict = 14;
    */
   strict: boolean;
 
   /**
-   * Where the root is to be: in some frames, or in every one. These frames have it exactly. Between them the predicted trajectory is
-   * moved along: what it lacks is spread by a smooth curve, which starts at the last context frame and ends at a target's root, or stays
-   * behind the last entry. The pose tokens stay those of the predicted trajectory; the decoder makes the motion of them and of the
-   * given one. Needs frame_count.
+   * The root in some frames, or in all. These frames have it exactly. Between them, the predicted
+   * trajectory is shifted by a smooth curve. The curve starts at the last context frame, and ends
+   * at a target's root; without one it keeps the shift of the last entry. The pose tokens remain
+   * those of the predicted trajectory; the decoder makes the motion from them and from the given
+   * one. Needs frame_count.
    *
    * @generated from field: repeated troupe.v1.RootKey root = 15;
    */
@@ -422,7 +434,7 @@ export const CharacterSchema: GenMessage<Character> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 7);
 
 /**
- * What to generate, and with which pack.
+ * Motion to fill in, and the pack that makes it.
  *
  * @generated from message troupe.v1.InBetweenRequest
  */
@@ -435,7 +447,7 @@ export type InBetweenRequest = Message<"troupe.v1.InBetweenRequest"> & {
   pack: string;
 
   /**
-   * One to the server's max_characters_per_request (256 by default).
+   * 1 to 256.
    *
    * @generated from field: repeated troupe.v1.Character characters = 2;
    */
@@ -450,7 +462,8 @@ export const InBetweenRequestSchema: GenMessage<InBetweenRequest> = /*@__PURE__*
   messageDesc(file_troupe_v1_motion, 8);
 
 /**
- * Generated frames, packed by column: every array holds frame 0 first. Frame 0 is the first context frame.
+ * Generated frames, packed by column: every array holds frame 0 first. Frame 0 is the first context
+ * frame.
  *
  * @generated from message troupe.v1.Frames
  */
@@ -470,7 +483,8 @@ export type Frames = Message<"troupe.v1.Frames"> & {
   rootPositions: number[];
 
   /**
-   * frame_count x joints x 4: (w, x, y, z), first joint in the world, others relative to their parents.
+   * frame_count x joints x 4: (w, x, y, z), first joint in the world, others relative to their
+   * parents.
    *
    * @generated from field: repeated float rotations = 3;
    */
@@ -484,36 +498,39 @@ export type Frames = Message<"troupe.v1.Frames"> & {
   contacts: number[];
 
   /**
-   * frame_count x joints x 3, when asked for: world joint positions in metres.
+   * frame_count x joints x 3, on request: world joint positions in metres.
    *
    * @generated from field: repeated float positions = 5;
    */
   positions: number[];
 
   /**
-   * frame_count x joints x 6, when asked for: the first two columns of each joint's rotation matrix in the world.
+   * frame_count x joints x 6, on request: the first two columns of each joint's rotation matrix in
+   * the world.
    *
    * @generated from field: repeated float six_d = 6;
    */
   sixD: number[];
 
   /**
-   * frame_count x Robot.qpos_size, when asked for: MuJoCo's qpos, in its own axes (X forward, Y left, Z up).
+   * frame_count x Robot.qpos_size, on request: MuJoCo's qpos, in its own axes (X forward, Y left, Z
+   * up).
    *
    * @generated from field: repeated float qpos = 7;
    */
   qpos: number[];
 
   /**
-   * Of a robot's frames, one each: how far the hinges could not follow the networks or a keyframe, as the largest angle of any joint
-   * in the world, radians.
+   * frame_count, for robots: how far the hinges could not follow the networks or a keyframe. The
+   * largest angle of any joint in the world, radians.
    *
    * @generated from field: repeated float hinge_residuals = 8;
    */
   hingeResiduals: number[];
 
   /**
-   * Of a robot's frames, one each: hinges that were asked for more than their limits, and are at the limit.
+   * frame_count, for robots: number of hinges that were asked for more than their limits, and are
+   * at the limit.
    *
    * @generated from field: repeated uint32 clamped_hinges = 9;
    */
@@ -528,27 +545,28 @@ export const FramesSchema: GenMessage<Frames> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 9);
 
 /**
- * What each stage produced, in world coordinates.
+ * Results of the stages, in world coordinates.
  *
  * @generated from message troupe.v1.Intermediates
  */
 export type Intermediates = Message<"troupe.v1.Intermediates"> & {
   /**
-   * Frames that the root module predicted (a multiple of four; the segment itself may be shorter).
+   * Frames that the root module predicted: a multiple of four. The segment may be shorter.
    *
    * @generated from field: uint32 predicted_frame_count = 1;
    */
   predictedFrameCount: number;
 
   /**
-   * Probability of 3, 4, ... 16 tokens, after masking by what was allowed.
+   * Probability of 3, 4, ... 16 tokens, among the counts that were allowed.
    *
    * @generated from field: repeated float token_count_probabilities = 2;
    */
   tokenCountProbabilities: number[];
 
   /**
-   * r_g3, the root module's trajectory, before any Character.root: predicted_frame_count x 5 (x, y, z, cos heading, sin heading).
+   * r_g3, the root module's trajectory, before any Character.root: predicted_frame_count x 5 (x, y,
+   * z, cos heading, sin heading).
    *
    * @generated from field: repeated float root_r_g3 = 3;
    */
@@ -577,7 +595,7 @@ export const IntermediatesSchema: GenMessage<Intermediates> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 10);
 
 /**
- * A figure of a motion beside its limit. Its unit is that of its field in Feasibility.
+ * A figure of a motion and its limit. The unit is that of its field in Feasibility.
  *
  * @generated from message troupe.v1.FeasibilityFigure
  */
@@ -590,7 +608,7 @@ export type FeasibilityFigure = Message<"troupe.v1.FeasibilityFigure"> & {
   value: number;
 
   /**
-   * What all but 0.1 % of the windows of the pack's training data stay within.
+   * All but 0.1 % of the windows of the pack's training data stay within this.
    *
    * @generated from field: float limit = 2;
    */
@@ -604,7 +622,8 @@ export type FeasibilityFigure = Message<"troupe.v1.FeasibilityFigure"> & {
   frame: number;
 
   /**
-   * Index of the joint that has it, in the order of the pack's joints, where it is a joint's.
+   * Index of the joint that has the value, in the order of the pack's joints. Left out: the figure
+   * is not about a joint.
    *
    * @generated from field: optional uint32 joint = 4;
    */
@@ -619,28 +638,29 @@ export const FeasibilityFigureSchema: GenMessage<FeasibilityFigure> = /*@__PURE_
   messageDesc(file_troupe_v1_motion, 11);
 
 /**
- * Whether a motion stays within what the pack's data does. The first nine figures are of the frames and of the keyframes that were
- * asked for, the last three of the way from the context to the targets.
+ * Whether a motion stays within the limits of the pack's data. The first nine figures are about the
+ * frames and the keyframes of the request. The last three are about the way from the context to the
+ * targets.
  *
  * @generated from message troupe.v1.Feasibility
  */
 export type Feasibility = Message<"troupe.v1.Feasibility"> & {
   /**
-   * Whether no figure is beyond its limit.
+   * Whether all figures are within their limits.
    *
    * @generated from field: bool feasible = 1;
    */
   feasible: boolean;
 
   /**
-   * Name of the figure that is farthest beyond its limit, or nearest to it.
+   * Name of the figure with the largest ratio of value to limit.
    *
    * @generated from field: string worst = 2;
    */
   worst: string;
 
   /**
-   * Its value divided by its limit.
+   * That ratio.
    *
    * @generated from field: float ratio = 3;
    */
@@ -654,14 +674,15 @@ export type Feasibility = Message<"troupe.v1.Feasibility"> & {
   rootSpeed?: FeasibilityFigure | undefined;
 
   /**
-   * Acceleration of the root, m/s². A velocity that a target asks for counts as the step that leads to it.
+   * Acceleration of the root, m/s². A velocity that a target asks for counts as the step that leads
+   * to it.
    *
    * @generated from field: troupe.v1.FeasibilityFigure root_acceleration = 5;
    */
   rootAcceleration?: FeasibilityFigure | undefined;
 
   /**
-   * How fast the pelvis turns about any axis, rad/s.
+   * Angular speed of the pelvis about any axis, rad/s.
    *
    * @generated from field: troupe.v1.FeasibilityFigure turning = 6;
    */
@@ -682,50 +703,52 @@ export type Feasibility = Message<"troupe.v1.Feasibility"> & {
   jointAcceleration?: FeasibilityFigure | undefined;
 
   /**
-   * How far the lowest joint is below the ground, metres.
+   * Depth of the lowest joint below the ground, metres.
    *
    * @generated from field: troupe.v1.FeasibilityFigure below_ground = 9;
    */
   belowGround?: FeasibilityFigure | undefined;
 
   /**
-   * How high the lowest joint is over the ground, metres.
+   * Height of the lowest joint above the ground, metres.
    *
    * @generated from field: troupe.v1.FeasibilityFigure off_ground = 10;
    */
   offGround?: FeasibilityFigure | undefined;
 
   /**
-   * Angle of the pelvis from how it usually stands, radians.
+   * Angle of the pelvis from its usual stance, radians.
    *
    * @generated from field: troupe.v1.FeasibilityFigure tilt = 11;
    */
   tilt?: FeasibilityFigure | undefined;
 
   /**
-   * How far a joint is bent beyond its range in the data, radians.
+   * Bend of a joint beyond its range in the data, radians.
    *
    * @generated from field: troupe.v1.FeasibilityFigure bend = 12;
    */
   bend?: FeasibilityFigure | undefined;
 
   /**
-   * How far a target is from where the context's velocity leads, over the ground, metres; the limit is that of as many frames.
+   * Distance over the ground from a target to the place that the context's velocity leads to,
+   * metres. The limit is that of the same number of frames.
    *
    * @generated from field: troupe.v1.FeasibilityFigure root_reach = 13;
    */
   rootReach?: FeasibilityFigure | undefined;
 
   /**
-   * How far the pelvis turns from the context to a target, radians; the limit is that of as many frames.
+   * Turn of the pelvis from the context to a target, radians. The limit is that of the same number
+   * of frames.
    *
    * @generated from field: troupe.v1.FeasibilityFigure turn_reach = 14;
    */
   turnReach?: FeasibilityFigure | undefined;
 
   /**
-   * How far the joints get from the context to a target, over the root's place on the ground, metres in the mean; the limit is
-   * that of as many frames.
+   * Mean distance of the joints between the context and a target, relative to the root's place on
+   * the ground, metres. The limit is that of the same number of frames.
    *
    * @generated from field: troupe.v1.FeasibilityFigure pose_reach = 15;
    */
@@ -746,28 +769,28 @@ export const FeasibilitySchema: GenMessage<Feasibility> = /*@__PURE__*/
  */
 export type CharacterResult = Message<"troupe.v1.CharacterResult"> & {
   /**
-   * The id that the request gave.
+   * The id of the request.
    *
    * @generated from field: string id = 1;
    */
   id: string;
 
   /**
-   * The whole segment, context and target frames included.
+   * The whole segment, with context and target frames.
    *
    * @generated from field: troupe.v1.Frames frames = 2;
    */
   frames?: Frames | undefined;
 
   /**
-   * When asked for.
+   * Results of the stages, on request.
    *
    * @generated from field: troupe.v1.Intermediates intermediates = 3;
    */
   intermediates?: Intermediates | undefined;
 
   /**
-   * Whether the motion stays within what the pack's data does. Left out where the pack has no limits.
+   * Whether the motion stays within the limits of the pack's data. Left out if the pack has none.
    *
    * @generated from field: troupe.v1.Feasibility feasibility = 4;
    */
@@ -818,22 +841,24 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
   } | { case: undefined; value?: undefined };
 
   /**
-   * Frames that go before, oldest first, each with root position and pose: none, or as many as Pack.context_frames; beside a prompt
-   * up to Pack.max_frames, where the pack has a language model. Without them the motion begins at the origin and faces +Z.
+   * Frames before the motion, oldest first, each with root position and pose: none, or
+   * Pack.context_frames. With a prompt up to Pack.max_frames, if the pack has a language model.
+   * Without them the motion begins at the origin and faces +Z.
    *
    * @generated from field: repeated troupe.v1.Keyframe past = 4;
    */
   past: Keyframe[];
 
   /**
-   * The same seed, input and pack give the same answer. As JSON it is a number: JavaScript clients stay below 2^53.
+   * Seed of all random choices. The same seed, input and pack give the same answer.
    *
    * @generated from field: uint64 seed = 5;
    */
   seed: bigint;
 
   /**
-   * How tokens of a prompt's motion are chosen. Left out: as the pack says. A path refuses it.
+   * How the model chooses the tokens of a prompt's motion. Left out: the pack's own values. A path
+   * refuses it.
    *
    * @generated from field: troupe.v1.Sampling sampling = 8;
    */
@@ -848,34 +873,36 @@ export const GenerateRequestSchema: GenMessage<GenerateRequest> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 14);
 
 /**
- * How a language model chooses the next token. What is left out is as the pack says (Language.sampling).
+ * How a language model chooses the next token. Fields that are left out have the pack's values
+ * (Language.sampling).
  *
  * @generated from message troupe.v1.Sampling
  */
 export type Sampling = Message<"troupe.v1.Sampling"> & {
   /**
-   * 0 takes the most likely token; above 0 one is drawn with the seed. 0 to 2.
+   * 0 takes the most likely token. Above 0, the seed draws one. 0 to 2.
    *
    * @generated from field: optional float temperature = 1;
    */
   temperature?: number | undefined;
 
   /**
-   * How many of the likeliest tokens may be drawn; 0 for all of them.
+   * Draw among this number of the likeliest tokens. 0: among all.
    *
    * @generated from field: optional uint32 top_k = 2;
    */
   topK?: number | undefined;
 
   /**
-   * The likeliest tokens that may be drawn are together at least so likely: above 0, at most 1. 1 for all of them.
+   * Draw among the likeliest tokens whose probabilities add up to at least this: above 0, at most
+   * 1. 1: among all.
    *
    * @generated from field: optional float top_p = 3;
    */
   topP?: number | undefined;
 
   /**
-   * What the logits of the last 8 tokens are weakened by: 1 to 10. 1 for nothing.
+   * Factor that weakens the logits of the last 8 tokens: 1 to 10. 1: no change.
    *
    * @generated from field: optional float repetition = 4;
    */
@@ -896,53 +923,56 @@ export const SamplingSchema: GenMessage<Sampling> = /*@__PURE__*/
  */
 export type Prompt = Message<"troupe.v1.Prompt"> & {
   /**
-   * What to do: 1 to 1000 characters. Empty beside `past`, `targets` or `audio`: the model decides.
+   * What to do: 1 to 1000 characters. May be empty with `past`, `targets` or `audio`. Then the
+   * model decides.
    *
    * @generated from field: string text = 1;
    */
   text: string;
 
   /**
-   * Frames to make: 1 to 1024. Left out: the model decides. Beside `targets` one of `frame_count` and `seconds` is needed, and the
-   * frames are a multiple of Pack.frames_per_token.
+   * Frames to make: 1 to 1024. Left out: the model decides. With `targets`, either `frame_count` or
+   * `seconds` is needed, and the number of frames is a multiple of Pack.frames_per_token.
    *
    * @generated from field: optional uint32 frame_count = 2;
    */
   frameCount?: number | undefined;
 
   /**
-   * Length of the motion in seconds, in the place of `frame_count`: above 0, and at most 1024 frames. It is rounded to frames, beside
-   * `targets` to multiples of Pack.frames_per_token.
+   * Length of the motion in seconds, instead of `frame_count`: above 0, and at most 1024 frames. It
+   * is rounded to whole frames, with `targets` to multiples of Pack.frames_per_token.
    *
    * @generated from field: optional float seconds = 3;
    */
   seconds?: number | undefined;
 
   /**
-   * Frames that come after, oldest first, each with root position and pose: Pack.frames_per_token to Pack.max_frames, beside a `past`
-   * of the request. The motion that is made lies between the two, and comes in one part.
+   * Frames after the motion, oldest first, each with root position and pose: Pack.frames_per_token
+   * to Pack.max_frames. Needs `past` in the request. The motion then lies between the two, and
+   * comes in one part.
    *
    * @generated from field: repeated troupe.v1.Keyframe targets = 4;
    */
   targets: Keyframe[];
 
   /**
-   * Other characters of the same motion. Needs the capability `agents`; at most Language.max_agents characters in all.
+   * Other characters of the same motion. Needs the capability `agents`; at most Language.max_agents
+   * characters in all.
    *
    * @generated from field: repeated troupe.v1.Agent others = 5;
    */
   others: Agent[];
 
   /**
-   * What to dance or to speak to. For packs with the task `music_to_dance` or `speech_to_gesture`.
+   * Audio to dance or to speak to. For packs with the task `music_to_dance` or `speech_to_gesture`.
    *
    * @generated from field: troupe.v1.Audio audio = 6;
    */
   audio?: Audio | undefined;
 
   /**
-   * Steps of the pack's flow decoder, whose frames are finer and come in one part: up to 256, for packs where Language.flow_steps is not
-   * 0. 0 or left out: the plain decoder.
+   * Steps of the pack's flow decoder, whose frames are finer and come in one part: up to 256. Only
+   * for packs whose Language.flow_steps is not 0. 0 or left out: the plain decoder.
    *
    * @generated from field: optional uint32 flow_steps = 7;
    */
@@ -957,21 +987,21 @@ export const PromptSchema: GenMessage<Prompt> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 16);
 
 /**
- * A second character of a motion, and more.
+ * A further character of a motion.
  *
  * @generated from message troupe.v1.Agent
  */
 export type Agent = Message<"troupe.v1.Agent"> & {
   /**
-   * What it is to do: as Prompt.text. All characters have words, or none has.
+   * What the character does, as in Prompt.text. Either all characters have words, or none has.
    *
    * @generated from field: string text = 1;
    */
   text: string;
 
   /**
-   * Frames that go before, oldest first, each with root position and pose: as many as those of the first character. Without them
-   * characters begin side by side, 1 m apart along +X.
+   * Frames before the motion, oldest first, each with root position and pose: the same number as
+   * for the first character. Without them the characters begin side by side, 1 m apart along +X.
    *
    * @generated from field: repeated troupe.v1.Keyframe past = 2;
    */
@@ -992,14 +1022,14 @@ export const AgentSchema: GenMessage<Agent> = /*@__PURE__*/
  */
 export type Audio = Message<"troupe.v1.Audio"> & {
   /**
-   * What sounds.
+   * The kind of audio.
    *
    * @generated from field: troupe.v1.Sound sound = 1;
    */
   sound: Sound;
 
   /**
-   * Its codes, oldest first, each below Language.audio_codes.
+   * Codes, oldest first, each below Language.audio_codes.
    *
    * @generated from field: repeated uint32 codes = 2;
    */
@@ -1027,37 +1057,39 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
   body: string;
 
   /**
-   * A body of the caller's own, in the place of one of the pack's. Nothing promises that a model moves it well.
+   * A body of the caller's own, instead of one of the pack's. The model may move it badly.
    *
    * @generated from field: optional troupe.v1.BodySkeleton skeleton = 2;
    */
   skeleton?: BodySkeleton | undefined;
 
   /**
-   * Where to go: 1 to 10000 points in order. In between the way is a smooth curve; behind the last one the body stays there. A path
-   * that goes on from `past` begins at most 5 m from its last frame, and the motion leads over to it.
+   * Points of the path in order: 1 to 10000. A smooth curve joins them, and the body stays at the
+   * last one. A path that continues from `past` begins at most 5 m from its last frame. The motion
+   * leads over to it.
    *
    * @generated from field: repeated troupe.v1.PathPoint points = 3;
    */
   points: PathPoint[];
 
   /**
-   * Length of the motion in seconds, above 0 and at most 300. Left out: that of the path. A path of one point needs it.
+   * Length of the motion in seconds, above 0 and at most 300. Left out: that of the path. A path of
+   * one point needs it.
    *
    * @generated from field: optional float seconds = 4;
    */
   seconds?: number | undefined;
 
   /**
-   * How fast to go where points have no times, in metres a second: 0.05 to 15. Left out: a walk of the body's size, or what
-   * `seconds` leaves time for.
+   * Speed for points without times, in metres per second: 0.05 to 15. Left out: a walk that suits
+   * the body's size, or the speed that `seconds` asks for.
    *
    * @generated from field: optional float speed = 5;
    */
   speed?: number | undefined;
 
   /**
-   * Words of the pack and how much of each, at most 1 in all. None: no style.
+   * Words of the pack with their weights, which add up to at most 1. Empty: no style.
    *
    * @generated from field: repeated troupe.v1.StyleWord style = 6;
    */
@@ -1071,22 +1103,25 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
   steps?: number | undefined;
 
   /**
-   * 1 has the style as it was trained, more exaggerates it and takes twice the time. 0 to 8, default 1.
+   * Strength of the style: 1 is as trained. More exaggerates it, and takes twice the time. 0 to 8,
+   * default 1.
    *
    * @generated from field: optional float guidance = 8;
    */
   guidance?: number | undefined;
 
   /**
-   * How the motion ends: up to Pack.max_targets last frames, each with root position and pose, at most 5 m from the path's end.
+   * Last frames of the motion, up to Pack.max_targets, each with root position and pose, at most 5
+   * m from the path's end.
    *
    * @generated from field: repeated troupe.v1.Keyframe targets = 9;
    */
   targets: Keyframe[];
 
   /**
-   * Refuse the request (reason NOT_FEASIBLE) where the path, the past and the targets alone show that the motion would not be feasible,
-   * and end the answer where its frames do. Bodies without limits refuse it.
+   * Refuse the request (reason NOT_FEASIBLE) if the path, the past and the targets alone show that
+   * the motion is not feasible. End the answer with that error if a frame shows it. Bodies without
+   * limits refuse this option.
    *
    * @generated from field: bool strict = 10;
    */
@@ -1101,13 +1136,13 @@ export const PathGoalSchema: GenMessage<PathGoal> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 19);
 
 /**
- * How much of a word a style has.
+ * A word of a style and its weight.
  *
  * @generated from message troupe.v1.StyleWord
  */
 export type StyleWord = Message<"troupe.v1.StyleWord"> & {
   /**
-   * One of Pack.words, once.
+   * One of Pack.words. A style has each word once.
    *
    * @generated from field: string word = 1;
    */
@@ -1129,13 +1164,14 @@ export const StyleWordSchema: GenMessage<StyleWord> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 20);
 
 /**
- * Where to be, and when.
+ * A point of a path, and perhaps the time to be there.
  *
  * @generated from message troupe.v1.PathPoint
  */
 export type PathPoint = Message<"troupe.v1.PathPoint"> & {
   /**
-   * World position, at most 10000 m from the origin; the height does not count. In metres, or in a session's unit.
+   * World position, at most 10000 m from the origin; the height does not count. In metres, or in a
+   * session's unit.
    *
    * @generated from field: troupe.v1.Vec3 position = 1;
    */
@@ -1149,8 +1185,9 @@ export type PathPoint = Message<"troupe.v1.PathPoint"> & {
   heading?: number | undefined;
 
   /**
-   * Seconds from the motion's begin, which is its first frame, or the last one of `past`. In a session: from the command. All points have one, or none has. Each is
-   * later than the one before.
+   * Seconds since the motion's first frame, or since the last frame of `past`. In a session: since
+   * the command. Either all points have a time, or none has. Each time is later than the one
+   * before.
    *
    * @generated from field: optional float time = 3;
    */
@@ -1165,7 +1202,8 @@ export const PathPointSchema: GenMessage<PathPoint> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 21);
 
 /**
- * A skeleton of the caller's own, which stands upright in its neutral pose, heads along +Z and lets its limbs hang down.
+ * A skeleton of the caller's own. In its neutral pose it stands upright, faces +Z and lets its
+ * limbs hang down.
  *
  * @generated from message troupe.v1.BodySkeleton
  */
@@ -1185,14 +1223,15 @@ export type BodySkeleton = Message<"troupe.v1.BodySkeleton"> & {
   leftAxis?: Vec3 | undefined;
 
   /**
-   * Names of the joints that touch the ground. None: the lowest ends.
+   * Names of the joints that touch the ground. Empty: the lowest ends.
    *
    * @generated from field: repeated string contact_joints = 3;
    */
   contactJoints: string[];
 
   /**
-   * World rotations of the neutral pose, one a joint. None: the rest pose, turned to head along +Z.
+   * World rotations of the neutral pose, one for each joint. Empty: the rest pose, turned to face
+   * +Z.
    *
    * @generated from field: repeated troupe.v1.Quat neutral = 4;
    */
@@ -1207,7 +1246,7 @@ export const BodySkeletonSchema: GenMessage<BodySkeleton> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 22);
 
 /**
- * A joint of such a skeleton.
+ * A joint of a BodySkeleton.
  *
  * @generated from message troupe.v1.BodyJoint
  */
@@ -1242,13 +1281,13 @@ export const BodyJointSchema: GenMessage<BodyJoint> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 23);
 
 /**
- * A part of a motion, which follows those before.
+ * A part of a motion. It follows the parts before.
  *
  * @generated from message troupe.v1.GenerateResponse
  */
 export type GenerateResponse = Message<"troupe.v1.GenerateResponse"> & {
   /**
-   * What it is.
+   * Content of the part.
    *
    * @generated from oneof troupe.v1.GenerateResponse.part
    */
@@ -1263,29 +1302,29 @@ export type GenerateResponse = Message<"troupe.v1.GenerateResponse"> & {
   } | { case: undefined; value?: undefined };
 
   /**
-   * Whether the answer ends with it.
+   * Whether this is the last part.
    *
    * @generated from field: bool is_last = 3;
    */
   isLast: boolean;
 
   /**
-   * What the model was asked for that it may not do well. They come with the first part.
+   * Parts of the request that the model may not do well. They come with the first part.
    *
    * @generated from field: repeated string notes = 4;
    */
   notes: string[];
 
   /**
-   * Whose frames they are: 0 for the first character, 1 and more for those of Prompt.others.
+   * The character: 0 for the first, 1 and more for those of Prompt.others.
    *
    * @generated from field: uint32 character = 5;
    */
   character: number;
 
   /**
-   * Of frames along a path: whether they stay within what the data of the body does. Frames count from the answer's first. Left out
-   * where the body has no limits.
+   * For frames along a path: whether they stay within the limits of the body's data. Frames count
+   * from the first of the answer. Left out if the body has no limits.
    *
    * @generated from field: troupe.v1.Feasibility feasibility = 6;
    */
@@ -1300,7 +1339,7 @@ export const GenerateResponseSchema: GenMessage<GenerateResponse> = /*@__PURE__*
   messageDesc(file_troupe_v1_motion, 24);
 
 /**
- * A motion to put into words.
+ * A motion to describe.
  *
  * @generated from message troupe.v1.DescribeRequest
  */
@@ -1313,8 +1352,9 @@ export type DescribeRequest = Message<"troupe.v1.DescribeRequest"> & {
   pack: string;
 
   /**
-   * Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024, and as many as a message of the pack
-   * takes (Pack.frames_per_token to Pack.max_frames, and some that do not fill a token).
+   * Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024. A
+   * pack takes Pack.frames_per_token to Pack.max_frames of them, and a few more that do not fill a
+   * token.
    *
    * @generated from field: repeated troupe.v1.Keyframe frames = 2;
    */
@@ -1328,21 +1368,21 @@ export type DescribeRequest = Message<"troupe.v1.DescribeRequest"> & {
   others: OtherMotion[];
 
   /**
-   * What to put it into.
+   * Form of the description.
    *
    * @generated from field: troupe.v1.Telling into = 4;
    */
   into: Telling;
 
   /**
-   * The same seed, input and pack give the same answer. As JSON it is a number: JavaScript clients stay below 2^53.
+   * Seed of all random choices. The same seed, input and pack give the same answer.
    *
    * @generated from field: uint64 seed = 5;
    */
   seed: bigint;
 
   /**
-   * How tokens are chosen. Left out: as the pack says.
+   * How the model chooses tokens. Left out: the pack's own values.
    *
    * @generated from field: troupe.v1.Sampling sampling = 6;
    */
@@ -1357,13 +1397,13 @@ export const DescribeRequestSchema: GenMessage<DescribeRequest> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 25);
 
 /**
- * The motion of a second character, and more.
+ * The motion of a further character.
  *
  * @generated from message troupe.v1.OtherMotion
  */
 export type OtherMotion = Message<"troupe.v1.OtherMotion"> & {
   /**
-   * Its frames, as many as those of the first character.
+   * The same number of frames as for the first character.
    *
    * @generated from field: repeated troupe.v1.Keyframe frames = 1;
    */
@@ -1378,19 +1418,19 @@ export const OtherMotionSchema: GenMessage<OtherMotion> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 26);
 
 /**
- * A part of a description, which follows those before.
+ * A part of a description. It follows the parts before.
  *
  * @generated from message troupe.v1.DescribeResponse
  */
 export type DescribeResponse = Message<"troupe.v1.DescribeResponse"> & {
   /**
-   * What it is.
+   * Content of the part.
    *
    * @generated from oneof troupe.v1.DescribeResponse.part
    */
   part: {
     /**
-     * Words; spaces between parts are in them.
+     * Words, with the spaces between parts.
      *
      * @generated from field: string text = 1;
      */
@@ -1407,14 +1447,14 @@ export type DescribeResponse = Message<"troupe.v1.DescribeResponse"> & {
   } | { case: undefined; value?: undefined };
 
   /**
-   * Whether the answer ends with it.
+   * Whether this is the last part.
    *
    * @generated from field: bool is_last = 3;
    */
   isLast: boolean;
 
   /**
-   * What the model was asked for that it may not do well. They come with the first part.
+   * Parts of the request that the model may not do well. They come with the first part.
    *
    * @generated from field: repeated string notes = 4;
    */
@@ -1429,13 +1469,14 @@ export const DescribeResponseSchema: GenMessage<DescribeResponse> = /*@__PURE__*
   messageDesc(file_troupe_v1_motion, 27);
 
 /**
- * Where the time went, in microseconds, by the server's clock.
+ * Times of a request, in microseconds, by the server's clock. The times of parts that run at the
+ * same time add up, except for queue_us and total_us.
  *
  * @generated from message troupe.v1.Timing
  */
 export type Timing = Message<"troupe.v1.Timing"> & {
   /**
-   * From the request's arrival at the batcher to the cut of its (first) batch.
+   * From the request's arrival in the queue until its first batch starts.
    *
    * @generated from field: uint64 queue_us = 1;
    */
@@ -1449,28 +1490,28 @@ export type Timing = Message<"troupe.v1.Timing"> & {
   assembleUs: bigint;
 
   /**
-   * The three ONNX stages. Where parts of the request ran at the same time, their times add up; so above and below.
+   * The three ONNX stages.
    *
    * @generated from field: uint64 inference_us = 3;
    */
   inferenceUs: bigint;
 
   /**
-   * Turning tensors into this request's frames.
+   * Making frames from the output tensors.
    *
    * @generated from field: uint64 scatter_us = 4;
    */
   scatterUs: bigint;
 
   /**
-   * From arrival to the answer ready for encoding.
+   * From the request's arrival until the answer is ready to be encoded.
    *
    * @generated from field: uint64 total_us = 5;
    */
   totalUs: bigint;
 
   /**
-   * Characters in the largest batch that carried this request.
+   * Characters in the largest batch with a part of this request.
    *
    * @generated from field: uint32 batch_size = 6;
    */
@@ -1512,7 +1553,7 @@ export type InBetweenResponse = Message<"troupe.v1.InBetweenResponse"> & {
   characters: CharacterResult[];
 
   /**
-   * Where the time went.
+   * Times of the request.
    *
    * @generated from field: troupe.v1.Timing timing = 4;
    */
@@ -1619,28 +1660,29 @@ export const JointSchema: GenMessage<Joint> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 33);
 
 /**
- * How ground contacts are told from positions and speeds, a number for each contact joint, in the order of
- * Pack.contact_joints.
+ * How to derive ground contacts from positions and speeds. Lists have a number for each contact
+ * joint, in the order of Pack.contact_joints.
  *
  * @generated from message troupe.v1.ContactRules
  */
 export type ContactRules = Message<"troupe.v1.ContactRules"> & {
   /**
-   * In contact when the joint's height above the ground is below this, in metres ...
+   * A joint is in contact if it is lower than this above the ground, in metres, and slower than
+   * max_speed.
    *
    * @generated from field: repeated float max_height = 1;
    */
   maxHeight: number[];
 
   /**
-   * ... and its speed below this, in metres per second.
+   * In metres per second.
    *
    * @generated from field: float max_speed = 2;
    */
   maxSpeed: number;
 
   /**
-   * Height of the joint above the ground when it rests on it, in metres.
+   * Height of the joint above the ground while it rests on it, in metres.
    *
    * @generated from field: repeated float clearance = 3;
    */
@@ -1655,7 +1697,8 @@ export const ContactRulesSchema: GenMessage<ContactRules> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 34);
 
 /**
- * A joint that turns about one axis. Its rotation relative to its parent is `rest`, then the turn by its angle about `axis`.
+ * A joint that turns about one axis. Its rotation relative to its parent is `rest`, then the turn
+ * by its angle about `axis`.
  *
  * @generated from message troupe.v1.Hinge
  */
@@ -1668,14 +1711,14 @@ export type Hinge = Message<"troupe.v1.Hinge"> & {
   joint: string;
 
   /**
-   * Its axis in the joint's own frame, unit length.
+   * Axis in the joint's own frame, unit length.
    *
    * @generated from field: troupe.v1.Vec3 axis = 2;
    */
   axis?: Vec3 | undefined;
 
   /**
-   * Its rotation relative to its parent at angle 0.
+   * Rotation relative to the parent at angle 0.
    *
    * @generated from field: troupe.v1.Quat rest = 3;
    */
@@ -1696,7 +1739,7 @@ export type Hinge = Message<"troupe.v1.Hinge"> & {
   upper: number;
 
   /**
-   * The fastest that it turns, in radians per second. Frames are not held to it.
+   * Top speed, in radians per second. Frames may be faster.
    *
    * @generated from field: float max_speed = 6;
    */
@@ -1711,14 +1754,15 @@ export const HingeSchema: GenMessage<Hinge> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 35);
 
 /**
- * The robot that a pack animates: all its joints are hinges, but for the root, which floats, and those that are fixed to their
- * parents. Every frame of such a pack is on the hinges and within their limits, however it is written.
+ * The robot that a pack animates. The root floats, some joints are fixed to their parents, and all
+ * others are hinges. Every frame of such a pack is on the hinges and within their limits, in
+ * whatever form it is written.
  *
  * @generated from message troupe.v1.Robot
  */
 export type Robot = Message<"troupe.v1.Robot"> & {
   /**
-   * Its name, as in its URDF.
+   * Name in the robot's URDF.
    *
    * @generated from field: string name = 1;
    */
@@ -1747,13 +1791,13 @@ export const RobotSchema: GenMessage<Robot> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 36);
 
 /**
- * A model pack: what it animates, its limits and where it comes from.
+ * A model pack: what it animates, its limits, and its origin.
  *
  * @generated from message troupe.v1.Pack
  */
 export type Pack = Message<"troupe.v1.Pack"> & {
   /**
-   * The name that requests give.
+   * The name that requests use.
    *
    * @generated from field: string name = 1;
    */
@@ -1774,7 +1818,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   licence: string;
 
   /**
-   * Whose work the pack is built on.
+   * Authors of the work that the pack builds on.
    *
    * @generated from field: repeated string credits = 4;
    */
@@ -1830,7 +1874,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   maxFrames: number;
 
   /**
-   * Frames that one motion token stands for.
+   * Frames of a motion token.
    *
    * @generated from field: uint32 frames_per_token = 12;
    */
@@ -1858,14 +1902,14 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   contentHash: string;
 
   /**
-   * True for the pack that answers requests with an empty pack name.
+   * Whether this pack answers requests with an empty pack name.
    *
    * @generated from field: bool is_default = 16;
    */
   isDefault: boolean;
 
   /**
-   * Weights of all stages.
+   * Number of weights in all stages.
    *
    * @generated from field: uint64 parameters = 17;
    */
@@ -1879,7 +1923,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   figuresJson: string;
 
   /**
-   * Which way is left for the character, in the first joint's own frame, unit length: headings are taken from it.
+   * The character's left in the first joint's own frame, unit length. Headings are derived from it.
    *
    * @generated from field: troupe.v1.Vec3 left_axis = 19;
    */
@@ -1893,21 +1937,21 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   groundY: number;
 
   /**
-   * How contacts are told from positions and speeds.
+   * How to derive contacts from positions and speeds.
    *
    * @generated from field: troupe.v1.ContactRules contact_rules = 21;
    */
   contactRules?: ContactRules | undefined;
 
   /**
-   * What runs the pack's networks on this server: cpu (f32), openvino-bf16, cuda or tensorrt.
+   * The engine of the pack on this server: cpu (f32), openvino-bf16, cuda or tensorrt.
    *
    * @generated from field: string engine = 22;
    */
   engine: string;
 
   /**
-   * The robot that it animates. Left out: none.
+   * The robot that the pack animates. Left out: none.
    *
    * @generated from field: troupe.v1.Robot robot = 23;
    */
@@ -1921,28 +1965,29 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   family: string;
 
   /**
-   * What the pack can do: inbetween, live, path, text, describe, agents.
+   * Capabilities: inbetween, live, path, text, describe, agents.
    *
    * @generated from field: repeated string capabilities = 25;
    */
   capabilities: string[];
 
   /**
-   * The bodies that one network moves, the default one first. None: the pack has the one skeleton above.
+   * The bodies that one network moves, the default one first. Empty: the pack has one skeleton,
+   * `joints`.
    *
    * @generated from field: repeated troupe.v1.PackBody bodies = 26;
    */
   bodies: PackBody[];
 
   /**
-   * Words that paths may be styled with.
+   * Words for the styles of paths.
    *
    * @generated from field: repeated string words = 27;
    */
   words: string[];
 
   /**
-   * Steps of the sampler where a request names none; 0 where there is no sampler.
+   * Default steps of the sampler. 0: the pack has no sampler.
    *
    * @generated from field: uint32 sampler_steps = 28;
    */
@@ -1963,7 +2008,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   language?: Language | undefined;
 
   /**
-   * What its characters can do where they stand, beside walking: see UseSkill.
+   * What its characters can do in place, beside walking: see UseSkill.
    *
    * @generated from field: repeated troupe.v1.PackSkill skills = 31;
    */
@@ -1984,28 +2029,28 @@ export const PackSchema: GenMessage<Pack> = /*@__PURE__*/
  */
 export type PackSkill = Message<"troupe.v1.PackSkill"> & {
   /**
-   * The name that commands give.
+   * The name that commands use.
    *
    * @generated from field: string name = 1;
    */
   name: string;
 
   /**
-   * What it is, for people.
+   * A description for people.
    *
    * @generated from field: string description = 2;
    */
   description: string;
 
   /**
-   * Names of its variants.
+   * Names of the skill's variants.
    *
    * @generated from field: repeated string variants = 3;
    */
   variants: string[];
 
   /**
-   * Whether it is held until it is ended, such as lying.
+   * Whether the character holds it until a command ends it, such as lying.
    *
    * @generated from field: bool held = 4;
    */
@@ -2026,15 +2071,15 @@ export const PackSkillSchema: GenMessage<PackSkill> = /*@__PURE__*/
  */
 export type Language = Message<"troupe.v1.Language"> & {
   /**
-   * What it was trained to do: text_to_motion, motion_to_text, prediction, inbetween, continuation, unconditional, music_to_dance,
-   * dance_to_music, speech_to_gesture, gesture_to_speech.
+   * The tasks of its training: text_to_motion, motion_to_text, prediction, inbetween, continuation,
+   * unconditional, music_to_dance, dance_to_music, speech_to_gesture, gesture_to_speech.
    *
    * @generated from field: repeated string tasks = 1;
    */
   tasks: string[];
 
   /**
-   * Most text pieces of a prompt, those of all characters together.
+   * Most text pieces of a prompt, over all characters.
    *
    * @generated from field: uint32 max_prompt_pieces = 2;
    */
@@ -2048,21 +2093,21 @@ export type Language = Message<"troupe.v1.Language"> & {
   maxAgents: number;
 
   /**
-   * Codes of audio; 0 where it has none.
+   * Number of audio codes; 0 for none.
    *
    * @generated from field: uint32 audio_codes = 4;
    */
   audioCodes: number;
 
   /**
-   * Steps that the flow decoder was made for; 0 where the pack has none.
+   * Steps that the flow decoder was made for. 0: the pack has no flow decoder.
    *
    * @generated from field: uint32 flow_steps = 5;
    */
   flowSteps: number;
 
   /**
-   * How tokens are chosen where a request does not say.
+   * How the model chooses tokens if a request does not say.
    *
    * @generated from field: troupe.v1.Sampling sampling = 6;
    */
@@ -2083,14 +2128,14 @@ export const LanguageSchema: GenMessage<Language> = /*@__PURE__*/
  */
 export type PackBody = Message<"troupe.v1.PackBody"> & {
   /**
-   * The name that requests give.
+   * The name that requests use.
    *
    * @generated from field: string name = 1;
    */
   name: string;
 
   /**
-   * Its skeleton, parents before children. GetPack alone has it.
+   * The skeleton, parents before children. Only GetPack returns it.
    *
    * @generated from field: repeated troupe.v1.Joint joints = 2;
    */
@@ -2104,28 +2149,28 @@ export type PackBody = Message<"troupe.v1.PackBody"> & {
   contactJoints: string[];
 
   /**
-   * Which way is left for the body, in the first joint's own frame, unit length.
+   * The body's left in the first joint's own frame, unit length.
    *
    * @generated from field: troupe.v1.Vec3 left_axis = 4;
    */
   leftAxis?: Vec3 | undefined;
 
   /**
-   * The robot that it is. Left out: none.
+   * The robot that this body is. Left out: none.
    *
    * @generated from field: troupe.v1.Robot robot = 5;
    */
   robot?: Robot | undefined;
 
   /**
-   * Height of the root where it stands, in metres.
+   * Height of the root of the standing body, in metres.
    *
    * @generated from field: float height = 6;
    */
   height: number;
 
   /**
-   * Words that its clips show.
+   * Words that the body's clips show.
    *
    * @generated from field: repeated string words = 7;
    */
@@ -2140,7 +2185,7 @@ export const PackBodySchema: GenMessage<PackBody> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 40);
 
 /**
- * What sounds.
+ * A kind of audio.
  *
  * @generated from enum troupe.v1.Sound
  */
@@ -2167,7 +2212,7 @@ export const SoundSchema: GenEnum<Sound> = /*@__PURE__*/
   enumDesc(file_troupe_v1_motion, 0);
 
 /**
- * What a motion is put into.
+ * Form of a description.
  *
  * @generated from enum troupe.v1.Telling
  */
@@ -2180,14 +2225,14 @@ export enum Telling {
   WORDS = 0,
 
   /**
-   * Codes of music that it dances to. For packs with the task `dance_to_music`.
+   * Codes of music that fits a dance. For packs with the task `dance_to_music`.
    *
    * @generated from enum value: TELLING_MUSIC = 1;
    */
   MUSIC = 1,
 
   /**
-   * Codes of speech that its gestures go with. For packs with the task `gesture_to_speech`.
+   * Codes of speech that fits gestures. For packs with the task `gesture_to_speech`.
    *
    * @generated from enum value: TELLING_SPEECH = 2;
    */
@@ -2215,7 +2260,8 @@ export const Motion: GenService<{
     output: typeof InBetweenResponseSchema;
   },
   /**
-   * Acts out words or follows a path, for packs that can (Pack.capabilities). The answer comes part by part while it is made.
+   * Acts out words or follows a path, for packs with that capability (Pack.capabilities). The
+   * answer comes part by part while it is made.
    *
    * @generated from rpc troupe.v1.Motion.Generate
    */
@@ -2225,7 +2271,8 @@ export const Motion: GenService<{
     output: typeof GenerateResponseSchema;
   },
   /**
-   * Puts a motion into words, or into audio that goes with it, for packs that can. The answer comes part by part while it is made.
+   * Describes a motion in words, or makes audio for it, for packs with that capability. The answer
+   * comes part by part while it is made.
    *
    * @generated from rpc troupe.v1.Motion.Describe
    */
