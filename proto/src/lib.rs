@@ -15,7 +15,8 @@ mod openapi;
 pub mod rpc;
 mod stats;
 
-#[cfg(all(test, feature = "openapi"))]
+#[cfg(test)]
+#[cfg(feature = "openapi")]
 mod json_tests;
 
 /// Version 1 of the API.

@@ -6,7 +6,7 @@ import { expect, test } from './viewer';
 test('the documentation loads, and its search finds a word', async ({ page, server, watched }) => {
   await page.goto(`${server.api}/docs`);
   await expect(page, 'the server was built without the site: make docs').toHaveTitle(/Troupe$/);
-  for (const section of ['Start', 'Tutorials', 'Guides', 'Reference', 'Design'])
+  for (const section of ['Start', 'Tutorials', 'Use it', 'Run it', 'Reference', 'How good and how fast', 'Design'])
     await expect(page.getByRole('navigation').getByRole('link', { name: section, exact: true }).first()).toBeVisible();
 
   await page.getByRole('button', { name: 'Search' }).first().click();

@@ -8,7 +8,7 @@ use troupe_motion::path::GroundPath;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::path_plan::{LEAD_S, check_speed, flat, lead_over, near, offset, shift, speed_mps};
-use super::request::{Clock, Knot, Look, Part, PoseKey, Prompt, Subject, Take, Wanted};
+use super::request::{Clock, Knot, Look, PoseKey, Prompt, Subject, Take, TakeSegment, Wanted};
 use crate::keyframe::Checked;
 use crate::live::CONTEXT_FRAMES;
 use crate::live::request::Context;
@@ -168,7 +168,7 @@ impl WalkRequest {
                 follower: None,
                 rig: self.rig.clone(),
             },
-            parts: vec![Part {
+            segments: vec![TakeSegment {
                 end: frames,
                 seed: None,
                 prompt: Prompt::Free,

@@ -2,7 +2,7 @@
 //! is the raw ONNX Runtime loop, by engine, workers, batch size and segment length. No server with
 //! the same allocator can be faster.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Barrier;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
@@ -248,7 +248,6 @@ pub(crate) fn run(args: &RawLoops) -> anyhow::Result<()> {
         args.batch.iter().all(|&batch| batch > 0),
         "--batch: allowed is more than 0"
     );
-    let config = Config::local(Path::new("."))?;
     let runtime = Runtime::new(None)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
 

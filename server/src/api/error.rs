@@ -18,8 +18,8 @@ use std::time::Duration;
 use crate::mmcp::Fault;
 use crate::service::ServiceError;
 use row::{
-    FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE,
-    UNIMPLEMENTED, WRONG_TYPE,
+    INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE, UNIMPLEMENTED,
+    WRONG_TYPE,
 };
 use troupe_batch::SubmitError;
 use troupe_character::FieldError;

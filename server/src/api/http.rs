@@ -35,7 +35,6 @@ use super::{ApiLimits, openapi, ws};
 use crate::service::Service;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
-use troupe_edge::is_grpc;
 
 /// The routes of remote procedures, with their documentation.
 fn rpcs() -> OpenApiRouter<Arc<Service>> {

@@ -18,11 +18,9 @@ type Client = MotionClient<Channel>;
 
 async fn start(pack: &str) -> (ServerHandle, Client) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models").join(pack);
-    let config = Config {
-        // However slow the machine is, nothing is refused.
-        max_queue_ms: 0,
-        ..Config::local(&folder).unwrap()
-    };
+    let mut config = Config::local(&folder).unwrap();
+    // However slow the machine is, nothing is refused.
+    config.max_queue_ms = 0;
     let listener = TcpListener::bind(config.listen).await.unwrap();
     let mut server = serve(config, listener).await.unwrap();
     server.ready().await.unwrap();
