@@ -198,8 +198,8 @@ mod tests {
             ("walker.json", format!("{good} {{}}"), "trailing characters"),
             (
                 "walker.json",
-                good.replacen("\"forward\": 1.2", "\"forward\": \"1.2\"", 1),
-                "gaits[1].forward: invalid type: string \"1.2\", expected f32 at line",
+                good.replacen("\"forward\": 1.2", "\"forward\": \"fast\"", 1),
+                "gaits[1].forward: invalid value: string \"fast\", expected a number at line",
             ),
             (
                 "walker.json",

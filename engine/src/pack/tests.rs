@@ -145,7 +145,7 @@ fn every_mistake_is_named() {
         ),
         ("heads = 4", "heads = 0", "heads is 0; allowed: 1 to 64"),
         ("heads = 4", "", "heads is 0; allowed: 1 to 64"),
-        ("max_targets = 4", "max_targets = 62", "at least 66 frames"),
+        ("max_targets = 4", "max_targets = 62", "at least 66: the frames"),
         (
             "max_targets = 4",
             "max_targets = 4\nroot_choices = 0",
@@ -355,7 +355,7 @@ fn every_mistake_in_the_table_of_bodies_is_named() {
             "frames_per_token = 2",
             "frames_per_token is 2; allowed: 4 to 4",
         ),
-        ("family = \"unimogen\"", "family = \"other\"", "unimogen is there"),
+        ("family = \"unimogen\"", "family = \"other\"", "unimogen is present"),
         (
             "bend_gain = 2.0",
             "bend_gain = 2.0\nbend = 1",

@@ -245,7 +245,7 @@ impl VerMoDoc {
         ] {
             let says = capabilities.has(capability);
             if says != can {
-                let says = if says { "there" } else { "missing" };
+                let says = if says { "present" } else { "missing" };
                 return Err(field("capabilities", format!("{capability} {says}"), allowed));
             }
         }

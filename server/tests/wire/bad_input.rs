@@ -275,7 +275,7 @@ async fn grpc_bodies_that_are_no_request_are_the_callers_fault() {
     let (status, text) = raw_grpc(&server, truncated).await;
     assert_eq!(status, invalid);
     assert!(
-        text.contains("is%20truncated") && text.contains("a%20whole%20message%20of%20at%20most"),
+        text.contains("is%20truncated") && text.contains("a%20whole%20one,%20at%20most"),
         "{text}"
     );
 

@@ -222,7 +222,7 @@ fn what_makes_no_sense_names_its_field() {
         ),
         (
             |_, goal, _| goal.points.clear(),
-            "path.points: is 0; allowed: 1 to 10000",
+            "path.points: is empty; allowed: 1 to 10000",
         ),
         (
             |_, goal, _| goal.points[1].time = Some(0.1),
