@@ -842,19 +842,19 @@ export interface components {
              * @description Frame of the session's timeline at which the command takes effect, at most 100000 frames ahead. Left out, or in the past: now. Commands for the same frame take effect in the order of their numbers. A newer locomote replaces one that still waits for its frame. A newer interact, skill, perform or cancel replaces waiting interacts, skills and performs. No other command replaces another. At most 8 wait; a further one is refused (TOO_MANY_COMMANDS). During a fall or a skill only the newest command waits for its end.
              */
             at_frame?: string;
-            /** @description At most one of `intent` is there. Break off, and let go of the object in the hand. */
+            /** @description At most one field of `intent` is present. Break off, and let go of the object in the hand. */
             cancel?: components["schemas"]["Cancel"];
-            /** @description At most one of `intent` is there. Put down the object in the hand. */
+            /** @description At most one field of `intent` is present. Put down the object in the hand. */
             drop?: components["schemas"]["DropHeld"];
-            /** @description At most one of `intent` is there. End what is held. */
+            /** @description At most one field of `intent` is present. End what is held. */
             end_interaction?: components["schemas"]["EndInteraction"];
-            /** @description At most one of `intent` is there. Follow a path. Like a locomote otherwise; during a fall it begins after the landing. */
+            /** @description At most one field of `intent` is present. Follow a path. Like a locomote otherwise; during a fall it begins after the landing. */
             follow_path?: components["schemas"]["FollowPath"];
-            /** @description At most one of `intent` is there. Use an object of the scene. */
+            /** @description At most one field of `intent` is present. Use an object of the scene. */
             interact?: components["schemas"]["Interact"];
-            /** @description At most one of `intent` is there. Move over the ground. Breaks off an interaction at once. During a fall it takes effect after the landing. Colliders do not stop it. */
+            /** @description At most one field of `intent` is present. Move over the ground. Breaks off an interaction at once. During a fall it takes effect after the landing. Colliders do not stop it. */
             locomote?: components["schemas"]["Locomote"];
-            /** @description At most one of `intent` is there. Act out a sentence. */
+            /** @description At most one field of `intent` is present. Act out a sentence. */
             perform?: components["schemas"]["Perform"];
             /**
              * Format: float
@@ -872,7 +872,7 @@ export interface components {
              * @default
              */
             session_id: string;
-            /** @description At most one of `intent` is there. Do a skill of the pack. */
+            /** @description At most one field of `intent` is present. Do a skill of the pack. */
             skill?: components["schemas"]["UseSkill"];
         };
         /** @description A locomote command asks for more than the style can do. The character does what comes nearest. Sent when the command takes effect. */
@@ -1032,7 +1032,7 @@ export interface components {
         };
         /** @description A part of a description. It follows the parts before. */
         DescribeResponse: {
-            /** @description At most one of `part` is there. Codes of audio. */
+            /** @description At most one field of `part` is present. Codes of audio. */
             audio?: components["schemas"]["Audio"];
             /**
              * @description Whether this is the last part.
@@ -1044,7 +1044,7 @@ export interface components {
              * @default []
              */
             notes: string[];
-            /** @description At most one of `part` is there. Words, with the spaces between parts. */
+            /** @description At most one field of `part` is present. Words, with the spaces between parts. */
             text?: string;
         };
         /** @description A box, at rest or in motion. */
@@ -1296,28 +1296,28 @@ export interface components {
         };
         /** @description A message of a client on the stream. */
         DriveRequest: {
-            /** @description At most one of `message` is there. Takes sessions onto the stream. */
+            /** @description At most one field of `message` is present. Takes sessions onto the stream. */
             attach?: components["schemas"]["DriveAttach"];
-            /** @description At most one of `message` is there. Gives commands, to any session. */
+            /** @description At most one field of `message` is present. Gives commands, to any session. */
             command?: components["schemas"]["CommandRequest"];
-            /** @description At most one of `message` is there. Takes sessions off the stream. */
+            /** @description At most one field of `message` is present. Takes sessions off the stream. */
             detach?: components["schemas"]["DriveDetach"];
-            /** @description At most one of `message` is there. The first message, and only the first. */
+            /** @description At most one field of `message` is present. The first message, and only the first. */
             open?: components["schemas"]["DriveOpen"];
         };
         /** @description A message of the server on the stream. */
         DriveResponse: {
-            /** @description At most one of `message` is there. Result of an attach. */
+            /** @description At most one field of `message` is present. Result of an attach. */
             attached?: components["schemas"]["DriveAttached"];
-            /** @description At most one of `message` is there. The stream ends after this. */
+            /** @description At most one field of `message` is present. The stream ends after this. */
             closing?: components["schemas"]["DriveClosing"];
-            /** @description At most one of `message` is there. Results of commands that were not accepted. */
+            /** @description At most one field of `message` is present. Results of commands that were not accepted. */
             commands?: components["schemas"]["CommandResponse"];
-            /** @description At most one of `message` is there. Events of sessions. */
+            /** @description At most one field of `message` is present. Events of sessions. */
             events?: components["schemas"]["DriveEvents"];
-            /** @description At most one of `message` is there. Frames of one tick. */
+            /** @description At most one field of `message` is present. Frames of one tick. */
             frames?: components["schemas"]["DriveFrames"];
-            /** @description At most one of `message` is there. Sessions that left. */
+            /** @description At most one field of `message` is present. Sessions that left. */
             left?: components["schemas"]["DriveLeft"];
         };
         /** @description Put down the object in the hand, by the rule of its definition. With an empty hand the command is accepted and does nothing. */
@@ -1336,20 +1336,20 @@ export interface components {
         };
         /** @description What went wrong. */
         ErrorDetail: {
-            /** @description What the field may be, such as `12 to 64`. */
+            /** @description Allowed values of the field, such as `12 to 64`. */
             allowed?: string | null;
-            /** @description Name of the gRPC code that says the same, such as `INVALID_ARGUMENT`. */
+            /** @description Name of the gRPC code, such as `INVALID_ARGUMENT`. */
             code: string;
             /**
              * Format: int32
              * @description Column in that line, from 1.
              */
             column?: number | null;
-            /** @description The field that is wrong, such as `characters[0].context[2].pose.rotations[8]`. */
+            /** @description Path of the field, such as `characters[0].context[2].pose.rotations[8]`. */
             field?: string | null;
             /**
              * Format: int32
-             * @description Line of a document, from 1, where what is wrong is in one and has such a place.
+             * @description Line of a document, from 1, if the error is in one.
              */
             line?: number | null;
             /** @description What went wrong, for people. */
@@ -1360,7 +1360,7 @@ export interface components {
             request_id?: string | null;
             /**
              * Format: int64
-             * @description When it is worth to try again, in milliseconds.
+             * @description Time after which a new attempt may succeed, in milliseconds.
              */
             retry_after_ms?: number | null;
         };
@@ -1694,11 +1694,11 @@ export interface components {
              * @default []
              */
             past: components["schemas"]["Keyframe"][];
-            /** @description At most one of `goal` is there. Follow a path, with a body of any skeleton. Needs the capability `path`. */
+            /** @description At most one field of `goal` is present. Follow a path. Packs with the capability `path` do so with a body of any skeleton. Packs with the capability `inbetween` and with styles walk along it: from keyframe to keyframe, in a style between them. */
             path?: components["schemas"]["PathGoal"];
-            /** @description At most one of `goal` is there. Act out words. Needs the capability `text`. */
+            /** @description At most one field of `goal` is present. Act out words. Needs the capability `text`. */
             prompt?: components["schemas"]["Prompt"];
-            /** @description How the model chooses the tokens of a prompt's motion. Left out: the pack's own values. A path refuses it. */
+            /** @description How the model chooses the tokens of a prompt's motion. Left out: the pack's own values. With a path, packs that walk along it accept `temperature` only (default 1); other packs refuse it. */
             sampling?: components["schemas"]["Sampling"];
             /**
              * Format: uint64
@@ -1717,7 +1717,7 @@ export interface components {
             character: number;
             /** @description For frames along a path: whether they stay within the limits of the body's data. Frames count from the first of the answer. Left out if the body has no limits. */
             feasibility?: components["schemas"]["Feasibility"];
-            /** @description At most one of `part` is there. Frames of one character. */
+            /** @description At most one field of `part` is present. Frames of one character. */
             frames?: components["schemas"]["Frames"];
             /**
              * @description Whether this is the last part.
@@ -2582,15 +2582,20 @@ export interface components {
         /** @description A path to follow. */
         PathGoal: {
             /**
-             * @description Name of one of the pack's bodies (Pack.bodies). Empty: the pack's default one.
+             * @description Name of one of the pack's bodies (Pack.bodies). Empty: the pack's default one, or the only skeleton of a pack without bodies.
              * @default
              */
             body: string;
             /**
              * Format: float
-             * @description Strength of the style: 1 is as trained. More exaggerates it, and takes twice the time. 0 to 8, default 1.
+             * @description Strength of the style: 1 is as trained. More exaggerates it, and takes twice the time. 0 to 8, default 1. Packs without a sampler accept only 1.
              */
             guidance?: number;
+            /**
+             * @description Poses to pass on the way. Only for packs that walk.
+             * @default []
+             */
+            keyframes: components["schemas"]["PathKeyframe"][];
             /**
              * @description Points of the path in order: 1 to 10000. A smooth curve joins them, and the body stays at the last one. A path that continues from `past` begins at most 5 m from its last frame. The motion leads over to it.
              * @default []
@@ -2601,16 +2606,16 @@ export interface components {
              * @description Length of the motion in seconds, above 0 and at most 300. Left out: that of the path. A path of one point needs it.
              */
             seconds?: number;
-            /** @description A body of the caller's own, instead of one of the pack's. The model may move it badly. */
+            /** @description A body of the caller's own, instead of one of the pack's. The model may move it badly. Only for packs with the capability `path`. */
             skeleton?: components["schemas"]["BodySkeleton"];
             /**
              * Format: float
-             * @description Speed for points without times, in metres per second: 0.05 to 15. Left out: a walk that suits the body's size, or the speed that `seconds` asks for.
+             * @description Speed for points without times, in metres per second: 0.05 to 15. Left out: a walk that suits the body's size, the usual speed of the style, or the speed that `seconds` asks for.
              */
             speed?: number;
             /**
              * Format: uint32
-             * @description Steps of the sampler, from 1 to Pack.diffusion_steps. Left out: Pack.sampler_steps.
+             * @description Steps of the sampler, from 1 to Pack.diffusion_steps. Left out: Pack.sampler_steps. Packs without a sampler refuse it.
              */
             steps?: number;
             /**
@@ -2619,7 +2624,7 @@ export interface components {
              */
             strict: boolean;
             /**
-             * @description Words of the pack with their weights, which add up to at most 1. Empty: no style.
+             * @description Words of the pack with their weights, which add up to at most 1. Empty: no style. Packs that walk accept the name of one of their styles (Sessions.ListStyles) with the weight 1. Empty: their default style.
              * @default []
              */
             style: components["schemas"]["StyleWord"][];
@@ -2628,6 +2633,17 @@ export interface components {
              * @default []
              */
             targets: components["schemas"]["Keyframe"][];
+        };
+        /** @description A pose on the way along a path, which its frame meets. */
+        PathKeyframe: {
+            /** @description The pose, with or without a root; a robot's may be its qpos. Without a root the body is on the path; a root is at most 5 m from it, and the way bends to it. Velocities are refused. */
+            keyframe?: components["schemas"]["Keyframe"];
+            /**
+             * Format: float
+             * @description Seconds, counted as PathPoint.time, inside the motion and in front of PathGoal.targets. Rounded to a frame; at most one keyframe a frame.
+             * @default 0
+             */
+            time: number;
         };
         /** @description A point of a path, and perhaps the time to be there. */
         PathPoint: {
@@ -3310,19 +3326,19 @@ export interface components {
         };
         /** @description An event of a character. */
         SessionEvent: {
-            /** @description At most one of `kind` is there. The character came to the end of its path. */
+            /** @description At most one field of `kind` is present. The character came to the end of its path. */
             arrived?: components["schemas"]["PathArrived"];
-            /** @description At most one of `kind` is there. The object went to a socket. */
+            /** @description At most one field of `kind` is present. The object went to a socket. */
             attached?: components["schemas"]["ObjectAttached"];
-            /** @description At most one of `kind` is there. A command asks for more than the style can do. */
+            /** @description At most one field of `kind` is present. A command asks for more than the style can do. */
             bounded?: components["schemas"]["CommandBounded"];
-            /** @description At most one of `kind` is there. An interaction ended as planned. */
+            /** @description At most one field of `kind` is present. An interaction ended as planned. */
             done?: components["schemas"]["InteractionDone"];
-            /** @description At most one of `kind` is there. A set of keyframes began. */
+            /** @description At most one field of `kind` is present. A set of keyframes began. */
             entered?: components["schemas"]["SetEntered"];
-            /** @description At most one of `kind` is there. An interaction failed. */
+            /** @description At most one field of `kind` is present. An interaction failed. */
             failed?: components["schemas"]["InteractionFailed"];
-            /** @description At most one of `kind` is there. The character began to fall. */
+            /** @description At most one field of `kind` is present. The character began to fall. */
             fell?: components["schemas"]["CharacterFell"];
             /**
              * Format: uint64
@@ -3330,19 +3346,19 @@ export interface components {
              * @default 0
              */
             frame: string;
-            /** @description At most one of `kind` is there. A command broke an interaction off. */
+            /** @description At most one field of `kind` is present. A command broke an interaction off. */
             interrupted?: components["schemas"]["InteractionInterrupted"];
-            /** @description At most one of `kind` is there. The character landed. */
+            /** @description At most one field of `kind` is present. The character landed. */
             landed?: components["schemas"]["CharacterLanded"];
-            /** @description At most one of `kind` is there. A performance ended. */
+            /** @description At most one field of `kind` is present. A performance ended. */
             performed?: components["schemas"]["PerformanceEnded"];
-            /** @description At most one of `kind` is there. A performance began. */
+            /** @description At most one field of `kind` is present. A performance began. */
             performing?: components["schemas"]["PerformanceStarted"];
-            /** @description At most one of `kind` is there. The character reached a keyframe. */
+            /** @description At most one field of `kind` is present. The character reached a keyframe. */
             reached?: components["schemas"]["KeyframeReached"];
-            /** @description At most one of `kind` is there. The character put the object down. */
+            /** @description At most one field of `kind` is present. The character put the object down. */
             released?: components["schemas"]["ObjectReleased"];
-            /** @description At most one of `kind` is there. An interaction began. */
+            /** @description At most one field of `kind` is present. An interaction began. */
             started?: components["schemas"]["InteractionStarted"];
         };
         /** @description New events of one session. At most 64 wait for a client. Then the oldest are dropped. */

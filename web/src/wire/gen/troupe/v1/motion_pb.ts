@@ -16,7 +16,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/motion.proto.
  */
 export const file_troupe_v1_motion: GenFile = /*@__PURE__*/
-  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJKChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXIiuwEKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IpgFCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZSKeAQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzEisKC2ZlYXNpYmlsaXR5GAQgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5IuwBCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASIwoEcGF0aBgHIAEoCzITLnRyb3VwZS52MS5QYXRoR29hbEgAEiEKBHBhc3QYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDAoEc2VlZBgFIAEoBBIlCghzYW1wbGluZxgIIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZ0IGCgRnb2FsSgQIAxAESgQIBhAHUghkZXNjcmliZVILdGVtcGVyYXR1cmUimAEKCFNhbXBsaW5nEhgKC3RlbXBlcmF0dXJlGAEgASgCSACIAQESEgoFdG9wX2sYAiABKA1IAYgBARISCgV0b3BfcBgDIAEoAkgCiAEBEhcKCnJlcGV0aXRpb24YBCABKAJIA4gBAUIOCgxfdGVtcGVyYXR1cmVCCAoGX3RvcF9rQggKBl90b3BfcEINCgtfcmVwZXRpdGlvbiLzAQoGUHJvbXB0EgwKBHRleHQYASABKAkSGAoLZnJhbWVfY291bnQYAiABKA1IAIgBARIUCgdzZWNvbmRzGAMgASgCSAGIAQESJAoHdGFyZ2V0cxgEIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIgCgZvdGhlcnMYBSADKAsyEC50cm91cGUudjEuQWdlbnQSHwoFYXVkaW8YBiABKAsyEC50cm91cGUudjEuQXVkaW8SFwoKZmxvd19zdGVwcxgHIAEoDUgCiAEBQg4KDF9mcmFtZV9jb3VudEIKCghfc2Vjb25kc0INCgtfZmxvd19zdGVwcyI4CgVBZ2VudBIMCgR0ZXh0GAEgASgJEiEKBHBhc3QYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUiNwoFQXVkaW8SHwoFc291bmQYASABKA4yEC50cm91cGUudjEuU291bmQSDQoFY29kZXMYAiADKA0i2AIKCFBhdGhHb2FsEgwKBGJvZHkYASABKAkSLgoIc2tlbGV0b24YAiABKAsyFy50cm91cGUudjEuQm9keVNrZWxldG9uSACIAQESJAoGcG9pbnRzGAMgAygLMhQudHJvdXBlLnYxLlBhdGhQb2ludBIUCgdzZWNvbmRzGAQgASgCSAGIAQESEgoFc3BlZWQYBSABKAJIAogBARIjCgVzdHlsZRgGIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQSEgoFc3RlcHMYByABKA1IA4gBARIVCghndWlkYW5jZRgIIAEoAkgEiAEBEiQKB3RhcmdldHMYCSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDgoGc3RyaWN0GAogASgIQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIoUBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAiJKCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0i3QUKBFBhY2sSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJEg8KB2xpY2VuY2UYAyABKAkSDwoHY3JlZGl0cxgEIAMoCRILCgNmcHMYBSABKAISIAoGam9pbnRzGAYgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAcgAygJEhYKDmNvbnRleHRfZnJhbWVzGAggASgNEhMKC21heF90YXJnZXRzGAkgASgNEhIKCm1pbl9mcmFtZXMYCiABKA0SEgoKbWF4X2ZyYW1lcxgLIAEoDRIYChBmcmFtZXNfcGVyX3Rva2VuGAwgASgNEg0KBWhlYWRzGA0gASgNEg0KBWNvZGVzGA4gASgNEhQKDGNvbnRlbnRfaGFzaBgPIAEoCRISCgppc19kZWZhdWx0GBAgASgIEhIKCnBhcmFtZXRlcnMYESABKAQSFAoMZmlndXJlc19qc29uGBIgASgJEiIKCWxlZnRfYXhpcxgTIAEoCzIPLnRyb3VwZS52MS5WZWMzEhAKCGdyb3VuZF95GBQgASgCEi4KDWNvbnRhY3RfcnVsZXMYFSABKAsyFy50cm91cGUudjEuQ29udGFjdFJ1bGVzEg4KBmVuZ2luZRgWIAEoCRIfCgVyb2JvdBgXIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZmYW1pbHkYGCABKAkSFAoMY2FwYWJpbGl0aWVzGBkgAygJEiMKBmJvZGllcxgaIAMoCzITLnRyb3VwZS52MS5QYWNrQm9keRINCgV3b3JkcxgbIAMoCRIVCg1zYW1wbGVyX3N0ZXBzGBwgASgNEhcKD2RpZmZ1c2lvbl9zdGVwcxgdIAEoDRIlCghsYW5ndWFnZRgeIAEoCzITLnRyb3VwZS52MS5MYW5ndWFnZRIkCgZza2lsbHMYHyADKAsyFC50cm91cGUudjEuUGFja1NraWxsIk4KCVBhY2tTa2lsbBIMCgRuYW1lGAEgASgJEhMKC2Rlc2NyaXB0aW9uGAIgASgJEhAKCHZhcmlhbnRzGAMgAygJEgwKBGhlbGQYBCABKAgimAEKCExhbmd1YWdlEg0KBXRhc2tzGAEgAygJEhkKEW1heF9wcm9tcHRfcGllY2VzGAIgASgNEhIKCm1heF9hZ2VudHMYAyABKA0SEwoLYXVkaW9fY29kZXMYBCABKA0SEgoKZmxvd19zdGVwcxgFIAEoDRIlCghzYW1wbGluZxgGIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZyK2AQoIUGFja0JvZHkSDAoEbmFtZRgBIAEoCRIgCgZqb2ludHMYAiADKAsyEC50cm91cGUudjEuSm9pbnQSFgoOY29udGFjdF9qb2ludHMYAyADKAkSIgoJbGVmdF9heGlzGAQgASgLMg8udHJvdXBlLnYxLlZlYzMSHwoFcm9ib3QYBSABKAsyEC50cm91cGUudjEuUm9ib3QSDgoGaGVpZ2h0GAYgASgCEg0KBXdvcmRzGAcgAygJKioKBVNvdW5kEg8KC1NPVU5EX01VU0lDEAASEAoMU09VTkRfU1BFRUNIEAEqQwoHVGVsbGluZxIRCg1URUxMSU5HX1dPUkRTEAASEQoNVEVMTElOR19NVVNJQxABEhIKDlRFTExJTkdfU1BFRUNIEAIy3QIKBk1vdGlvbhJGCglJbkJldHdlZW4SGy50cm91cGUudjEuSW5CZXR3ZWVuUmVxdWVzdBocLnRyb3VwZS52MS5JbkJldHdlZW5SZXNwb25zZRJFCghHZW5lcmF0ZRIaLnRyb3VwZS52MS5HZW5lcmF0ZVJlcXVlc3QaGy50cm91cGUudjEuR2VuZXJhdGVSZXNwb25zZTABEkUKCERlc2NyaWJlEhoudHJvdXBlLnYxLkRlc2NyaWJlUmVxdWVzdBobLnRyb3VwZS52MS5EZXNjcmliZVJlc3BvbnNlMAESRgoJTGlzdFBhY2tzEhsudHJvdXBlLnYxLkxpc3RQYWNrc1JlcXVlc3QaHC50cm91cGUudjEuTGlzdFBhY2tzUmVzcG9uc2USNQoHR2V0UGFjaxIZLnRyb3VwZS52MS5HZXRQYWNrUmVxdWVzdBoPLnRyb3VwZS52MS5QYWNrYgZwcm90bzM");
+  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJKChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXIiuwEKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IpgFCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZSKeAQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzEisKC2ZlYXNpYmlsaXR5GAQgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5IuwBCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASIwoEcGF0aBgHIAEoCzITLnRyb3VwZS52MS5QYXRoR29hbEgAEiEKBHBhc3QYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDAoEc2VlZBgFIAEoBBIlCghzYW1wbGluZxgIIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZ0IGCgRnb2FsSgQIAxAESgQIBhAHUghkZXNjcmliZVILdGVtcGVyYXR1cmUimAEKCFNhbXBsaW5nEhgKC3RlbXBlcmF0dXJlGAEgASgCSACIAQESEgoFdG9wX2sYAiABKA1IAYgBARISCgV0b3BfcBgDIAEoAkgCiAEBEhcKCnJlcGV0aXRpb24YBCABKAJIA4gBAUIOCgxfdGVtcGVyYXR1cmVCCAoGX3RvcF9rQggKBl90b3BfcEINCgtfcmVwZXRpdGlvbiLzAQoGUHJvbXB0EgwKBHRleHQYASABKAkSGAoLZnJhbWVfY291bnQYAiABKA1IAIgBARIUCgdzZWNvbmRzGAMgASgCSAGIAQESJAoHdGFyZ2V0cxgEIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIgCgZvdGhlcnMYBSADKAsyEC50cm91cGUudjEuQWdlbnQSHwoFYXVkaW8YBiABKAsyEC50cm91cGUudjEuQXVkaW8SFwoKZmxvd19zdGVwcxgHIAEoDUgCiAEBQg4KDF9mcmFtZV9jb3VudEIKCghfc2Vjb25kc0INCgtfZmxvd19zdGVwcyI4CgVBZ2VudBIMCgR0ZXh0GAEgASgJEiEKBHBhc3QYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUiNwoFQXVkaW8SHwoFc291bmQYASABKA4yEC50cm91cGUudjEuU291bmQSDQoFY29kZXMYAiADKA0ihAMKCFBhdGhHb2FsEgwKBGJvZHkYASABKAkSLgoIc2tlbGV0b24YAiABKAsyFy50cm91cGUudjEuQm9keVNrZWxldG9uSACIAQESJAoGcG9pbnRzGAMgAygLMhQudHJvdXBlLnYxLlBhdGhQb2ludBIUCgdzZWNvbmRzGAQgASgCSAGIAQESEgoFc3BlZWQYBSABKAJIAogBARIjCgVzdHlsZRgGIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQSEgoFc3RlcHMYByABKA1IA4gBARIVCghndWlkYW5jZRgIIAEoAkgEiAEBEiQKB3RhcmdldHMYCSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDgoGc3RyaWN0GAogASgIEioKCWtleWZyYW1lcxgLIAMoCzIXLnRyb3VwZS52MS5QYXRoS2V5ZnJhbWVCCwoJX3NrZWxldG9uQgoKCF9zZWNvbmRzQggKBl9zcGVlZEIICgZfc3RlcHNCCwoJX2d1aWRhbmNlIkMKDFBhdGhLZXlmcmFtZRIMCgR0aW1lGAEgASgCEiUKCGtleWZyYW1lGAIgASgLMhMudHJvdXBlLnYxLktleWZyYW1lIjkKCVN0eWxlV29yZBIMCgR3b3JkGAEgASgJEhMKBndlaWdodBgCIAEoAkgAiAEBQgkKB193ZWlnaHQibAoJUGF0aFBvaW50EiEKCHBvc2l0aW9uGAEgASgLMg8udHJvdXBlLnYxLlZlYzMSFAoHaGVhZGluZxgCIAEoAkgAiAEBEhEKBHRpbWUYAyABKAJIAYgBAUIKCghfaGVhZGluZ0IHCgVfdGltZSKlAQoMQm9keVNrZWxldG9uEiQKBmpvaW50cxgBIAMoCzIULnRyb3VwZS52MS5Cb2R5Sm9pbnQSJwoJbGVmdF9heGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzNIAIgBARIWCg5jb250YWN0X2pvaW50cxgDIAMoCRIgCgduZXV0cmFsGAQgAygLMg8udHJvdXBlLnYxLlF1YXRCDAoKX2xlZnRfYXhpcyJKCglCb2R5Sm9pbnQSDAoEbmFtZRgBIAEoCRIOCgZwYXJlbnQYAiABKAkSHwoGb2Zmc2V0GAMgASgLMg8udHJvdXBlLnYxLlZlYzMiqwEKEEdlbmVyYXRlUmVzcG9uc2USIwoGZnJhbWVzGAEgASgLMhEudHJvdXBlLnYxLkZyYW1lc0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAkSEQoJY2hhcmFjdGVyGAUgASgNEisKC2ZlYXNpYmlsaXR5GAYgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5QgYKBHBhcnRKBAgCEANSBHRleHQiwwEKD0Rlc2NyaWJlUmVxdWVzdBIMCgRwYWNrGAEgASgJEiMKBmZyYW1lcxgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRImCgZvdGhlcnMYAyADKAsyFi50cm91cGUudjEuT3RoZXJNb3Rpb24SIAoEaW50bxgEIAEoDjISLnRyb3VwZS52MS5UZWxsaW5nEgwKBHNlZWQYBSABKAQSJQoIc2FtcGxpbmcYBiABKAsyEy50cm91cGUudjEuU2FtcGxpbmciMgoLT3RoZXJNb3Rpb24SIwoGZnJhbWVzGAEgAygLMhMudHJvdXBlLnYxLktleWZyYW1lIm0KEERlc2NyaWJlUmVzcG9uc2USDgoEdGV4dBgBIAEoCUgAEiEKBWF1ZGlvGAIgASgLMhAudHJvdXBlLnYxLkF1ZGlvSAASDwoHaXNfbGFzdBgDIAEoCBINCgVub3RlcxgEIAMoCUIGCgRwYXJ0In8KBlRpbWluZxIQCghxdWV1ZV91cxgBIAEoBBITCgthc3NlbWJsZV91cxgCIAEoBBIUCgxpbmZlcmVuY2VfdXMYAyABKAQSEgoKc2NhdHRlcl91cxgEIAEoBBIQCgh0b3RhbF91cxgFIAEoBBISCgpiYXRjaF9zaXplGAYgASgNIooBChFJbkJldHdlZW5SZXNwb25zZRIMCgRwYWNrGAEgASgJEhQKDHBhY2tfdmVyc2lvbhgCIAEoCRIuCgpjaGFyYWN0ZXJzGAMgAygLMhoudHJvdXBlLnYxLkNoYXJhY3RlclJlc3VsdBIhCgZ0aW1pbmcYBCABKAsyES50cm91cGUudjEuVGltaW5nIhIKEExpc3RQYWNrc1JlcXVlc3QiMwoRTGlzdFBhY2tzUmVzcG9uc2USHgoFcGFja3MYASADKAsyDy50cm91cGUudjEuUGFjayIeCg5HZXRQYWNrUmVxdWVzdBIMCgRuYW1lGAEgASgJIkYKBUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgFEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIkgKDENvbnRhY3RSdWxlcxISCgptYXhfaGVpZ2h0GAEgAygCEhEKCW1heF9zcGVlZBgCIAEoAhIRCgljbGVhcmFuY2UYAyADKAIihQEKBUhpbmdlEg0KBWpvaW50GAEgASgJEh0KBGF4aXMYAiABKAsyDy50cm91cGUudjEuVmVjMxIdCgRyZXN0GAMgASgLMg8udHJvdXBlLnYxLlF1YXQSDQoFbG93ZXIYBCABKAISDQoFdXBwZXIYBSABKAISEQoJbWF4X3NwZWVkGAYgASgCIkoKBVJvYm90EgwKBG5hbWUYASABKAkSIAoGaGluZ2VzGAIgAygLMhAudHJvdXBlLnYxLkhpbmdlEhEKCXFwb3Nfc2l6ZRgDIAEoDSLdBQoEUGFjaxIMCgRuYW1lGAEgASgJEg8KB3ZlcnNpb24YAiABKAkSDwoHbGljZW5jZRgDIAEoCRIPCgdjcmVkaXRzGAQgAygJEgsKA2ZwcxgFIAEoAhIgCgZqb2ludHMYBiADKAsyEC50cm91cGUudjEuSm9pbnQSFgoOY29udGFjdF9qb2ludHMYByADKAkSFgoOY29udGV4dF9mcmFtZXMYCCABKA0SEwoLbWF4X3RhcmdldHMYCSABKA0SEgoKbWluX2ZyYW1lcxgKIAEoDRISCgptYXhfZnJhbWVzGAsgASgNEhgKEGZyYW1lc19wZXJfdG9rZW4YDCABKA0SDQoFaGVhZHMYDSABKA0SDQoFY29kZXMYDiABKA0SFAoMY29udGVudF9oYXNoGA8gASgJEhIKCmlzX2RlZmF1bHQYECABKAgSEgoKcGFyYW1ldGVycxgRIAEoBBIUCgxmaWd1cmVzX2pzb24YEiABKAkSIgoJbGVmdF9heGlzGBMgASgLMg8udHJvdXBlLnYxLlZlYzMSEAoIZ3JvdW5kX3kYFCABKAISLgoNY29udGFjdF9ydWxlcxgVIAEoCzIXLnRyb3VwZS52MS5Db250YWN0UnVsZXMSDgoGZW5naW5lGBYgASgJEh8KBXJvYm90GBcgASgLMhAudHJvdXBlLnYxLlJvYm90Eg4KBmZhbWlseRgYIAEoCRIUCgxjYXBhYmlsaXRpZXMYGSADKAkSIwoGYm9kaWVzGBogAygLMhMudHJvdXBlLnYxLlBhY2tCb2R5Eg0KBXdvcmRzGBsgAygJEhUKDXNhbXBsZXJfc3RlcHMYHCABKA0SFwoPZGlmZnVzaW9uX3N0ZXBzGB0gASgNEiUKCGxhbmd1YWdlGB4gASgLMhMudHJvdXBlLnYxLkxhbmd1YWdlEiQKBnNraWxscxgfIAMoCzIULnRyb3VwZS52MS5QYWNrU2tpbGwiTgoJUGFja1NraWxsEgwKBG5hbWUYASABKAkSEwoLZGVzY3JpcHRpb24YAiABKAkSEAoIdmFyaWFudHMYAyADKAkSDAoEaGVsZBgEIAEoCCKYAQoITGFuZ3VhZ2USDQoFdGFza3MYASADKAkSGQoRbWF4X3Byb21wdF9waWVjZXMYAiABKA0SEgoKbWF4X2FnZW50cxgDIAEoDRITCgthdWRpb19jb2RlcxgEIAEoDRISCgpmbG93X3N0ZXBzGAUgASgNEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIrYBCghQYWNrQm9keRIMCgRuYW1lGAEgASgJEiAKBmpvaW50cxgCIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgDIAMoCRIiCglsZWZ0X2F4aXMYBCABKAsyDy50cm91cGUudjEuVmVjMxIfCgVyb2JvdBgFIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZoZWlnaHQYBiABKAISDQoFd29yZHMYByADKAkqKgoFU291bmQSDwoLU09VTkRfTVVTSUMQABIQCgxTT1VORF9TUEVFQ0gQASpDCgdUZWxsaW5nEhEKDVRFTExJTkdfV09SRFMQABIRCg1URUxMSU5HX01VU0lDEAESEgoOVEVMTElOR19TUEVFQ0gQAjLdAgoGTW90aW9uEkYKCUluQmV0d2VlbhIbLnRyb3VwZS52MS5JbkJldHdlZW5SZXF1ZXN0GhwudHJvdXBlLnYxLkluQmV0d2VlblJlc3BvbnNlEkUKCEdlbmVyYXRlEhoudHJvdXBlLnYxLkdlbmVyYXRlUmVxdWVzdBobLnRyb3VwZS52MS5HZW5lcmF0ZVJlc3BvbnNlMAESRQoIRGVzY3JpYmUSGi50cm91cGUudjEuRGVzY3JpYmVSZXF1ZXN0GhsudHJvdXBlLnYxLkRlc2NyaWJlUmVzcG9uc2UwARJGCglMaXN0UGFja3MSGy50cm91cGUudjEuTGlzdFBhY2tzUmVxdWVzdBocLnRyb3VwZS52MS5MaXN0UGFja3NSZXNwb25zZRI1CgdHZXRQYWNrEhkudHJvdXBlLnYxLkdldFBhY2tSZXF1ZXN0Gg8udHJvdXBlLnYxLlBhY2tiBnByb3RvMw");
 
 /**
  * A vector, in metres unless its field says otherwise.
@@ -832,7 +832,9 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
     case: "prompt";
   } | {
     /**
-     * Follow a path, with a body of any skeleton. Needs the capability `path`.
+     * Follow a path. Packs with the capability `path` do so with a body of any skeleton. Packs with
+     * the capability `inbetween` and with styles walk along it: from keyframe to keyframe, in a
+     * style between them.
      *
      * @generated from field: troupe.v1.PathGoal path = 7;
      */
@@ -857,8 +859,8 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
   seed: bigint;
 
   /**
-   * How the model chooses the tokens of a prompt's motion. Left out: the pack's own values. A path
-   * refuses it.
+   * How the model chooses the tokens of a prompt's motion. Left out: the pack's own values. With a
+   * path, packs that walk along it accept `temperature` only (default 1); other packs refuse it.
    *
    * @generated from field: troupe.v1.Sampling sampling = 8;
    */
@@ -1050,14 +1052,16 @@ export const AudioSchema: GenMessage<Audio> = /*@__PURE__*/
  */
 export type PathGoal = Message<"troupe.v1.PathGoal"> & {
   /**
-   * Name of one of the pack's bodies (Pack.bodies). Empty: the pack's default one.
+   * Name of one of the pack's bodies (Pack.bodies). Empty: the pack's default one, or the only
+   * skeleton of a pack without bodies.
    *
    * @generated from field: string body = 1;
    */
   body: string;
 
   /**
-   * A body of the caller's own, instead of one of the pack's. The model may move it badly.
+   * A body of the caller's own, instead of one of the pack's. The model may move it badly. Only for
+   * packs with the capability `path`.
    *
    * @generated from field: optional troupe.v1.BodySkeleton skeleton = 2;
    */
@@ -1082,21 +1086,24 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
 
   /**
    * Speed for points without times, in metres per second: 0.05 to 15. Left out: a walk that suits
-   * the body's size, or the speed that `seconds` asks for.
+   * the body's size, the usual speed of the style, or the speed that `seconds` asks for.
    *
    * @generated from field: optional float speed = 5;
    */
   speed?: number | undefined;
 
   /**
-   * Words of the pack with their weights, which add up to at most 1. Empty: no style.
+   * Words of the pack with their weights, which add up to at most 1. Empty: no style. Packs that
+   * walk accept the name of one of their styles (Sessions.ListStyles) with the weight 1. Empty:
+   * their default style.
    *
    * @generated from field: repeated troupe.v1.StyleWord style = 6;
    */
   style: StyleWord[];
 
   /**
-   * Steps of the sampler, from 1 to Pack.diffusion_steps. Left out: Pack.sampler_steps.
+   * Steps of the sampler, from 1 to Pack.diffusion_steps. Left out: Pack.sampler_steps. Packs
+   * without a sampler refuse it.
    *
    * @generated from field: optional uint32 steps = 7;
    */
@@ -1104,7 +1111,7 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
 
   /**
    * Strength of the style: 1 is as trained. More exaggerates it, and takes twice the time. 0 to 8,
-   * default 1.
+   * default 1. Packs without a sampler accept only 1.
    *
    * @generated from field: optional float guidance = 8;
    */
@@ -1126,6 +1133,13 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
    * @generated from field: bool strict = 10;
    */
   strict: boolean;
+
+  /**
+   * Poses to pass on the way. Only for packs that walk.
+   *
+   * @generated from field: repeated troupe.v1.PathKeyframe keyframes = 11;
+   */
+  keyframes: PathKeyframe[];
 };
 
 /**
@@ -1134,6 +1148,36 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
  */
 export const PathGoalSchema: GenMessage<PathGoal> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 19);
+
+/**
+ * A pose on the way along a path, which its frame meets.
+ *
+ * @generated from message troupe.v1.PathKeyframe
+ */
+export type PathKeyframe = Message<"troupe.v1.PathKeyframe"> & {
+  /**
+   * Seconds, counted as PathPoint.time, inside the motion and in front of PathGoal.targets. Rounded
+   * to a frame; at most one keyframe a frame.
+   *
+   * @generated from field: float time = 1;
+   */
+  time: number;
+
+  /**
+   * The pose, with or without a root; a robot's may be its qpos. Without a root the body is on the
+   * path; a root is at most 5 m from it, and the way bends to it. Velocities are refused.
+   *
+   * @generated from field: troupe.v1.Keyframe keyframe = 2;
+   */
+  keyframe?: Keyframe | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.PathKeyframe.
+ * Use `create(PathKeyframeSchema)` to create a new message.
+ */
+export const PathKeyframeSchema: GenMessage<PathKeyframe> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 20);
 
 /**
  * A word of a style and its weight.
@@ -1161,7 +1205,7 @@ export type StyleWord = Message<"troupe.v1.StyleWord"> & {
  * Use `create(StyleWordSchema)` to create a new message.
  */
 export const StyleWordSchema: GenMessage<StyleWord> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 20);
+  messageDesc(file_troupe_v1_motion, 21);
 
 /**
  * A point of a path, and perhaps the time to be there.
@@ -1199,7 +1243,7 @@ export type PathPoint = Message<"troupe.v1.PathPoint"> & {
  * Use `create(PathPointSchema)` to create a new message.
  */
 export const PathPointSchema: GenMessage<PathPoint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 21);
+  messageDesc(file_troupe_v1_motion, 22);
 
 /**
  * A skeleton of the caller's own. In its neutral pose it stands upright, faces +Z and lets its
@@ -1243,7 +1287,7 @@ export type BodySkeleton = Message<"troupe.v1.BodySkeleton"> & {
  * Use `create(BodySkeletonSchema)` to create a new message.
  */
 export const BodySkeletonSchema: GenMessage<BodySkeleton> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 22);
+  messageDesc(file_troupe_v1_motion, 23);
 
 /**
  * A joint of a BodySkeleton.
@@ -1278,7 +1322,7 @@ export type BodyJoint = Message<"troupe.v1.BodyJoint"> & {
  * Use `create(BodyJointSchema)` to create a new message.
  */
 export const BodyJointSchema: GenMessage<BodyJoint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 23);
+  messageDesc(file_troupe_v1_motion, 24);
 
 /**
  * A part of a motion. It follows the parts before.
@@ -1336,7 +1380,7 @@ export type GenerateResponse = Message<"troupe.v1.GenerateResponse"> & {
  * Use `create(GenerateResponseSchema)` to create a new message.
  */
 export const GenerateResponseSchema: GenMessage<GenerateResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 24);
+  messageDesc(file_troupe_v1_motion, 25);
 
 /**
  * A motion to describe.
@@ -1394,7 +1438,7 @@ export type DescribeRequest = Message<"troupe.v1.DescribeRequest"> & {
  * Use `create(DescribeRequestSchema)` to create a new message.
  */
 export const DescribeRequestSchema: GenMessage<DescribeRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 25);
+  messageDesc(file_troupe_v1_motion, 26);
 
 /**
  * The motion of a further character.
@@ -1415,7 +1459,7 @@ export type OtherMotion = Message<"troupe.v1.OtherMotion"> & {
  * Use `create(OtherMotionSchema)` to create a new message.
  */
 export const OtherMotionSchema: GenMessage<OtherMotion> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 26);
+  messageDesc(file_troupe_v1_motion, 27);
 
 /**
  * A part of a description. It follows the parts before.
@@ -1466,7 +1510,7 @@ export type DescribeResponse = Message<"troupe.v1.DescribeResponse"> & {
  * Use `create(DescribeResponseSchema)` to create a new message.
  */
 export const DescribeResponseSchema: GenMessage<DescribeResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 27);
+  messageDesc(file_troupe_v1_motion, 28);
 
 /**
  * Times of a request, in microseconds, by the server's clock. The times of parts that run at the
@@ -1523,7 +1567,7 @@ export type Timing = Message<"troupe.v1.Timing"> & {
  * Use `create(TimingSchema)` to create a new message.
  */
 export const TimingSchema: GenMessage<Timing> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 28);
+  messageDesc(file_troupe_v1_motion, 29);
 
 /**
  * The generated motion.
@@ -1565,7 +1609,7 @@ export type InBetweenResponse = Message<"troupe.v1.InBetweenResponse"> & {
  * Use `create(InBetweenResponseSchema)` to create a new message.
  */
 export const InBetweenResponseSchema: GenMessage<InBetweenResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 29);
+  messageDesc(file_troupe_v1_motion, 30);
 
 /**
  * Asks for all packs.
@@ -1580,7 +1624,7 @@ export type ListPacksRequest = Message<"troupe.v1.ListPacksRequest"> & {
  * Use `create(ListPacksRequestSchema)` to create a new message.
  */
 export const ListPacksRequestSchema: GenMessage<ListPacksRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 30);
+  messageDesc(file_troupe_v1_motion, 31);
 
 /**
  * The packs that the server has loaded.
@@ -1601,7 +1645,7 @@ export type ListPacksResponse = Message<"troupe.v1.ListPacksResponse"> & {
  * Use `create(ListPacksResponseSchema)` to create a new message.
  */
 export const ListPacksResponseSchema: GenMessage<ListPacksResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 31);
+  messageDesc(file_troupe_v1_motion, 32);
 
 /**
  * Asks for one pack.
@@ -1622,7 +1666,7 @@ export type GetPackRequest = Message<"troupe.v1.GetPackRequest"> & {
  * Use `create(GetPackRequestSchema)` to create a new message.
  */
 export const GetPackRequestSchema: GenMessage<GetPackRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 32);
+  messageDesc(file_troupe_v1_motion, 33);
 
 /**
  * One joint of a skeleton.
@@ -1657,7 +1701,7 @@ export type Joint = Message<"troupe.v1.Joint"> & {
  * Use `create(JointSchema)` to create a new message.
  */
 export const JointSchema: GenMessage<Joint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 33);
+  messageDesc(file_troupe_v1_motion, 34);
 
 /**
  * How to derive ground contacts from positions and speeds. Lists have a number for each contact
@@ -1694,7 +1738,7 @@ export type ContactRules = Message<"troupe.v1.ContactRules"> & {
  * Use `create(ContactRulesSchema)` to create a new message.
  */
 export const ContactRulesSchema: GenMessage<ContactRules> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 34);
+  messageDesc(file_troupe_v1_motion, 35);
 
 /**
  * A joint that turns about one axis. Its rotation relative to its parent is `rest`, then the turn
@@ -1751,7 +1795,7 @@ export type Hinge = Message<"troupe.v1.Hinge"> & {
  * Use `create(HingeSchema)` to create a new message.
  */
 export const HingeSchema: GenMessage<Hinge> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 35);
+  messageDesc(file_troupe_v1_motion, 36);
 
 /**
  * The robot that a pack animates. The root floats, some joints are fixed to their parents, and all
@@ -1788,7 +1832,7 @@ export type Robot = Message<"troupe.v1.Robot"> & {
  * Use `create(RobotSchema)` to create a new message.
  */
 export const RobotSchema: GenMessage<Robot> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 36);
+  messageDesc(file_troupe_v1_motion, 37);
 
 /**
  * A model pack: what it animates, its limits, and its origin.
@@ -2020,7 +2064,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
  * Use `create(PackSchema)` to create a new message.
  */
 export const PackSchema: GenMessage<Pack> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 37);
+  messageDesc(file_troupe_v1_motion, 38);
 
 /**
  * A skill of a pack.
@@ -2062,7 +2106,7 @@ export type PackSkill = Message<"troupe.v1.PackSkill"> & {
  * Use `create(PackSkillSchema)` to create a new message.
  */
 export const PackSkillSchema: GenMessage<PackSkill> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 38);
+  messageDesc(file_troupe_v1_motion, 39);
 
 /**
  * What a pack's language model reads and writes.
@@ -2119,7 +2163,7 @@ export type Language = Message<"troupe.v1.Language"> & {
  * Use `create(LanguageSchema)` to create a new message.
  */
 export const LanguageSchema: GenMessage<Language> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 39);
+  messageDesc(file_troupe_v1_motion, 40);
 
 /**
  * A body of a pack.
@@ -2182,7 +2226,7 @@ export type PackBody = Message<"troupe.v1.PackBody"> & {
  * Use `create(PackBodySchema)` to create a new message.
  */
 export const PackBodySchema: GenMessage<PackBody> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 40);
+  messageDesc(file_troupe_v1_motion, 41);
 
 /**
  * A kind of audio.
