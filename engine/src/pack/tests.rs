@@ -355,7 +355,11 @@ fn every_mistake_in_the_table_of_bodies_is_named() {
             "frames_per_token = 2",
             "frames_per_token is 2; allowed: 4 to 4",
         ),
-        ("family = \"unimogen\"", "family = \"other\"", "unimogen is present"),
+        (
+            "family = \"unimogen\"",
+            "family = \"other\"",
+            "unimogen is present",
+        ),
         (
             "bend_gain = 2.0",
             "bend_gain = 2.0\nbend = 1",

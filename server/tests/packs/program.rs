@@ -132,7 +132,7 @@ fn manual_pages_have_every_command_and_option() {
     assert!(output.status.success(), "{output:?}");
     let page =
         |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
-    assert!(page("troupe-server.1").contains("max\\-streams\\-per\\-client"));
+    assert!(page("troupe-server.1").contains("max\\-streams"));
     for name in ["doctor", "health", "key", "key-new", "man"] {
         assert!(page(&format!("troupe-server-{name}.1")).contains(".TH"), "{name}");
     }
@@ -410,7 +410,7 @@ fn a_server_that_is_killed_goes_on_where_it_was() {
     let one = &resumed["sessions"][0];
     assert_eq!(
         (&one["restored"], &one["session"]["last_sequence"]),
-        (&true.into(), &1.into()),
+        (&true.into(), &"1".into()),
         "{resumed}"
     );
     let on = call(
@@ -424,7 +424,7 @@ fn a_server_that_is_killed_goes_on_where_it_was() {
         killed.elapsed()
     );
     let block = &on["blocks"][0];
-    assert_eq!(block["first_frames"][0], 61);
+    assert_eq!(block["first_frames"][0], "61");
     let next: Vec<f64> = block["root_positions"].as_array().unwrap()[..3]
         .iter()
         .map(|number| number.as_f64().unwrap())

@@ -445,7 +445,7 @@ impl Decoder for RawCodec {
 async fn bodies_that_are_no_request_have_different_errors_over_http() {
     let whole = serde_json::to_string(&good().await).unwrap();
     let nan = whole.replacen("\"rotations\":[", "\"rotations\":[NaN,", 1);
-    let text = whole.replacen("\"seed\":0", "\"seed\":\"seven\"", 1);
+    let text = whole.replacen("\"seed\":\"0\"", "\"seed\":\"seven\"", 1);
     let unknown = whole.replacen("\"seed\":", "\"sede\":", 1);
     for (what, body, expected) in [
         ("half a body", &whole[..whole.len() / 2], "EOF"),
