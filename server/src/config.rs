@@ -26,12 +26,12 @@ pub use worst_case::{Part, WorstCase};
 /// The file that is read without `--config`. It need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";
 
-/// The server's configuration: the options that its operator set, and what no operator has to set.
+/// The server's configuration: options that the operator sets, and constants.
 #[derive(Debug, Clone)]
 pub struct Config {
-    /// What the operator set.
+    /// Options that the operator sets.
     pub options: Options,
-    /// What only tests change.
+    /// Constants that only tests change.
     pub fixed: Fixed,
 }
 
@@ -50,7 +50,7 @@ impl DerefMut for Config {
 }
 
 // The text of each field is also the help of its flag, the comment in the configuration template,
-// and the reference page.
+// and the text on the reference page.
 /// The options of a server.
 #[derive(Debug, Clone, confique::Config)]
 #[config(layer_attr(derive(Debug, clap::Args)))]
@@ -303,9 +303,9 @@ pub struct Options {
     )]
     pub max_streams: usize,
 
-    /// Memory for requests and answers on their way, in MiB. One without room is refused with a
-    /// retry hint. A client may take a quarter of it, all clients of one address half. 0: an eighth
-    /// of the memory that this process may use, but 256 to 2048.
+    /// Memory for requests and answers in transfer, in MiB. A request without room is refused with
+    /// a retry hint. A client may take a quarter of it, all clients of one address half. 0: an
+    /// eighth of the memory that this process may use, at least 256 and at most 2048.
     #[config(
         env = "TROUPE_TRANSFER_MEMORY_MIB",
         default = 0,

@@ -1,5 +1,5 @@
-//! The health check of the command line: asks a running server whether it is ready. An image needs
-//! no HTTP client for its health check then.
+//! The health check of the command line: asks a running server if it is ready. Container images
+//! then need no HTTP client.
 
 mod tls;
 
@@ -15,9 +15,9 @@ use hyper_util::rt::TokioExecutor;
 
 pub use tls::{HealthTls, HealthTlsError};
 
-/// The page that is asked where a URL names none.
+/// Path to ask if a URL names none.
 pub(crate) const READY: &str = "/readyz";
-/// Most bytes of an answer that are read.
+/// Most bytes of an answer to read.
 const MAX_BODY: usize = 64 << 10;
 
 /// Why a server is not healthy.
@@ -38,16 +38,16 @@ pub enum HealthError {
     Status {
         /// The HTTP status.
         status: StatusCode,
-        /// What the server says about it.
+        /// The answer's text.
         body: String,
     },
 }
 
-/// The readiness page of a server on this machine that listens on `listen`. Every address (0.0.0.0
-/// or ::) is asked on the loopback interface.
+/// The URL of the readiness page of a server on this machine that listens on `listen`. An
+/// unspecified address (0.0.0.0 or ::) becomes the loopback address.
 ///
 /// # Errors
-/// Never for an address with a port; the library cannot know that.
+/// Never for an address with a port, but the library cannot know that.
 pub fn ready_url(listen: SocketAddr, tls: bool) -> Result<Uri, http::Error> {
     let ip = match listen.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
@@ -62,10 +62,10 @@ pub fn ready_url(listen: SocketAddr, tls: bool) -> Result<Uri, http::Error> {
         .build()
 }
 
-/// Asks `url` and wants a success within `timeout`.
+/// Asks `url`, and expects a success within `timeout`.
 ///
 /// # Errors
-/// [`HealthError`] where there is no answer, or another one.
+/// [`HealthError`] if there is no answer or no success.
 pub async fn check(url: &Uri, tls: &HealthTls, timeout: Duration) -> Result<(), HealthError> {
     let connector = HttpsConnectorBuilder::new()
         .with_tls_config(tls.config(url.scheme_str() == Some("https"))?)
@@ -79,7 +79,7 @@ pub async fn check(url: &Uri, tls: &HealthTls, timeout: Duration) -> Result<(), 
         if status.is_success() {
             return Ok(());
         }
-        // Without its body the status still says enough.
+        // If the body cannot be read, the status is enough.
         let body = Limited::new(response.into_body(), MAX_BODY).collect().await;
         let body = body.map(|body| body.to_bytes()).unwrap_or_default();
         let body = String::from_utf8_lossy(&body).trim().to_owned();

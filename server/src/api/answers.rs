@@ -1,4 +1,4 @@
-//! Answers whose parts may be errors, as messages.
+//! Messages of answers in which some parts may be errors.
 
 use troupe_proto::v1;
 use troupe_proto::v1::drive_response::Message;
@@ -11,12 +11,12 @@ use troupe_live::session::stream::{Closing, Departure, Said};
 use troupe_live::session::{CommandResult, Resumed, SessionError, SessionProblem, Stepped};
 use troupe_live::world::ObjectsChanged;
 
-/// An error as part of an answer that serves others.
+/// An error inside an answer that also holds results.
 fn problem(error: impl Into<ServiceError>) -> v1::Problem {
     ApiError::from(error.into()).problem()
 }
 
-/// Results of commands.
+/// The answer to a command request: a result for each command.
 pub(super) fn commands(results: Vec<CommandResult>) -> v1::CommandResponse {
     v1::CommandResponse {
         results: results.into_iter().map(command).collect(),
@@ -59,7 +59,7 @@ pub(super) fn step(stepped: Stepped) -> v1::StepResponse {
     }
 }
 
-/// Sessions that were taken up again.
+/// The answer to a resume request.
 pub(super) fn resumed(resumed: Resumed) -> v1::ResumeSessionsResponse {
     v1::ResumeSessionsResponse {
         sessions: resumed.sessions,
@@ -67,7 +67,7 @@ pub(super) fn resumed(resumed: Resumed) -> v1::ResumeSessionsResponse {
     }
 }
 
-/// Results of objects of a scene.
+/// The answer to a change of objects: a result for each object.
 pub(super) fn objects(changed: ObjectsChanged) -> v1::ObjectsResponse {
     let each = changed.objects.into_iter().map(|object| v1::ObjectResult {
         id: object.id,
@@ -79,7 +79,7 @@ pub(super) fn objects(changed: ObjectsChanged) -> v1::ObjectsResponse {
     }
 }
 
-/// What a stream says.
+/// A message of a live stream.
 pub(super) fn drive(said: Said) -> Message {
     match said {
         Said::Attached(attached) => Message::Attached(v1::DriveAttached {
@@ -119,7 +119,7 @@ fn departure(left: Departure) -> v1::SessionProblem {
     }
 }
 
-/// What a stream's client reads where the server stops.
+/// Sent to the client of a stream when the server stops.
 const STREAM_DRAINS: &str =
     "the server is shutting down; open the stream again in a few seconds, or with another server";
 

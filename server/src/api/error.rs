@@ -1,9 +1,9 @@
-//! Every error of the API, and the one place that maps it to gRPC code and details, HTTP status and
-//! body, MMCP code and metric label.
+//! Every error of the API. This is the only place that maps an error to its gRPC code and details,
+//! HTTP status and body, MMCP code and metric label.
 //!
-//! The layers below have errors of their own. Their rows of the table ([`row`]) are in a file for
-//! each domain: [`edge`], [`batch`], [`world`], [`session`]. The rows of the API itself are here.
-//! [`form`] makes answers from them, and [`mmcp`] the answers of that protocol.
+//! The layers below have their own error types. Each domain has a file with its rows of the table
+//! ([`row`]): [`edge`], [`batch`], [`world`], [`session`]. Rows of the API's own errors are here.
+//! [`form`] turns rows into answers, [`mmcp`] into answers of that protocol.
 
 mod batch;
 mod edge;
@@ -39,57 +39,57 @@ const DOMAIN: &str = "troupe.v1";
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum ApiError {
-    /// A request was read, but not served.
+    /// The request was read, but the service returned an error.
     #[error("{}", message(.0))]
     Service(Box<ServiceError>),
-    /// The edge turns the request away.
+    /// The edge rejects the request.
     #[error(transparent)]
     Edge(#[from] EdgeError),
-    /// The API itself does not accept a value.
+    /// A value that the API itself rejects.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// A request of the Motion Model Context Protocol is not accepted.
+    /// A rejected request of the Motion Model Context Protocol.
     #[error(transparent)]
     Mmcp(Box<Fault>),
-    /// A body is not a request: no protobuf, no JSON, or a field has the wrong form.
+    /// The body is not a request: it is neither protobuf nor JSON, or a field has the wrong form.
     #[error("the request cannot be read: {message}")]
     Malformed {
-        /// The parser's text.
+        /// The parser's message.
         message: String,
-        /// Path of the field, if it is known.
+        /// Path of the field, if known.
         field: Option<String>,
     },
     /// A body ends before its message does.
     #[error("the body is truncated: {problem}; allowed: a whole one, at most {limit_bytes} bytes")]
     Truncated {
-        /// The parser's text.
+        /// The parser's message.
         problem: String,
-        /// Most bytes of a whole body.
+        /// Size limit of a body.
         limit_bytes: usize,
     },
     /// A body is over the limit.
     #[error("the request is too large; allowed: at most {limit_bytes} bytes")]
     TooLarge {
-        /// Most bytes of a body.
+        /// Size limit of a body.
         limit_bytes: usize,
     },
-    /// The Content-Type is not JSON. Web pages of other sites can send such bodies without a
-    /// preflight request.
+    /// The Content-Type is not JSON. Pages of other sites can send such bodies without a preflight
+    /// request.
     #[error("Content-Type is {found:?}; allowed: application/json")]
     WrongType {
-        /// The Content-Type, cut.
+        /// The Content-Type, shortened.
         found: String,
     },
-    /// There is no such path or gRPC method.
+    /// No such path or gRPC method.
     #[error("there is no {0}")]
     UnknownRoute(String),
-    /// The path has another HTTP method.
+    /// The path exists, but not with this HTTP method.
     #[error("this path does not answer {0}")]
     WrongMethod(String),
-    /// The request was not served in time, in the queue or at the edge.
+    /// Not served in time, in the queue or at the edge.
     #[error("the request was not served {}", in_time(.0))]
     DeadlineExceeded(Duration),
-    /// The server does not support a feature of gRPC, such as a compression.
+    /// The server lacks a gRPC feature, such as a compression.
     #[error("{0}")]
     Unimplemented(String),
     /// The API itself failed.
@@ -152,7 +152,7 @@ impl Tabled for ServiceError {
     }
 }
 
-/// The error's text. A stopped engine concerns the whole server.
+/// The text of a service error. A stopped engine is reported as a failure of the whole server.
 fn message(error: &ServiceError) -> String {
     match error {
         ServiceError::Batch(SubmitError::Engine(EngineError::Stopped)) => {
@@ -169,7 +169,7 @@ impl From<Exhausted> for ApiError {
 }
 
 impl From<ServiceError> for ApiError {
-    /// A deadline is one error, whether the queue or the edge noticed it.
+    /// A missed deadline is one error, whether the queue or the edge noticed it.
     fn from(error: ServiceError) -> Self {
         match error {
             ServiceError::Batch(SubmitError::DeadlinePassed { waited }) => Self::DeadlineExceeded(waited),
@@ -190,7 +190,7 @@ impl From<WorldError> for ApiError {
     }
 }
 
-/// A time limit in words. Without a number if it is unknown or below a millisecond.
+/// A time limit in words, without a number if it is unknown or below a millisecond.
 fn in_time(limit: &Duration) -> String {
     match limit.as_millis() {
         0 => "in time".to_owned(),

@@ -1,4 +1,4 @@
-//! What the edge has to know of the routes.
+//! What the edge must know about the routes.
 
 use axum::response::Response;
 
@@ -6,16 +6,16 @@ use super::error::ApiError;
 use super::roles;
 use troupe_edge::{EdgeError, Front};
 
-/// The path of live streams over HTTP, and over gRPC.
+/// Paths of live streams, over HTTP and gRPC.
 const STREAMS: [&str; 2] = ["/v1/drive", "/troupe.v1.Sessions/Drive"];
-/// How paths of remote procedures begin.
+/// Prefixes of remote procedures' paths.
 const RPCS: [&str; 3] = ["/v1/", "/troupe.v1.", "/generate"];
-/// Paths that operators and their tools ask.
+/// Paths for operators and their tools.
 const HEALTH: [&str; 3] = ["/healthz", "/readyz", "/metrics"];
-/// gRPC's health service.
+/// Path prefix of gRPC's health service.
 pub(super) const GRPC_HEALTH: &str = "/grpc.health.v1.Health/";
 
-/// What the edge has to know.
+/// The routes as the edge sees them.
 pub(super) const FRONT: Front = Front {
     needed: roles::needed,
     is_rpc: |path| RPCS.iter().any(|start| path.starts_with(start)),

@@ -28,7 +28,7 @@ use super::track::{self, Tracker};
 use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES};
 use crate::service::{Service, ServiceError, Streamed};
 
-/// Tells health checks whether the services, and the server as a whole, serve.
+/// Sets the state that gRPC health checks report, for each service and for the server as a whole.
 pub async fn set_serving(health: &HealthReporter, serving: bool) {
     let status = if serving {
         ServingStatus::Serving
@@ -45,7 +45,7 @@ pub async fn set_serving(health: &HealthReporter, serving: bool) {
     }
 }
 
-/// An answer as gRPC gives it.
+/// Converts an answer into gRPC's form.
 fn answer<T>(result: Result<T, impl Into<ApiError>>) -> Result<Response<T>, Status> {
     match result {
         Ok(answer) => Ok(Response::new(answer)),
@@ -53,10 +53,10 @@ fn answer<T>(result: Result<T, impl Into<ApiError>>) -> Result<Response<T>, Stat
     }
 }
 
-/// An answer that comes part by part.
+/// An answer in parts.
 type PartStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
-/// An answer that comes part by part, as gRPC gives it.
+/// Converts an answer in parts into gRPC's form.
 fn parts<A: Streamed>(answer: Result<A, ServiceError>) -> Result<Response<PartStream<A::Part>>, Status> {
     let answer = answer.map_err(|error| ApiError::from(error).status())?;
     let parts = futures_util::stream::unfold(answer, |mut answer| async {
@@ -120,7 +120,7 @@ pub(super) fn router(
     limits: &ApiLimits,
 ) -> Result<Router, Error> {
     let tracker = Arc::new(Tracker::new(service, limits));
-    // Answers are as large as the request asked for; the limit on requests bounds them.
+    // Answers may be of any size: the limits on requests bound them.
     let motion = MotionServer::new(MotionApi(service.clone()))
         .max_decoding_message_size(limits.message_bytes)
         .max_encoding_message_size(usize::MAX);
@@ -134,8 +134,8 @@ pub(super) fn router(
             .max_encoding_message_size(usize::MAX)
     };
     let router = mount(Router::new(), motion);
-    // A stream's messages are decoded one by one, without a look at their shape, so they are kept
-    // short.
+    // Stream messages are decoded one by one, without a check of their shape. A small size limit
+    // protects the memory.
     let drive = format!("/{}/Drive", SessionsServer::<SessionsApi>::NAME);
     let stream_limit = limits.message_bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let router = router.route_service(&drive, sessions(stream_limit));
@@ -150,7 +150,7 @@ pub(super) fn router(
         HealthServer::new(HealthService::from_health_reporter(health.clone())),
     );
     let router = mount(router, reflection().build_v1()?);
-    // Older tools only speak the alpha version.
+    // Older tools use only the alpha version.
     Ok(mount(router, reflection().build_v1alpha()?))
 }
 

@@ -1,4 +1,4 @@
-//! HTTP: the same messages as JSON, and what operators need.
+//! HTTP: the gRPC messages as JSON, and pages for operators.
 
 mod files;
 pub(super) mod json;
@@ -69,7 +69,7 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(mmcp::generate))
 }
 
-/// The routes that are no remote procedures, with their documentation.
+/// Routes that are not remote procedures, with their documentation.
 fn operations() -> OpenApiRouter<Arc<Service>> {
     OpenApiRouter::new()
         .routes(routes!(healthz))
@@ -105,7 +105,7 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits, site: &std::pat
         .with_state(service.clone());
     let docs = SwaggerUi::new(site::SWAGGER)
         .url("/openapi.json", document())
-        // The page must not ask anybody else: by default it has a public validator draw a badge.
+        // Without this the page would ask a public validator for a badge.
         .config(utoipa_swagger_ui::Config::from("/openapi.json").validator_url("none"));
     api.merge(operations)
         .merge(docs)
@@ -171,7 +171,7 @@ pub(super) async fn get_pack(
 type Named<T> = Result<Path<T>, PathRejection>;
 type Asked<T> = Result<Query<T>, QueryRejection>;
 
-/// The parameters after a path's question mark.
+/// The query parameters of a path.
 fn asked<T: DeserializeOwned>(query: Asked<T>) -> Result<T, FieldError> {
     let Query(asked) = query.map_err(|rejection| FieldError {
         field: "query".to_owned(),
@@ -181,7 +181,7 @@ fn asked<T: DeserializeOwned>(query: Asked<T>) -> Result<T, FieldError> {
     Ok(asked)
 }
 
-/// The part of a path that names something.
+/// The name in a path.
 fn named<T>(field: &str, name: Result<Path<T>, PathRejection>) -> Result<T, FieldError> {
     let Path(name) = name.map_err(|rejection| FieldError {
         field: field.to_owned(),
@@ -191,9 +191,9 @@ fn named<T>(field: &str, name: Result<Path<T>, PathRejection>) -> Result<T, Fiel
     Ok(name)
 }
 
-/// Whether the process lives
+/// Whether the process is alive
 #[utoipa::path(get, path = "/healthz", tag = "operations",
-    responses((status = 200, description = "It does", body = String, content_type = "text/plain")))]
+    responses((status = 200, description = "It is", body = String, content_type = "text/plain")))]
 pub(super) async fn healthz() -> &'static str {
     "ok\n"
 }
@@ -228,7 +228,7 @@ async fn wrong_method(request: Request) -> ApiError {
     ApiError::WrongMethod(request.method().to_string())
 }
 
-/// Answers what no route does, in the caller's protocol.
+/// Answers requests without a route, in the caller's protocol.
 pub(super) async fn unknown_route(headers: HeaderMap, request: Request) -> Response {
     let path: String = request.uri().path().chars().take(200).collect();
     ApiError::UnknownRoute(path).in_kind(&headers)

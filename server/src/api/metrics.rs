@@ -15,7 +15,7 @@ const REQUEST_DURATION: Metric = Metric::new(
     "From a request's arrival to its answer",
 );
 
-/// The series of one remote procedure and status code.
+/// The metrics of one remote procedure with one status code.
 #[derive(Debug, Clone)]
 struct Answers {
     count: Counter,
@@ -26,7 +26,7 @@ struct Answers {
 #[derive(Debug, Clone)]
 pub(super) struct RequestMetrics {
     telemetry: Telemetry,
-    /// By remote procedure and code, those that there were.
+    /// By remote procedure and code. A series is made when its first answer is sent.
     series: Arc<Mutex<HashMap<(&'static str, &'static str), Answers>>>,
 }
 
@@ -38,7 +38,7 @@ impl RequestMetrics {
         }
     }
 
-    /// Notes an answered request.
+    /// Counts an answered request and its time.
     pub(super) fn answered(&self, rpc: &'static str, code: &'static str, took: Duration) {
         let Answers { count, duration } = self.series(rpc, code);
         count.increment(1);

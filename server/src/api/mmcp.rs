@@ -1,5 +1,5 @@
-//! What the routes of the Motion Model Context Protocol have of their own: the form of errors,
-//! wherever they come from.
+//! The form of errors on the routes of the Motion Model Context Protocol, for errors of every
+//! layer.
 
 use axum::Router;
 use axum::extract::Request;
@@ -8,15 +8,16 @@ use axum::response::Response;
 
 use super::error::ApiError;
 
-/// Its routes.
+/// Paths of the protocol.
 const ROUTES: [&str; 2] = ["/capabilities", "/generate"];
 
-/// Whether a path is one of the protocol's.
+/// Whether a path belongs to the protocol.
 fn is_route(path: &str) -> bool {
     ROUTES.contains(&path)
 }
 
-/// Puts this in front of all that may refuse a request.
+/// Adds a layer that puts errors into the protocol's form. It must be outside of all layers that
+/// reject requests.
 pub(super) fn enveloped(router: Router) -> Router {
     router.layer(middleware::from_fn(envelope))
 }
@@ -30,7 +31,7 @@ async fn envelope(request: Request, next: Next) -> Response {
     }
 }
 
-/// An error in the protocol's form; other answers as they are.
+/// Puts an error into the protocol's form. Other answers stay as they are.
 fn in_envelope(response: Response) -> Response {
     let error = response.extensions().get::<ApiError>().cloned();
     match error {

@@ -1,8 +1,8 @@
-//! The public interface: gRPC, HTTP and WebSocket on one port, one validation, one mapping of
-//! errors.
+//! The public interface: gRPC, HTTP and WebSocket on one port, with one validation and one mapping
+//! of errors.
 //!
-//! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand
-//! requests to [`Service`], under one time limit and one set of metrics.
+//! Only [`ApiError`] decides how an error looks to a caller. gRPC and HTTP pass requests to
+//! [`Service`] with the same time limit and metrics.
 
 mod answers;
 mod error;
@@ -39,10 +39,10 @@ pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
 pub use http::document;
 
-/// Most bytes of one message on a stream.
+/// Size limit of one message on a stream, bytes.
 const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;
 
-/// Limits of requests, whatever they ask for.
+/// Limits that apply to all requests.
 #[derive(Debug, Clone, Copy)]
 pub struct ApiLimits {
     /// How long a caller waits for an answer.
@@ -57,13 +57,14 @@ pub struct ApiLimits {
     pub sessions: usize,
 }
 
-/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what
-/// [`set_serving`] tells it, `guard` says which web pages may use them, and `credentials` who else;
-/// without them, everybody. The routes of connections beyond the limit come with them.
+/// All routes of the server: gRPC services, HTTP, documentation. `health` reports the state that
+/// [`set_serving`] sets. `guard` limits which web pages may use the routes, and `credentials` which
+/// callers; without credentials every caller may. The router also has the routes for connections
+/// beyond the limit.
 ///
 /// # Errors
-/// Where the descriptors of the gRPC reflection service do not read, which a build that passes its
-/// tests rules out.
+/// If the descriptors of the gRPC reflection service cannot be read. Tests rule this out for a
+/// build.
 pub fn routes(
     service: &Arc<Service>,
     health: &HealthReporter,

@@ -1,5 +1,5 @@
-//! The OpenAPI document of the HTTP interface. Handlers say what is theirs alone; what follows from
-//! an operation's path and body is added here.
+//! The OpenAPI document of the HTTP interface. Handlers document what is specific to them. This
+//! module adds what follows from an operation's path and body.
 
 use utoipa::OpenApi as _;
 use utoipa::openapi::path::{Operation, Parameter, ParameterBuilder, ParameterIn, PathItem};
@@ -9,7 +9,7 @@ use utoipa::openapi::{ContentBuilder, ObjectBuilder, OpenApi, Ref, RefOr, Requir
 use super::error::ErrorBody;
 use crate::mmcp::Code;
 
-/// The name of the way to send a key.
+/// Name of the security scheme.
 const KEY: &str = "key";
 
 #[derive(utoipa::OpenApi)]
@@ -38,7 +38,7 @@ struct Frame;
 #[derive(utoipa::ToSchema)]
 #[expect(
     dead_code,
-    reason = "for the document: the protocol's errors are written where they are mapped"
+    reason = "only documents the protocol's errors; `ApiError` writes them"
 )]
 struct MmcpError {
     /// What went wrong.
@@ -47,18 +47,18 @@ struct MmcpError {
 
 /// What went wrong, as the protocol has it.
 #[derive(utoipa::ToSchema)]
-#[expect(dead_code, reason = "for the document")]
+#[expect(dead_code, reason = "only for the document")]
 struct MmcpErrorDetail {
     /// One of the protocol's closed list of codes.
     code: String,
     /// What went wrong, for people.
     message: String,
-    /// The field at fault, what is allowed, and what else there is to tell.
+    /// The field at fault, what is allowed, and further details.
     #[schema(value_type = Object)]
     details: serde_json::Value,
 }
 
-/// Adds the protocol's errors, by their statuses.
+/// Adds the protocol's errors to an operation, by status.
 fn add_mmcp_errors(operation: &mut Operation) {
     for code in Code::ALL {
         let status = code.status().to_string();
@@ -79,12 +79,12 @@ fn add_mmcp_errors(operation: &mut Operation) {
     }
 }
 
-/// The document without any path.
+/// The document without paths.
 pub(super) fn frame() -> OpenApi {
     Frame::openapi()
 }
 
-/// Adds what follows from paths and bodies, and how a key is sent.
+/// Adds what follows from paths and bodies, and how to send a key.
 pub(super) fn complete(document: &mut OpenApi) {
     let key = HttpBuilder::new()
         .scheme(HttpAuthScheme::Bearer)
@@ -92,7 +92,7 @@ pub(super) fn complete(document: &mut OpenApi) {
         .build();
     let components = document.components.get_or_insert_default();
     components.add_security_scheme(KEY, SecurityScheme::Http(key));
-    // The empty one: a server may ask for none.
+    // An empty requirement: a server may ask for no key.
     let none = SecurityRequirement::default();
     document.security = Some(vec![none, SecurityRequirement::new(KEY, [""; 0])]);
     for (path, item) in &mut document.paths.paths {
@@ -114,7 +114,7 @@ fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
     [get, put, post, delete].into_iter().flatten()
 }
 
-/// Adds a parameter for every `{name}` of the path, before those of the query.
+/// Adds a parameter for each `{name}` of the path, before the query parameters.
 fn add_path_parameters(operation: &mut Operation, path: &str) {
     let mut parameters = Vec::new();
     let mut collection = "";
@@ -146,7 +146,7 @@ fn path_parameter(name: &str, collection: &str) -> Parameter {
         .build()
 }
 
-/// Adds the errors that all operations of a kind have, and the body of errors.
+/// Adds the errors that all operations of a kind share, and the form of their bodies.
 fn add_responses(operation: &mut Operation) {
     let tagged = |tag: &str| operation.tags.iter().flatten().any(|name| name == tag);
     if tagged("mmcp") {
@@ -169,7 +169,7 @@ fn add_responses(operation: &mut Operation) {
             "A value that is not accepted, or a body that is no request",
         );
         add("413", "The body is too large");
-        add("415", "The body is not said to be application/json");
+        add("415", "The Content-Type is not application/json");
     } else if has_parameters {
         add("400", "A value that is not accepted");
     }
@@ -178,10 +178,7 @@ fn add_responses(operation: &mut Operation) {
         "Origin or Host is not one that the server allows, or the key's role is too low",
     );
     if keyed {
-        add(
-            "401",
-            "The server asks for a key, and there is none, or an unknown one",
-        );
+        add("401", "The key is missing or unknown");
     }
     if needs_packs {
         add("503", "Not ready yet");

@@ -1,4 +1,4 @@
-//! The service as the caller's tenant has it.
+//! The service of the caller's tenant.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::error::ApiError;
 use crate::service::Service;
 use troupe_edge::clients::Identity;
 
-/// An extractor of HTTP handlers.
+/// Extracts the service of the caller's tenant, in HTTP handlers.
 pub(super) struct Ours(pub(super) Arc<Service>);
 
 impl FromRequestParts<Arc<Service>> for Ours {
@@ -27,7 +27,7 @@ async fn of(service: &Arc<Service>, extensions: &http::Extensions) -> Result<Arc
     Ok(service.of(tenant).await?)
 }
 
-/// The same for a call of gRPC.
+/// The service of the caller's tenant, in gRPC handlers.
 pub(super) async fn ours<T>(
     service: &Arc<Service>,
     request: &tonic::Request<T>,

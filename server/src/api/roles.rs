@@ -1,4 +1,4 @@
-//! Which calls need which role.
+//! The role that each call needs.
 
 use http::Method;
 
@@ -6,15 +6,15 @@ use super::front::GRPC_HEALTH;
 use super::http::ASSETS;
 use troupe_edge::clients::Role;
 
-/// Paths that need no key: health, and the documentation and the viewer, which are the same of
-/// every server.
+/// Paths that need no key. Health checks, documentation and viewer hold nothing that is private to
+/// a server.
 const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
-/// How the names of procedures begin that write styles, scenes and definitions.
+/// Prefixes of the procedures that write styles, scenes and definitions.
 const WRITES: [&str; 5] = ["Put", "Delete", "Add", "Move", "Remove"];
-/// The same over HTTP, where it is neither PUT nor DELETE.
+/// Endings of HTTP paths that write with a method other than PUT and DELETE.
 const HTTP_WRITES: [&str; 3] = ["/add", "/move", "/remove"];
 
-/// The role that a call needs; none where it needs no key.
+/// The role that a call needs. None: the call needs no key.
 pub(super) fn needed(method: &Method, path: &str) -> Option<Role> {
     if OPEN.contains(&path)
         || path.starts_with("/docs/")

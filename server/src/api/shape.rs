@@ -1,5 +1,5 @@
-//! A look at the shape of a request before it is decoded. An empty message takes two bytes on the
-//! wire and a hundred times as much in memory, so a body within the size limit could still take
+//! Checks the shape of a request before it is decoded. An empty message takes two bytes on the wire
+//! and a hundred times as much in memory, so even a body within the size limit could take
 //! gigabytes. Counting its parts is cheap.
 
 use std::collections::HashMap;
@@ -17,16 +17,17 @@ use troupe_live::session::MAX_COMMANDS;
 /// How many entries a list may have.
 #[derive(Debug, Clone, Copy)]
 struct Limit {
-    /// What the entries are.
+    /// What the entries are, for the error text.
     what: &'static str,
-    /// Most entries that are decoded. Smaller limits, such as a pack's, are checked later.
+    /// Most entries. Smaller limits, such as a pack's, are checked after decoding.
     most: usize,
-    /// Most objects and arrays of an entry in JSON, signs in its texts included.
+    /// Most brackets (`{` and `[`) of one entry in JSON, including those in its texts.
     json_parts: usize,
 }
 
 impl Limit {
-    /// The limit of a list in a request. `None`: nobody has thought of one.
+    /// The limit of a list in a request. `None` only for a list that is missing here; a test finds
+    /// those.
     fn of(list: &List, limits: &ApiLimits) -> Option<Self> {
         let limit = |what, most, json_parts| Limit {
             what,
@@ -34,15 +35,14 @@ impl Limit {
             json_parts,
         };
         Some(match (list.of, list.field) {
-            // A full one has some hundred and twenty objects and arrays; its id may hold more of
-            // their signs.
+            // A full character has about 120 objects and arrays. Its id may hold more brackets.
             ("Character", _) => limit("characters", limits.characters, 1024),
             ("SessionOptions", _) => limit("sessions", limits.sessions, 1024),
             ("SessionResume", _) => limit("sessions", limits.sessions, 16),
             (_, "DescribeRequest.frames" | "OtherMotion.frames") => limit("keyframes", 2048, 16),
-            // With what goes before, and signs in its text.
+            // Includes the frames before and the brackets in its text.
             ("Agent", _) => limit("characters", 16, 4096),
-            // With all its frames.
+            // Includes all its frames.
             ("OtherMotion", _) => limit("characters", 16, 16_384),
             ("Keyframe", _) => limit("keyframes", 256, 64),
             ("PathKeyframe", _) => limit("keyframes", MAX_PATH_KEYFRAMES, 66),
@@ -59,11 +59,11 @@ impl Limit {
             (_, "PathGoal.style") => limit("words", 1024, 64),
             ("Quat", _) => limit("rotations", 1024, 1),
             ("Vec3", _) => limit("points", 256, 1),
-            // Place, rotation and itself, and signs in its id.
+            // The object, its position and rotation, and brackets in its id.
             ("SceneObject", _) => limit("objects", 8192, 160),
             ("ObjectMove", _) => limit("moves", 8192, 160),
             (_, "RemoveObjectsRequest.ids") => limit("ids", 8192, 160),
-            // Ids of sessions have no signs of JSON.
+            // Session ids hold no brackets.
             (_, "CloseSessionsRequest.ids") => limit("ids", 10_000, 1),
             (_, "StepRequest.session_ids") => limit("sessions", limits.sessions, 1),
             (_, "DriveAttach.session_ids" | "DriveDetach.session_ids") => limit("ids", 100_000, 1),
@@ -72,24 +72,24 @@ impl Limit {
     }
 }
 
-/// A list that may have so many entries.
+/// A list, and how many entries it may have.
 #[derive(Debug, Clone, Copy)]
 struct Rule {
     steps: &'static [Step],
     limit: Limit,
 }
 
-/// What a request may look like.
+/// Limits of the lists in a request.
 #[derive(Debug, Clone)]
 pub(super) struct Shape {
     rules: Vec<Rule>,
-    /// Most objects and arrays as JSON.
+    /// Most brackets (`{` and `[`) of the request in JSON.
     json_parts: usize,
-    /// The list that takes most of them.
+    /// The list that may have the most brackets.
     largest: Rule,
 }
 
-/// The shapes of requests by remote procedure, those that have lists.
+/// Shapes by remote procedure. Requests without lists have none.
 #[derive(Debug, Clone)]
 pub(super) struct Shapes(HashMap<&'static str, Shape>);
 
@@ -109,14 +109,14 @@ impl Shapes {
         Self(shapes.collect())
     }
 
-    /// The shape of a remote procedure's request. `None`: its size says enough.
+    /// The shape of a remote procedure's request. `None`: the size limit is enough.
     pub(super) fn of(&self, rpc: &str) -> Option<&Shape> {
         self.0.get(rpc)
     }
 }
 
 impl Shape {
-    /// `None` where there are no rules.
+    /// `None` if there are no rules.
     fn new(rules: Vec<Rule>) -> Option<Self> {
         let largest = *rules.iter().max_by_key(|rule| rule.json_parts())?;
         Some(Self {
@@ -126,8 +126,8 @@ impl Shape {
         })
     }
 
-    /// Checks a request in gRPC framing. What is not whole, compressed or no protobuf passes:
-    /// decoding says more.
+    /// Checks a request in gRPC framing. Incomplete, compressed or malformed data passes: decoding
+    /// gives the better error.
     pub(super) fn check_grpc(&self, frame: &Bytes) -> Result<(), ApiError> {
         match frame.split_first_chunk::<5>() {
             Some(([0, ..], message)) => self.check_protobuf(message),
@@ -135,14 +135,14 @@ impl Shape {
         }
     }
 
-    /// Checks a request's message.
+    /// Checks a protobuf message.
     pub(super) fn check_protobuf(&self, message: &[u8]) -> Result<(), ApiError> {
         self.rules
             .iter()
             .try_for_each(|rule| rule.check(message, rule.steps, String::new()))
     }
 
-    /// Checks a request as JSON.
+    /// Checks a JSON body by counting its brackets.
     pub(super) fn check_json(&self, body: &[u8]) -> Result<(), ApiError> {
         let parts = body.iter().filter(|&&byte| byte == b'{' || byte == b'[').count();
         if parts <= self.json_parts {
@@ -156,8 +156,8 @@ impl Shape {
 }
 
 impl Rule {
-    /// Most objects and arrays as JSON of a request that is full of such entries. Those of a list
-    /// in a list are its parts.
+    /// Most brackets of a request that is full of such entries, in JSON. A list inside another list
+    /// counts as part of the outer one.
     fn json_parts(&self) -> usize {
         match self.steps {
             [way @ .., _] if way.iter().all(|step| !step.list) => {
@@ -167,7 +167,7 @@ impl Rule {
         }
     }
 
-    /// Counts the entries of a list at the end of `steps`, in every message on the way there.
+    /// Counts the entries of the list at the end of `steps`, in every message on the way.
     fn check(&self, message: &[u8], steps: &[Step], path: String) -> Result<(), ApiError> {
         let Some((step, deeper)) = steps.split_first() else {
             return Ok(());
@@ -201,8 +201,8 @@ fn too_many(field: String, what: &str, limit: usize) -> ApiError {
     .into()
 }
 
-/// The length-delimited fields of a message, by number. Ends where the message ends or makes no
-/// sense.
+/// Iterates over the length-delimited fields of a message, with their numbers. Stops at the end and
+/// at malformed data.
 struct Parts<'a>(&'a [u8]);
 
 impl<'a> Iterator for Parts<'a> {

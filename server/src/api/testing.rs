@@ -1,4 +1,4 @@
-//! The way of a message from its bytes to its checks, for fuzz targets.
+//! Decoding and checking of messages, for fuzz targets.
 
 use std::collections::VecDeque;
 use std::pin::Pin;
@@ -19,11 +19,11 @@ use super::ws;
 use crate::service::{Service, ServiceError};
 use troupe_base::turns::Turns;
 
-/// Reads messages as the server does.
+/// Decodes messages like the server.
 pub struct Reader(BodyLimits);
 
 impl Reader {
-    /// One with these limits.
+    /// A reader with these limits.
     pub fn new(limits: &ApiLimits) -> Self {
         Self(BodyLimits {
             bytes: limits.message_bytes,
@@ -31,27 +31,27 @@ impl Reader {
         })
     }
 
-    /// A message as JSON.
+    /// Decodes a JSON message.
     ///
     /// # Errors
-    /// [`ApiError`] where it is too large, or cannot be read.
+    /// [`ApiError`] if it is too large or cannot be read.
     pub fn json<T: Request + DeserializeOwned>(&self, bytes: &[u8]) -> Result<T, ApiError> {
         json::read(bytes, &self.0)
     }
 
-    /// A message of a stream as protobuf.
+    /// Decodes a stream's protobuf message.
     ///
     /// # Errors
-    /// [`ApiError`] where it is too large, or cannot be read.
+    /// [`ApiError`] if it is too large or cannot be read.
     pub fn drive(&self, bytes: &[u8]) -> Result<v1::DriveRequest, ApiError> {
         ws::decode(bytes, &self.0)
     }
 
-    /// Has a client send `messages` on a stream over WebSocket, one after the other, and gives what
-    /// the server sends.
+    /// Sends `messages` on a WebSocket stream, one after another, and returns what the server
+    /// sends.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no place for a stream.
+    /// [`ApiError`] if no stream is free.
     pub async fn websocket(
         &self,
         service: &Service,
@@ -70,7 +70,7 @@ impl Reader {
     }
 }
 
-/// A client's end of a WebSocket that has said all that it will.
+/// The client's end of a WebSocket. All that the client sends is in it from the start.
 struct Socket {
     asks: VecDeque<Message>,
     says: Arc<Mutex<Vec<Message>>>,

@@ -1,4 +1,4 @@
-//! What every remote procedure shares, over gRPC and HTTP alike: a time limit and metrics.
+//! Time limit and metrics of every remote procedure, over gRPC and HTTP.
 
 use std::collections::HashMap;
 use std::error::Error as _;
@@ -27,7 +27,7 @@ use super::shape::{Shape, Shapes};
 use crate::service::Service;
 use troupe_base::telemetry::{RequestContext, Trace};
 
-/// Codes that are the server's fault.
+/// Codes of failures of the server.
 const FAULTS: [&str; 3] = ["INTERNAL", "UNAVAILABLE", "UNKNOWN"];
 
 /// The state of the middleware.
@@ -50,7 +50,7 @@ impl Tracker {
     }
 }
 
-/// Notes an answer when it is dropped, so that a caller who goes away is noted too.
+/// Records the answer when dropped, so a caller who leaves early is counted too.
 struct Note<'a> {
     metrics: &'a RequestMetrics,
     rpc: &'static str,
@@ -60,7 +60,7 @@ struct Note<'a> {
 }
 
 impl<'a> Note<'a> {
-    /// A request for this procedure begins.
+    /// Starts the record of a request for this procedure.
     fn begin(metrics: &'a RequestMetrics, rpc: &'static str) -> Self {
         let trace = RequestContext::current_trace();
         if let Some(trace) = &trace {
@@ -75,7 +75,7 @@ impl<'a> Note<'a> {
         }
     }
 
-    /// The answer. Its trace ends when it is sent.
+    /// Passes the answer on. Its trace ends when it is sent.
     fn reply(&self, response: Response) -> Response {
         let Some(trace) = &self.trace else {
             return response;
@@ -105,7 +105,7 @@ impl Drop for Note<'_> {
     }
 }
 
-/// An answer of a traced request on its way.
+/// The body of a traced answer.
 struct Reply {
     body: Body,
     _sending: Sending,
@@ -159,16 +159,16 @@ pub(super) async fn http(
     note.reply(response)
 }
 
-/// The remote procedures behind the HTTP routes.
+/// Finds the remote procedure of an HTTP route.
 pub(super) struct HttpRpcs(HashMap<String, PathItem>);
 
 impl HttpRpcs {
-    /// Those of documented routes.
+    /// The procedures of all documented routes.
     pub(super) fn new(document: OpenApi) -> Self {
         Self(document.paths.paths.into_iter().collect())
     }
 
-    /// The procedure's name, as metrics know it.
+    /// The procedure's name in metrics.
     fn of(&self, method: &Method, path: &str) -> &'static str {
         let named = || {
             let PathItem {
@@ -184,7 +184,7 @@ impl HttpRpcs {
                 Method::DELETE => delete,
                 _ => get,
             };
-            // A method that the path does not answer counts as one that it does.
+            // A method that the path does not have counts as one that it has.
             let operation = [exact, get, put, post, delete].into_iter().flatten().next()?;
             operation.operation_id.as_deref()
         };
@@ -192,7 +192,7 @@ impl HttpRpcs {
     }
 }
 
-/// Operations over HTTP that no service of gRPC has.
+/// Operations over HTTP that are in no gRPC service.
 const HTTP_ONLY: [&str; 2] = ["MmcpCapabilities", "MmcpGenerate"];
 
 /// The remote procedure of this name.
@@ -206,18 +206,18 @@ fn grpc_rpc(path: &str) -> &'static str {
     known(path.rsplit('/').next().unwrap_or_default())
 }
 
-/// The code of an HTTP answer; only a success may have none noted on it.
+/// The code of an HTTP answer. Only a success may lack one.
 fn code_of(response: &Response) -> &'static str {
     match response.extensions().get::<CodeLabel>() {
         Some(label) => label.0,
-        // A connection that becomes a WebSocket is one that was answered.
+        // The switch to a WebSocket counts as an answer.
         None if response.status().is_success() || response.status().is_informational() => "OK",
         None => "UNKNOWN",
     }
 }
 
-/// Runs a gRPC handler within the time limit: the server's, or the caller's where that is shorter.
-/// Statuses that the gRPC library makes itself, for requests that it cannot read, become those of
+/// Runs a gRPC handler within the server's time limit, or the caller's if that is shorter. The gRPC
+/// library makes statuses of its own for requests that it cannot read. They become statuses of
 /// [`ApiError`].
 pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, next: Next) -> Response {
     let rpc = grpc_rpc(request.uri().path());
@@ -243,7 +243,7 @@ pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, 
     };
     let error = match response.extensions().get::<Status>() {
         Some(status) => ApiError::of_status(status, tracker.max_message_bytes),
-        // For a method that it does not know the library sets the header without a status.
+        // For an unknown method the library sets the header, but no status.
         None if response.headers().contains_key(Status::GRPC_STATUS) => {
             ApiError::Unimplemented("there is no such method".to_owned())
         }
@@ -256,10 +256,10 @@ pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, 
     note.reply(error.status().into_http())
 }
 
-/// Reads the one message of a request and looks at its shape before it is decoded.
+/// Reads the single message of a request and checks its shape before decoding.
 async fn screened(request: Request, shape: &Shape, limit_bytes: usize) -> Result<Request, ApiError> {
     let (parts, body) = request.into_parts();
-    // The frame's head comes on top of the message.
+    // The frame header comes before the message.
     let frame = axum::body::to_bytes(body, limit_bytes.saturating_add(5))
         .await
         .map_err(|error| {
@@ -278,7 +278,7 @@ async fn screened(request: Request, shape: &Shape, limit_bytes: usize) -> Result
     Ok(Request::from_parts(parts, frame.into()))
 }
 
-/// The `grpc-timeout` header: at most eight digits and a unit.
+/// Reads the `grpc-timeout` header: at most eight digits and a unit.
 fn grpc_timeout(value: &str) -> Option<Duration> {
     let unit = value.chars().last()?;
     let digits = value.strip_suffix(unit)?;

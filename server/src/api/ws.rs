@@ -28,15 +28,15 @@ use troupe_edge::clients::Client;
 use troupe_live::session::StreamPermit;
 use troupe_live::session::stream::{Outgoing, Outlet, outbox};
 
-/// How long a client may take to read what is left once its stream has ended.
+/// How long a client may take to read the rest after its stream has ended.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// How often a client that says nothing is asked for a sign of life.
+/// How often a silent client gets a ping.
 const PING_INTERVAL: Duration = Duration::from_secs(20);
 /// Most bytes of a reason in a close frame (RFC 6455, section 5.5).
 const MAX_REASON_BYTES: usize = 123;
 
 impl BodyLimits {
-    /// Those of a message on a stream.
+    /// The limits of a message on a stream.
     pub(super) fn of_stream(self) -> Self {
         let bytes = self.bytes.min(MAX_STREAM_MESSAGE_BYTES);
         Self { bytes, ..self }
@@ -46,13 +46,13 @@ impl BodyLimits {
 /// Drive sessions over a WebSocket
 ///
 /// The messages are DriveRequest and DriveResponse: as JSON in text messages, or as protobuf in
-/// binary ones; the server answers in the form of the first. That one must be `open`.
+/// binary messages. The server answers in the form of the first message, which must be `open`.
 #[utoipa::path(
     get,
     path = "/v1/drive",
     operation_id = "Drive",
     tag = "sessions",
-    params(("ticket" = Option<String>, Query, description = "A ticket of POST /v1/tickets, in the place of a key: browsers cannot send one here")),
+    params(("ticket" = Option<String>, Query, description = "A ticket of POST /v1/tickets instead of a key, which browsers cannot send here")),
     responses(
         (status = 101, description = "A WebSocket: the client sends DriveRequest, the server DriveResponse", body = v1::DriveResponse),
         (status = 400, description = "Not the start of a WebSocket"),
@@ -87,7 +87,7 @@ pub(super) async fn drive(
         .into_response())
 }
 
-/// The form of messages: that of the client's first.
+/// The form of messages: JSON text or protobuf, as the client's first message.
 #[derive(Debug, Default)]
 struct Form {
     text: AtomicBool,
@@ -101,9 +101,9 @@ impl Form {
         }
     }
 
-    /// Frames that several read as protobuf are written once for all of them.
+    /// Frames for several protobuf readers are encoded once.
     fn write(&self, said: &Outgoing) -> Result<Message, serde_json::Error> {
-        // A client that is turned away before it said anything can read text.
+        // A client that is rejected before its first message gets text.
         let text = self.text.load(Ordering::Relaxed) || !self.known.load(Ordering::Relaxed);
         match text {
             true => Ok(Message::Text(serde_json::to_string(said.response())?.into())),
@@ -115,7 +115,7 @@ impl Form {
     }
 }
 
-/// Serves a stream to its end. `socket` is a WebSocket, or what a fuzz target has in its place.
+/// Serves a stream to its end. `socket` is a WebSocket, or a substitute in fuzz targets.
 pub(super) async fn serve<S>(socket: S, permit: StreamPermit, limits: BodyLimits, turns: Turns)
 where
     S: Stream<Item = Result<Message, axum::Error>> + Sink<Message, Error = axum::Error> + Send + 'static,
@@ -124,7 +124,7 @@ where
     let sessions = permit.sessions().clone();
     let (mut sink, source) = socket.split();
     let read_form = form.clone();
-    // Boxed so that the stream can be read on after the conversation has ended.
+    // Boxed so that it can be read further after the conversation has ended.
     let mut inbound = source
         .take_while(|message| std::future::ready(!matches!(message, Ok(Message::Close(_)))))
         .filter_map(move |message| std::future::ready(read(message, &read_form, &limits)))
@@ -134,7 +134,7 @@ where
     let (ended, conversation) = oneshot::channel();
     sessions.spawn(turns, async move {
         permit.run(&mut inbound, outbox).await;
-        // Where nobody waits for it the connection is gone.
+        // Sending fails only if the connection is already gone.
         let _ = ended.send((inbound, permit));
     });
     let (rest, written) = {
@@ -142,24 +142,25 @@ where
         tokio::pin!(conversation, writing);
         tokio::select! {
             rest = &mut conversation => (rest, timeout(FAREWELL, writing).await.is_ok()),
-            // Nobody reads: the outlet is gone with the writer, and the conversation ends by that.
+            // The client stopped reading. The outlet is dropped with the writer, which ends the
+            // conversation.
             () = &mut writing => (conversation.await, true),
         }
     };
-    // The place among the streams is kept until the end of the connection.
+    // Keeps the stream's place until the connection ends.
     let Ok((mut inbound, _permit)) = rest else {
         return tracing::error!("a stream's conversation did not come to its end");
     };
     if !written {
         return tracing::debug!("a stream's client did not read its end");
     }
-    // What the client still says must be read, or the system resets the connection under our last
-    // words.
+    // Reads what the client still sends. Otherwise the system may reset the connection before the
+    // client has our last messages.
     let rest = async { while inbound.next().await.is_some() {} };
     let _ = timeout(FAREWELL, rest).await;
 }
 
-/// Writes what the stream says until its end, or until the client is gone.
+/// Sends the stream's messages until its end, or until the client has left.
 async fn write(
     mut outlet: Outlet,
     sink: &mut (impl Sink<Message, Error = axum::Error> + Unpin),
@@ -218,7 +219,7 @@ fn close_frame(problem: &v1::Problem) -> CloseFrame {
     }
 }
 
-/// What a client's message says. `None` for what is not for us.
+/// Decodes a client's message. `None` for WebSocket's own messages.
 fn read(
     message: Result<Message, axum::Error>,
     form: &Form,
@@ -248,7 +249,7 @@ pub(super) fn decode(bytes: &[u8], limits: &BodyLimits) -> Result<v1::DriveReque
     })
 }
 
-/// The error of a message that could not be taken off the wire.
+/// The error for a message that could not be received.
 fn broken(error: &axum::Error, limit_bytes: usize) -> ApiError {
     let text = error.to_string();
     match text.contains("too long") || text.contains("too big") {

@@ -2,10 +2,10 @@
 
 use super::{Config, ConfigError};
 
-/// Most memory for networks, MiB: more than any machine has.
+/// Largest memory for networks, MiB: more than any machine has.
 const MOST_NETWORK_MIB: u64 = 1 << 30;
 
-/// The largest batch that may be asked for.
+/// The largest batch that an operator may ask for.
 const MOST_BATCH: usize = 4096;
 
 impl Config {
@@ -71,7 +71,8 @@ impl Config {
         Ok(self)
     }
 
-    /// A certificate needs its key, and authorities of clients need a certificate.
+    /// Checks that a certificate has its key, and that authorities of clients come with a
+    /// certificate.
     fn tls_is_whole(&self) -> Result<(), ConfigError> {
         match (&self.tls_certificate, &self.tls_key, &self.tls_client_ca) {
             (Some(_), None, _) => missing("tls_key", "tls_certificate"),

@@ -26,7 +26,7 @@ type Layer = <Options as confique::Config>::Layer;
     args_conflicts_with_subcommands = true
 )]
 pub struct Cli {
-    /// What to do instead of serving.
+    /// A command to run instead of the server.
     #[command(subcommand)]
     pub command: Option<Command>,
 
@@ -52,7 +52,7 @@ impl Cli {
     }
 }
 
-/// What the server's command does instead of serving.
+/// Commands other than serving.
 #[derive(Debug, Clone, clap::Subcommand)]
 pub enum Command {
     /// Show what this machine and the library offer, the engine of each pack and the reason for it,
@@ -72,7 +72,7 @@ pub enum Command {
     },
 }
 
-/// What to do about keys.
+/// Commands for keys.
 #[derive(Debug, Clone, clap::Subcommand)]
 pub enum KeyCommand {
     /// Make a key. Prints the key, which is shown only this once, and its entry for the file of
@@ -92,7 +92,7 @@ pub enum KeyCommand {
     },
 }
 
-/// A folder, or an empty name for none.
+/// Parses a folder. An empty name means none.
 pub(super) fn maybe_folder() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().map(PathBuf::from)
 }
@@ -122,7 +122,7 @@ pub struct DoctorArgs {
 }
 
 impl DoctorArgs {
-    /// The flags that are the server's too.
+    /// The flags that the doctor shares with the server.
     pub(super) fn layer(&self) -> Layer {
         Layer {
             packs: self.packs.clone(),
@@ -189,7 +189,7 @@ impl HealthArgs {
         }
     }
 
-    /// The flags that are the server's too.
+    /// The flags that the health check shares with the server.
     pub(super) fn layer(&self) -> Layer {
         Layer {
             listen: self.listen,
@@ -198,7 +198,7 @@ impl HealthArgs {
     }
 }
 
-/// A URL with a scheme that the health check speaks, and with a path.
+/// Parses a URL with scheme http or https. Without a path it gets the path of the readiness page.
 fn server_url(text: &str) -> Result<Uri, String> {
     let allowed = "allowed: http://HOST:PORT or https://HOST:PORT, with or without a path";
     let url: Uri = text.parse().map_err(|error| format!("{error}; {allowed}"))?;

@@ -1,4 +1,4 @@
-//! What no operator has to set.
+//! Constants that no operator has to set.
 
 use std::time::Duration;
 
@@ -12,18 +12,18 @@ pub struct Fixed {
     /// Longest time of a batch, by the engine's measured speed, so that no plan of a live character
     /// waits long behind it: two frames. Zero: no limit.
     pub max_batch_time: Duration,
-    /// Most characters of InBetween calls that may wait for a pack. None: from the workers and
-    /// [`max_batch`](super::Options::max_batch).
+    /// Most characters of InBetween calls that may wait for a pack. None: computed from the workers
+    /// and [`max_batch`](super::Options::max_batch).
     pub max_queued_characters: Option<usize>,
-    /// Most characters of a request. A client has nothing from more: batches are smaller.
+    /// Most characters of a request. More would have no advantage, because batches are smaller.
     pub max_characters_per_request: usize,
     /// Most sessions of a request to create, resume or step sessions. Clients split larger crowds.
     pub max_sessions_per_request: usize,
     /// Most sessions of a stream: a tick of 4096 is 0.7 MB in the compact form.
     pub max_sessions_per_stream: usize,
-    /// Time between two writes of sessions to the store. A killed server loses what came after the
-    /// last. It costs 0.15 ms of a core a second and character; with many sessions the server
-    /// writes less often.
+    /// Time between two writes of sessions to the store. A killed server loses the changes since
+    /// the last write. A character costs 0.15 ms of a core per second. With many sessions the
+    /// server writes less often.
     pub snapshot_interval: Duration,
     /// Most connections of one address. None: half of all.
     pub max_connections_per_address: Option<usize>,
@@ -34,8 +34,8 @@ pub struct Fixed {
     /// Time to live of a session that names none, milliseconds. A client that sends nothing for a
     /// minute has most likely gone.
     pub session_ttl_ms: u32,
-    /// Time for which a reader may take nothing of an answer or a stream. Then the server gives it
-    /// up, and its memory is free again.
+    /// Longest time in which a reader takes no bytes of an answer or a stream. Then the server
+    /// drops it and frees its memory.
     pub reader_timeout: Duration,
     /// Most calls and streams at a time on one HTTP/2 connection; further ones wait in the client.
     /// A game server may have one connection for all its players.

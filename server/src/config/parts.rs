@@ -1,4 +1,4 @@
-//! The configuration of each part of the server.
+//! The configuration of each part of the server, derived from the options.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -18,23 +18,24 @@ use troupe_engine::{CheckCache, EngineError, Selector, Workers};
 use troupe_live::session::{SessionLimits, TenantOptions};
 use troupe_live::world::Folders;
 
-/// Shortest time for which InBetween calls stay behind live plans.
+/// Shortest time for which InBetween calls wait behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);
-/// One place of a batch in this number goes to a call first.
+/// One in this many places of a batch goes to a call first.
 const CALL_SHARE: usize = 8;
 
 /// Batches that may wait for each worker of a pack.
 const QUEUED_BATCHES: usize = 16;
-/// Characters that may always wait for a pack.
+/// Characters that may wait for a pack, however few its workers are.
 const LEAST_QUEUED: usize = 1024;
-/// Characters of a batch if [`Options::max_batch`](super::Options::max_batch) is 0, for the queue.
+/// Characters of a batch for the length of the queue, if
+/// [`Options::max_batch`](super::Options::max_batch) is 0.
 const USUAL_BATCH: usize = 32;
 
-/// Memory for requests and answers on their way, if the option is 0.
+/// Smallest memory for requests and answers in transfer if the option is 0, bytes.
 const LEAST_TRANSFER_BYTES: u64 = 256 << 20;
 const MOST_TRANSFER_BYTES: u64 = 2048 << 20;
 
-/// Memory for networks of each pack, if the option is 0.
+/// Memory for the networks of one pack if the option is 0, bytes.
 const NETWORK_BYTES: u64 = 180 << 20;
 
 impl Config {
@@ -81,9 +82,9 @@ impl Config {
         })
     }
 
-    /// Time after which waiting InBetween calls go in front of live plans. It is longer than an
-    /// admitted call should wait, so a flood of calls does not take the turns of live characters.
-    /// And it is finite, so characters do not starve calls.
+    /// Time after which waiting InBetween calls go ahead of live plans. It is longer than an
+    /// admitted call should wait, so a flood of calls does not delay live characters. It is finite,
+    /// so live characters do not starve calls.
     fn ageing(&self) -> Duration {
         let longest_wait_ms = match self.max_queue_ms {
             0 => self.request_timeout_ms / 4,
@@ -103,8 +104,8 @@ impl Config {
         }
     }
 
-    /// The shares of a client, of all clients of an address, and of all clients: a quarter, a half
-    /// and the whole.
+    /// The shares of memory and streams that one client, all clients of an address, and all clients
+    /// may take: a quarter, a half and the whole.
     pub fn shares(&self) -> Shares {
         let bytes = match self.transfer_memory_mib {
             0 => (Machine::detect().memory_bytes / 8).clamp(LEAST_TRANSFER_BYTES, MOST_TRANSFER_BYTES),
@@ -117,17 +118,17 @@ impl Config {
         Shares {
             client: share(bytes / 4, streams),
             address: share(bytes / 2, streams.saturating_mul(2)),
-            // The sessions count the streams of all.
+            // The session limits count streams of all clients.
             all: share(bytes, usize::MAX),
         }
     }
 
-    /// Most connections of one address: half of `all`, as of streams and memory.
+    /// Most connections of one address: half of `all`, like its share of streams and memory.
     pub fn connections_of_address(&self, all: usize) -> usize {
         self.fixed.max_connections_per_address.unwrap_or((all / 2).max(1))
     }
 
-    /// Timeouts of connections, and the calls that each may have.
+    /// Timeouts of connections, and the most calls on one connection.
     pub fn connection_limits(&self) -> ConnectionLimits {
         ConnectionLimits {
             request: self.request_timeout(),
@@ -200,8 +201,8 @@ impl Config {
         }
     }
 
-    /// The folder of everything that outlives the server. The usual one only if it exists or can be
-    /// made.
+    /// The folder of everything that outlives the server. The default folder is used only if it
+    /// exists or can be made.
     pub fn store_folder(&self) -> Option<PathBuf> {
         let port = self.listen.port();
         let usual = || {
@@ -222,7 +223,7 @@ impl Config {
         Workers::plan(self.workers, self.threads, available_cores())
     }
 
-    /// Most memory of the networks of all packs, bytes.
+    /// Memory limit for the networks of all packs, bytes.
     pub(super) fn network_bytes(&self, packs: usize) -> u64 {
         match self.network_memory_mib {
             0 => (packs as u64 * NETWORK_BYTES).min(Machine::detect().memory_bytes / 2),
@@ -230,7 +231,7 @@ impl Config {
         }
     }
 
-    /// The option `memory_limit_mib` in bytes; 0 for none.
+    /// The option `memory_limit_mib` in bytes. 0: no limit.
     pub fn memory_limit_bytes(&self) -> u64 {
         self.memory_limit_mib << 20
     }
@@ -248,8 +249,8 @@ impl Config {
             accuracy_check: self.accuracy_check,
             workers: self.workers(),
             packs,
-            // Idle inference threads sleep. Spinning is a little faster on a CPU with nothing else
-            // to do, and slower on any other.
+            // Idle inference threads sleep. Spinning is a little faster on an otherwise idle CPU,
+            // and slower on any other.
             spin: false,
             pool: NetworkPool::new(self.network_bytes(packs)),
             growth: Growth::Background,
@@ -257,7 +258,7 @@ impl Config {
         })
     }
 
-    /// The folder of results for the next start. None: nothing is kept.
+    /// The folder for results that speed up the next start. None: nothing is kept.
     fn cache_folder(&self) -> Option<PathBuf> {
         let usual = || dirs::cache_dir().map(|folder| folder.join("troupe"));
         let folder = self.cache.clone().or_else(usual);

@@ -1,10 +1,10 @@
-//! Options of earlier versions. They get an error that says what replaced them.
+//! Options of earlier versions. Using one is an error that names its replacement.
 
 use std::path::Path;
 
 use super::ConfigError;
 
-/// Each option with what replaced it.
+/// Each removed option with its replacement.
 pub(super) const REMOVED: [(&str, &str); 21] = [
     ("allow_anonymous", "set without_keys to anyone"),
     ("drive_stall_timeout_ms", "always 30000"),
@@ -40,7 +40,7 @@ fn removed(option: &str) -> Option<ConfigError> {
 
 /// Refuses variables of removed options.
 pub(super) fn check_environment() -> Result<(), ConfigError> {
-    // The variable of this one is not ours alone, and still counts.
+    // Other programs use the variable of this option too, and it still works.
     let own = REMOVED.iter().filter(|(name, _)| *name != "onnx_runtime");
     let is_set = |name: &str| std::env::var_os(format!("TROUPE_{}", name.to_ascii_uppercase())).is_some();
     match own.map(|(name, _)| *name).find(|name| is_set(name)) {
@@ -49,8 +49,8 @@ pub(super) fn check_environment() -> Result<(), ConfigError> {
     }
 }
 
-/// Refuses a configuration file with removed options. A file that cannot be read or parsed passes:
-/// loading says more.
+/// Rejects a configuration file with removed options. A file that cannot be read or parsed passes:
+/// loading gives the better error.
 pub(super) fn check_file(file: &Path) -> Result<(), ConfigError> {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     let table: toml::Table = text.parse().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The most memory that a server can take with a configuration.
+//! The most memory that a server can take with a given configuration.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -11,39 +11,41 @@ use troupe_live::session::{MAX_PERFORMERS, MAX_SESSION_BYTES, PERFORMER_BYTES};
 /// The program and its libraries, without packs and clients, bytes. With two packs of 10 million
 /// parameters it took 300 MiB (`scripts/measure-memory.py`).
 const PROGRAM_BYTES: u64 = 128 << 20;
-/// Copies of a pack's weights in the runtime, with the forms that it prepares.
+/// Copies of a pack's weights in the runtime, including the forms that it prepares.
 const WEIGHT_COPIES: u64 = 4;
 const WEIGHT_BYTES: u64 = 4;
-/// Requests and answers count by their bytes on the wire. Their decoded form comes on top.
+/// Factor between the decoded and the counted size. Requests and answers count by their bytes on
+/// the wire.
 const TRANSFER_COPIES: u64 = 2;
 /// Buffers of a connection, bytes.
 const CONNECTION_BYTES: u64 = 32 << 10;
-/// Unread bytes of a stream's client (HTTP/2's window for a call), and buffers of the stream.
+/// Data that a stream's client has not read yet (HTTP/2's window for a call), and the buffers of
+/// the stream, bytes.
 const STREAM_BYTES: u64 = (1 << 20) + (64 << 10);
 
 /// The most memory that a server can take.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct WorstCase {
-    /// One for each kind of memory.
+    /// One entry for each kind of memory.
     pub parts: Vec<Part>,
-    /// Sum of all parts, bytes.
+    /// Sum of all entries, bytes.
     pub total_bytes: u64,
 }
 
-/// A part of the worst case.
+/// A kind of memory, and how much of it the server can take.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Part {
-    /// Use of the memory.
+    /// The use of the memory, in words.
     pub what: &'static str,
-    /// At most, bytes.
+    /// Upper limit, bytes.
     pub bytes: u64,
-    /// The options that bound it.
+    /// The options that set the limit.
     pub bounded_by: &'static str,
 }
 
 impl Config {
-    /// The most memory that a server can take with these packs. `max_connections` is what the
-    /// system allows.
+    /// The most memory that a server can take with these packs. `max_connections` is the number
+    /// that the system allows.
     pub fn worst_case<'a>(
         &self,
         packs: impl IntoIterator<Item = &'a Pack>,
@@ -95,10 +97,10 @@ impl Config {
 }
 
 impl WorstCase {
-    /// Checks that the sum is within `limit_bytes`. 0: no limit.
+    /// Checks that the sum is at most `limit_bytes`. 0: no limit.
     ///
     /// # Errors
-    /// A sentence that names the largest parts and the options that bound them.
+    /// A sentence that names the largest entries and the options that limit them.
     pub fn within(&self, limit_bytes: u64) -> Result<(), String> {
         if limit_bytes == 0 || self.total_bytes <= limit_bytes {
             return Ok(());

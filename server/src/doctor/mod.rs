@@ -1,5 +1,5 @@
-//! What this machine and the library offer, which engine each pack gets and why, and how fast it
-//! is.
+//! What this machine and the library offer, the engine of each pack and the reason for it, and its
+//! speed.
 
 mod render;
 mod trial;
@@ -17,70 +17,70 @@ use troupe_engine::{CheckCache, Decision, EngineError, EngineKind, Selector, Wor
 
 pub use trial::{Speed, Trial};
 
-/// What the doctor found.
+/// Everything that the doctor found.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// The server's version.
     pub version: &'static str,
-    /// The machine.
+    /// The processors and the memory of this machine.
     pub machine: Machine,
     /// Workers of each pack.
     pub workers: Workers,
-    /// The library, where it loads.
+    /// The ONNX Runtime library. None: it does not load.
     pub library: Option<Library>,
-    /// Every engine, and what keeps it from serving.
+    /// Every engine, and why it cannot serve, if so.
     pub engines: Vec<Engine>,
     /// Every pack.
     pub packs: Vec<PackReport>,
     /// The most memory that the server may take.
     pub memory: WorstCase,
-    /// What keeps the server from starting.
+    /// What keeps the server from starting. Empty: it would start.
     pub problems: Vec<String>,
-    /// What could be better.
+    /// What would make the server faster or safer.
     pub warnings: Vec<String>,
 }
 
 /// The ONNX Runtime library.
 #[derive(Debug, Clone, Serialize)]
 pub struct Library {
-    /// Its file, links followed.
+    /// Path of the file, with links resolved.
     pub path: PathBuf,
-    /// Its version, where the file's name tells.
+    /// Version, if the file's name contains it.
     pub version: Option<String>,
-    /// What it says of its build.
+    /// Build information that the library reports.
     pub build: &'static str,
 }
 
 /// One engine.
 #[derive(Debug, Clone, Serialize)]
 pub struct Engine {
-    /// Its name.
+    /// The engine's name on the command line.
     pub engine: EngineKind,
-    /// Whether the library was built with it.
+    /// Whether the library was built with this engine.
     pub offered: bool,
     /// Why it cannot serve here, if so.
     pub missing: Option<String>,
-    /// Whether the authors have ever run it.
+    /// Whether the authors have ever run this engine.
     pub tested: bool,
 }
 
 /// One pack.
 #[derive(Debug, Clone, Serialize)]
 pub struct PackReport {
-    /// Its name.
+    /// Unique among the loaded packs.
     pub name: String,
-    /// Its version.
+    /// From the pack's manifest.
     pub version: String,
-    /// Weights of all stages.
+    /// Number of weights of all stages.
     pub parameters: u64,
-    /// What serves it.
+    /// The engine that serves the pack, and the reason. None: none can.
     pub decision: Option<Decision>,
-    /// How fast that is.
+    /// The measured speed. None: not measured.
     pub trial: Option<Trial>,
 }
 
 impl Report {
-    /// Looks at everything that the server would serve with `config`. Takes a few seconds for each
+    /// Examines everything that the server would serve with `config`. Takes a few seconds for each
     /// pack.
     pub fn examine(config: &Config) -> Self {
         let mut report = Self {
@@ -105,7 +105,7 @@ impl Report {
         report.look_at_memory(config, &packs);
         match config.selector(packs.len()) {
             Ok(mut selector) => {
-                // What is measured must not change meanwhile, and what is said is looked at.
+                // Measure with all networks open, and show fresh results instead of cached ones.
                 selector.growth = Growth::AtOnce;
                 selector.cache = CheckCache::default();
                 report.look_at_library(&selector);

@@ -56,10 +56,7 @@ impl Report {
         let Some(library) = &self.library else {
             return Ok(());
         };
-        let version = library
-            .version
-            .as_deref()
-            .unwrap_or("of a version that its name does not tell");
+        let version = library.version.as_deref().unwrap_or("of unknown version");
         writeln!(f, "\nONNX Runtime {version}\n  {}", library.path.display())?;
         for engine in &self.engines {
             let state = match &engine.missing {

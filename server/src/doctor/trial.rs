@@ -1,5 +1,4 @@
-//! A pack's networks, loaded and warmed up as the server does it, and how fast they are for a
-//! moment.
+//! Loads and warms up a pack's networks like the server, and measures their speed for a moment.
 
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
@@ -9,42 +8,42 @@ use serde::Serialize;
 use troupe_engine::pack::Pack;
 use troupe_engine::{EngineError, EngineKind, NetworkLoop, Networks, Selector, Workers};
 
-/// Time for one measurement.
+/// Duration of one measurement.
 const MOMENT: Duration = Duration::from_millis(200);
-/// Batch sizes that are measured, as far as the server makes them.
+/// Batch sizes to measure, up to the largest that the server uses.
 const BATCHES: [usize; 3] = [1, 8, 32];
-/// Frames of a plan of a live session, where the pack makes such.
+/// Frames of a live session's plan, if the pack can make such plans.
 const USUAL_FRAMES: usize = 36;
 
-/// What was measured of a pack.
+/// Measurements of one pack.
 #[derive(Debug, Clone, Serialize)]
 pub struct Trial {
-    /// Until the networks of all workers were loaded, seconds.
+    /// Time to load the networks of all workers, seconds.
     pub load_s: f64,
-    /// From there until all shapes had run on all workers, seconds.
+    /// Time after that until all shapes had run on all workers, seconds.
     pub warm_up_s: f64,
-    /// Frames of the plans that were made.
+    /// Frames of the measured plans.
     pub frames: usize,
-    /// The networks alone, by workers and batch size; with a sampler all its steps, with a language
-    /// model whole answers.
+    /// Speed of the networks alone, by workers and batch size. For packs with a sampler it includes
+    /// all steps, for packs with a language model whole answers.
     pub speeds: Vec<Speed>,
 }
 
-/// The speed of one size.
+/// The speed at one batch size.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Speed {
     /// Threads that ran such batches at the same time.
     pub workers: Workers,
-    /// Characters of a batch.
+    /// Characters in a batch.
     pub batch: usize,
     /// Time of one batch, milliseconds.
     pub batch_ms: f64,
-    /// Characters a second, over all workers.
+    /// Characters per second, over all workers.
     pub plans_per_s: f64,
 }
 
 impl Trial {
-    /// Loads, warms up and measures.
+    /// Loads, warms up and measures a pack.
     pub(super) fn run(
         selector: &Selector,
         pack: &Pack,
@@ -100,7 +99,7 @@ impl Trial {
             let runs = on_workers(loops.iter_mut(), |worker| {
                 worker.set_batch(pack, batch, self.frames);
                 let warm = worker.run();
-                // Every worker comes here, whatever became of it.
+                // Every worker must reach the barrier, even after an error.
                 barrier.wait();
                 warm?;
                 let (started, mut runs) = (Instant::now(), 0);
@@ -122,7 +121,7 @@ impl Trial {
     }
 }
 
-/// Runs `work` on a thread for each item, all at the same time.
+/// Runs `work` for each item on a thread of its own, all at the same time.
 fn on_workers<I: Send, T: Send>(
     items: impl IntoIterator<Item = I>,
     work: impl Fn(I) -> Result<T, EngineError> + Sync,

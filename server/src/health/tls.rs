@@ -1,4 +1,4 @@
-//! Certificates of the health check.
+//! TLS of the health check: which certificates it trusts and shows.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use tokio_rustls::rustls::{
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HealthTlsError {
-    /// A file cannot be read, or has nothing of the kind in it.
+    /// A file cannot be read, or holds no certificate or key.
     #[error("{}: {error}", path.display())]
     File {
         /// The file.
@@ -27,25 +27,26 @@ pub enum HealthTlsError {
     /// Certificates that TLS cannot use.
     #[error("certificates: {0}")]
     Certificates(#[from] Error),
-    /// Nobody to trust.
+    /// An https URL, and no certificates to trust.
     #[error("--ca is missing; allowed: a file of certificates, because the URL is https")]
     NoCa,
 }
 
-/// Whom the health check trusts, and what it shows.
+/// Certificates that the health check trusts, and the one that it shows.
 #[derive(Debug, Clone, Default)]
 pub struct HealthTls {
-    /// Authorities to trust.
+    /// Authorities to trust (PEM file).
     pub ca: Option<PathBuf>,
-    /// The one certificate to trust if there are no authorities: the asked server's own. Its name
-    /// and time do not matter then.
+    /// The only certificate to trust if there are no authorities: the server's own. Its name and
+    /// validity period are not checked.
     pub own: Option<PathBuf>,
-    /// Certificate and key to show.
+    /// Certificate and key to show (PEM files).
     pub client: Option<(PathBuf, PathBuf)>,
 }
 
 impl HealthTls {
-    /// The same for the client; of no use without `needed`.
+    /// The configuration for the TLS client. If TLS is not `needed`, no certificates to trust are
+    /// required.
     pub(super) fn config(&self, needed: bool) -> Result<ClientConfig, HealthTlsError> {
         let provider = Arc::new(default_provider());
         let builder =
@@ -82,7 +83,7 @@ impl HealthTls {
     }
 }
 
-/// The certificates of a PEM file; at least one.
+/// The certificates in a PEM file. At least one.
 fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, HealthTlsError> {
     let file = |error| HealthTlsError::File {
         path: path.to_owned(),
@@ -96,7 +97,7 @@ fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, HealthTlsEr
     }
 }
 
-/// Trusts one certificate, whatever its name.
+/// Trusts exactly one certificate, for any name.
 #[derive(Debug)]
 struct Pinned {
     certificate: CertificateDer<'static>,

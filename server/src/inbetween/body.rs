@@ -1,4 +1,4 @@
-//! Skeletons that requests bring along.
+//! Skeletons that come with a request.
 
 use troupe_character::{FieldError, Path};
 use troupe_engine::pack::Pack;
@@ -7,10 +7,10 @@ use troupe_motion::rotation::from_wxyz;
 use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
 
-/// The name of such a body.
+/// Name of a body whose skeleton came with the request.
 const NAME: &str = "skeleton";
 
-/// The body of a skeleton that a request gives at `path`.
+/// Makes a body from the skeleton that a request gives at `path`.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -43,7 +43,7 @@ pub(super) fn inline_body(
     };
     inline
         .body(NAME, pack.rig.fps, &pack.rig.dims)
-        .map_err(|error| told(path, error))
+        .map_err(|error| field_error(path, error))
 }
 
 fn vector(path: &Path<'_>, v: v1::Vec3) -> Result<Vec3, FieldError> {
@@ -53,8 +53,8 @@ fn vector(path: &Path<'_>, v: v1::Vec3) -> Result<Vec3, FieldError> {
     }
 }
 
-/// The error in the words of the request.
-fn told(path: &Path<'_>, error: BodyError) -> FieldError {
+/// Maps the error to the request's field names.
+fn field_error(path: &Path<'_>, error: BodyError) -> FieldError {
     match error {
         BodyError::Field {
             field,

@@ -1,4 +1,4 @@
-//! Requests to put a motion into words: from a message to a task.
+//! Requests to describe a motion: from a message to a task.
 
 use troupe_character::keyframe::KeyWriter;
 use troupe_character::{FieldError, Path};
@@ -13,8 +13,7 @@ use super::sampling::check_sampling;
 use super::words::check_description;
 use troupe_live::wire::keyframe::Role;
 
-/// Checks a request and brings it into the form of a task for `pack`. Gives what the motion is put
-/// into with it.
+/// Checks a request, and makes it a task for `pack`. Also returns what the motion is described in.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -52,7 +51,8 @@ pub fn prepare_describe(request: &v1::DescribeRequest, pack: &Pack) -> Result<(T
     Ok((task, into))
 }
 
-/// What the motion is put into. Packs without a language model have words for one character alone.
+/// Checks what the motion is described in. Packs without a language model offer only words for one
+/// character.
 fn check_telling(root: &Path<'_>, request: &v1::DescribeRequest, pack: &Pack) -> Result<Telling, FieldError> {
     let into = match v1::Telling::try_from(request.into) {
         Ok(v1::Telling::Words) => Telling::Words,

@@ -1,4 +1,4 @@
-//! Whether answers stay within what a pack's data does: the figures as messages, and refusals of
+//! Whether answers stay within the limits of a pack's data: the figures as messages, and errors of
 //! strict requests.
 
 use troupe_character::{FieldError, Path};
@@ -9,13 +9,13 @@ use troupe_proto::v1;
 
 use super::{GivenRoot, Plan};
 
-/// A strict request whose answer would not be feasible, with the field at fault and what would be
+/// A strict request whose answer would not be feasible. Names the field at fault and what would be
 /// possible.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(transparent)]
 pub struct NotFeasible(#[from] pub FieldError);
 
-/// Figures as a message.
+/// The figures as a message.
 pub fn message(found: &Feasibility) -> v1::Feasibility {
     let (worst, reading) = found.worst();
     let figure = |figure: Figure| {
@@ -46,11 +46,10 @@ pub fn message(found: &Feasibility) -> v1::Feasibility {
     }
 }
 
-/// Refuses the strict ones among a request's characters whose keyframes alone show that no answer
-/// is feasible.
+/// Rejects a strict character if its keyframes alone show that no answer is feasible.
 ///
 /// # Errors
-/// [`NotFeasible`] for the first of them.
+/// [`NotFeasible`] for the first such character.
 pub fn refuse_keyframes(plans: &[Plan], rig: &Rig) -> Result<(), NotFeasible> {
     if !plans.iter().any(|plan| plan.strict) {
         return Ok(());
@@ -66,7 +65,7 @@ pub fn refuse_keyframes(plans: &[Plan], rig: &Rig) -> Result<(), NotFeasible> {
     Ok(())
 }
 
-/// What the keyframes of a plan show, of a segment of so many frames.
+/// Judges the keyframes of a plan for a segment of `frames` frames.
 fn judge_keys(judge: &mut Judge, plan: &Plan, frames: usize) -> Feasibility {
     let [context, targets] = keys(plan);
     let found = judge.keys(&context, &targets, frames);
@@ -76,7 +75,8 @@ fn judge_keys(judge: &mut Judge, plan: &Plan, frames: usize) -> Feasibility {
     }
 }
 
-/// The places that a given root passes, with that of the last context frame, by their frames.
+/// The ground positions of a given root with their frames. The position of the last context frame
+/// comes first.
 fn way(plan: &Plan, given: &GivenRoot) -> impl Iterator<Item = (usize, [f32; 2])> {
     let last = plan.context.iter().enumerate().next_back();
     let start = last.and_then(|(frame, key)| {
@@ -89,15 +89,16 @@ fn way(plan: &Plan, given: &GivenRoot) -> impl Iterator<Item = (usize, [f32; 2])
         .chain(keys.filter_map(|key| Some((key.frame, key.ground?))))
 }
 
-/// The plan's keyframes.
+/// The context and the target keyframes of a plan.
 pub(super) fn keys(plan: &Plan) -> [Vec<Key<'_>>; 2] {
     [&plan.context, &plan.targets].map(|keys| keys.iter().map(|key| key.key()).collect())
 }
 
-/// Refuses the character of a strict plan for what was found of it in so many frames.
+/// Rejects a strict character if `found`, the figures of its answer with `frames` frames, is not
+/// feasible.
 ///
 /// # Errors
-/// [`NotFeasible`] where it is beyond a limit.
+/// [`NotFeasible`] if a figure is beyond its limit.
 pub fn refuse(
     index: usize,
     plan: &Plan,
@@ -119,10 +120,10 @@ pub fn refuse(
     Err(NotFeasible(refusal.error(found)))
 }
 
-/// Refuses frames along a path that are not feasible.
+/// Rejects frames along a path that are not feasible.
 ///
 /// # Errors
-/// [`NotFeasible`] where they are not.
+/// [`NotFeasible`] if a figure is beyond its limit.
 pub fn refuse_frames(found: &v1::Feasibility) -> Result<(), NotFeasible> {
     if found.feasible {
         return Ok(());
@@ -137,7 +138,7 @@ pub fn refuse_frames(found: &v1::Feasibility) -> Result<(), NotFeasible> {
     Err(path.field("points").error(message, allowed).into())
 }
 
-/// Puts a refusal into words.
+/// Builds the error for a character that is not feasible.
 struct Refusal<'a> {
     path: &'a Path<'a>,
     plan: &'a Plan,
@@ -167,7 +168,7 @@ impl Refusal<'_> {
         }
     }
 
-    /// A keyframe by itself, or beside those next to it.
+    /// The error for a keyframe, by itself or compared with its neighbours.
     fn keyframe(&self, list: &'static str, index: usize, figure: Figure, reading: Reading) -> FieldError {
         let key = self.path.element(list, index);
         let message = format!(
@@ -182,7 +183,7 @@ impl Refusal<'_> {
         }
     }
 
-    /// What the motion between the keyframes comes to.
+    /// The error for the motion between the keyframes.
     fn on_the_way(&self, figure: Figure, reading: Reading) -> FieldError {
         if let Some(given) = &self.plan.root {
             return self.on_the_given_way(given, figure, reading);
@@ -195,7 +196,7 @@ impl Refusal<'_> {
             .error(message, self.allowed(figure, reading))
     }
 
-    /// What the motion comes to on the way that the request gives: the next entry is named.
+    /// The error for the motion along roots that the request gives. Names the next entry.
     fn on_the_given_way(&self, given: &GivenRoot, figure: Figure, reading: Reading) -> FieldError {
         let next = given.frames.partition_point(|&frame| frame < reading.frame);
         let index = next.min(given.frames.len().saturating_sub(1));
@@ -206,7 +207,7 @@ impl Refusal<'_> {
         self.path.element("root", index).error(message, allowed)
     }
 
-    /// The limit of a figure, and the frames in which it would be kept where more of them help.
+    /// The limit of a figure. If a longer segment would help, also its number of frames.
     fn allowed(&self, figure: Figure, reading: Reading) -> String {
         let limit = format!("at most {}", value(figure, reading.limit));
         let gap = self
@@ -218,7 +219,7 @@ impl Refusal<'_> {
             2 => reading.ratio().sqrt(),
             _ => return limit,
         };
-        // Consecutive keyframes stay consecutive in however many frames.
+        // Consecutive keyframes stay consecutive in a longer segment.
         let inside = reading.frame >= self.plan.context.len()
             && reading.frame + self.plan.targets.len() <= self.frames;
         if !inside {
@@ -232,13 +233,13 @@ impl Refusal<'_> {
         }
     }
 
-    /// A target that is too far away for its frames.
+    /// The error for a target that is too far away for its frames.
     fn out_of_reach(&self, figure: Figure, reading: Reading, index: usize) -> FieldError {
         let [context, targets] = keys(self.plan);
         let (Some(limits), Some(target)) = (self.rig.limits.as_deref(), targets.get(index)) else {
             return self.on_the_way(figure, reading);
         };
-        // From the last context frame to the target.
+        // Frames from the last context frame to the target.
         let steps = (reading.frame + 1).saturating_sub(context.len()).max(1);
         let key = self.path.element("targets", index);
         let (root, pose) = (key.field("root"), key.field("pose"));
@@ -274,7 +275,7 @@ impl Refusal<'_> {
         }
     }
 
-    /// How far a target may be in its direction.
+    /// How far a target may be, in the direction of this one.
     fn distance(&self, limits: &Limits, context: &[Key<'_>], target: &Key<'_>, steps: usize) -> String {
         match farthest(limits, context, target, steps) {
             Some(most) => {
@@ -284,7 +285,7 @@ impl Refusal<'_> {
         }
     }
 
-    /// The fewest frames of a segment in which the target is within reach.
+    /// The shortest segment in which the target is within reach.
     fn frames_needed(&self, context: &[Key<'_>], target: &Key<'_>, steps: usize) -> String {
         let most = self.rig.dims.max_frames();
         let spare = most.saturating_sub(self.frames);
@@ -299,7 +300,7 @@ impl Refusal<'_> {
     }
 }
 
-/// A figure in words, as what a keyframe or a motion has.
+/// A figure in words, as a predicate of a keyframe or a motion.
 pub(super) fn in_words(figure: Figure, reading: Reading) -> String {
     let found = value(figure, reading.value);
     match figure {

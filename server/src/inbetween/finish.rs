@@ -18,15 +18,16 @@ use troupe_proto::v1;
 use super::feasible::{keys, message};
 use super::{Parts, Plan};
 
-/// Turns what the stages made of one character into its answer, in the world.
+/// Turns the raw motion of one character into its answer, in world coordinates.
 ///
 /// # Errors
-/// [`NonFinite`] where the frames, or what the stages before them gave, are not usable.
+/// [`NonFinite`] if the frames, or the output of an earlier stage, hold numbers that are not
+/// finite.
 pub fn finish(raw: &Motion, plan: &Plan, rig: &Rig) -> Result<v1::CharacterResult, NonFinite> {
     finish_judged(raw, plan, rig, None).map(|(result, _)| result)
 }
 
-/// [`finish`], with what a judge of the rig finds of the frames and the keyframes.
+/// [`finish`], which also judges the feasibility of the frames and the keyframes.
 ///
 /// # Errors
 /// As [`finish`].
@@ -49,8 +50,8 @@ pub fn finish_judged(
         .map(|root| plan.frame.to_world_position(root.position))
         .collect();
     to_world_rotations(&plan.frame, dims.joints, &mut rotations);
-    // A robot's feet are held by what its hinges can do, so its poses come onto them first. What
-    // that took is told.
+    // A robot's feet can be held only as far as its hinges allow, so its poses go onto the hinges
+    // first. The answer reports the error of that.
     let mut hinges = on_hinges(
         rig,
         &root_positions,
@@ -63,7 +64,7 @@ pub fn finish_judged(
         hold_between(rig, &mut root_positions, &mut rotations, &contacts, gap);
         hinges.qpos = on_hinges(rig, &root_positions, &mut rotations, plan.parts.qpos).qpos;
     }
-    // From here on all that is said of a robot's frames is said of the same poses.
+    // From here on, all values describe the same robot poses.
     let found = judge.map(|judge| judged(judge, plan, &root_positions, &rotations));
     let (positions, six_d) = world_columns(&rig.skeleton, &root_positions, &rotations, plan.parts);
     let result = v1::CharacterResult {
@@ -91,7 +92,7 @@ pub fn finish_judged(
     Ok((result, found))
 }
 
-/// What is found of frames in the world, and of the keyframes that they were made for.
+/// Judges frames in the world, together with the keyframes that they were made for.
 fn judged(judge: &mut Judge, plan: &Plan, roots: &[Vec3], rotations: &[Quat]) -> Feasibility {
     let [context, targets] = keys(plan);
     let moved = judge.motion(roots, rotations);
@@ -108,7 +109,7 @@ fn judged(judge: &mut Judge, plan: &Plan, roots: &[Vec3], rotations: &[Quat]) ->
     moved.worse_of(&given).worse_of(&judge.arrivals(&last, roots))
 }
 
-/// A robot's poses brought onto its hinges; others stay as they are.
+/// Brings a robot's poses onto its hinges. Other rigs stay unchanged.
 fn on_hinges(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat], wants_qpos: bool) -> HingeColumns {
     match &rig.skeleton.robot {
         Some(robot) => onto_hinges(robot, roots, rotations, wants_qpos),
@@ -116,7 +117,7 @@ fn on_hinges(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat], wants_qpos: bool
     }
 }
 
-/// The numbers of all `items`, one after another, in one allocation.
+/// The numbers of all `items` in one list, with one allocation.
 fn flat<T, const N: usize>(items: &[T], numbers: impl Fn(&T) -> [f32; N]) -> Vec<f32> {
     let mut all = Vec::with_capacity(items.len() * N);
     for item in items {
@@ -125,11 +126,10 @@ fn flat<T, const N: usize>(items: &[T], numbers: impl Fn(&T) -> [f32; N]) -> Vec
     all
 }
 
-/// Has the frames meet their keyframes: roots over the whole gap, poses over a few frames on either
+/// Pins the frames to their keyframes: roots over the whole gap, poses over a few frames on either
 /// side.
 ///
-/// A root's heading is that of the pelvis that the decoder made, which r_g4's heading only comes
-/// close to.
+/// The heading of a root is that of the decoded pelvis. The r_g4 heading only approximates it.
 fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: &Skeleton) {
     let joints = skeleton.joint_count();
     for (root, pose) in roots.iter_mut().zip(rotations.chunks_exact(joints)) {
@@ -152,7 +152,8 @@ fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: 
             })
         })
         .collect();
-    // Nothing to spread the first frame's residual over: it is met outright.
+    // The first frame has no earlier frames over which to spread its residual, so it is set
+    // exactly.
     if let (Some(start), Some(RootPin { frame: 0, root })) = (roots.first_mut(), root_pins.first()) {
         *start = *root;
     }
@@ -161,8 +162,8 @@ fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: 
         given.over.pin(roots, rotations, joints);
     }
 
-    // Heights without a root come second: the pins of roots have moved the place on the ground that
-    // they keep.
+    // Heights without a root come second, because the root pins above have moved the ground
+    // positions that they keep.
     let height_pins: Vec<RootPin> = keys
         .iter()
         .filter_map(|&(frame, key)| {
@@ -185,7 +186,7 @@ fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: 
     pin_poses(rotations, joints, &pose_pins, PIN_REACH_FRAMES);
 }
 
-/// World positions of all joints and their world rotations in 6D form, each where asked for.
+/// World positions of all joints and their world rotations in 6D form, each if asked for.
 fn world_columns(
     skeleton: &Skeleton,
     roots: &[Vec3],

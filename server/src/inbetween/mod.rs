@@ -1,10 +1,10 @@
-//! In-betweening: from a request to the stages' input, and from their output to frames.
+//! In-betweening: from a request to the input of the stages, and from their output to frames.
 //!
-//! [`prepare`] checks every value of a request and moves each character into its segment frame (the
-//! projected root of the last context frame at the origin, heading 0), where the model works.
-//! [`finish`] turns what the stages made into frames: world rotations to parent-relative ones,
-//! roots and poses pinned to the keyframes, the segment frame undone, feet that stand held still, a
-//! robot's poses brought onto its hinges.
+//! [`prepare`] checks every value of a request. It moves each character into its segment frame, in
+//! which the model works: the projected root of the last context frame at the origin, heading 0.
+//! [`finish`] turns the output of the stages into frames. It makes rotations relative to parents,
+//! pins roots and poses to the keyframes, moves the segment back into the world, holds standing
+//! feet still, and brings a robot's poses onto its hinges.
 
 mod body;
 mod describe;

@@ -1,4 +1,4 @@
-//! From the parts of an answer to messages.
+//! Turns the parts of an answer into messages.
 
 use std::sync::Arc;
 
@@ -19,16 +19,16 @@ use super::feasible;
 pub struct PartWriter {
     rig: Arc<Rig>,
     frame: SegmentFrame,
-    /// Each character's pose before its next part; empty before its first one.
+    /// Each character's pose at the end of its last part. Empty before the first part.
     last: Vec<Vec<Quat>>,
-    /// Of frames along a path, who judges them where the body has limits.
+    /// Judges frames along a path, if the body has limits.
     judge: Option<Judge>,
-    /// Frames that were judged.
+    /// Number of judged frames.
     judged: usize,
 }
 
 impl PartWriter {
-    /// For an answer whose segment lies at `frame`.
+    /// A writer for an answer whose segment lies at `frame`.
     pub fn new(rig: Arc<Rig>, frame: SegmentFrame) -> Self {
         Self {
             rig,
@@ -39,22 +39,22 @@ impl PartWriter {
         }
     }
 
-    /// The same, with a judge of its frames, which are those of one character.
+    /// Also judges the frames, which must be those of one character.
     #[must_use]
     pub fn judged_by(self, judge: Option<Judge>) -> Self {
         Self { judge, ..self }
     }
 
-    /// The messages of the next part: one for each character that has frames in it. The last part
-    /// has one at least.
+    /// The messages of the next part: one for each character with frames in it. The last part has
+    /// at least one message.
     ///
     /// # Errors
-    /// [`NonFinite`] where the model gave numbers that are not finite.
+    /// [`NonFinite`] if the model gave numbers that are not finite.
     pub fn write(&mut self, output: Output, is_last: bool) -> Result<Vec<v1::GenerateResponse>, NonFinite> {
         let motions = match output {
             Output::Motion(motion) => vec![motion],
             Output::Motions(motions) => motions,
-            // No task of a motion has such an answer.
+            // Tasks that make motion have no such output.
             Output::Text(_) | Output::Audio(_) => Vec::new(),
         };
         let mut messages = Vec::with_capacity(motions.len());
@@ -66,7 +66,7 @@ impl PartWriter {
         Ok(self.ended(messages, is_last))
     }
 
-    /// The messages of the next frames of one character, as [`write`](Self::write).
+    /// The messages of one character's next frames, as [`write`](Self::write).
     pub fn write_track(&mut self, track: Track, is_last: bool) -> Vec<v1::GenerateResponse> {
         let mut messages = Vec::new();
         if !track.is_empty() {
@@ -85,7 +85,7 @@ impl PartWriter {
         self.ended(messages, is_last)
     }
 
-    /// The messages of a part. The last part of an answer has one, even without frames.
+    /// Marks the last message of an answer. Adds one if the last part has no frames.
     fn ended(&mut self, mut messages: Vec<v1::GenerateResponse>, is_last: bool) -> Vec<v1::GenerateResponse> {
         if is_last && messages.is_empty() {
             messages.push(message(0, v1::Frames::default()));
@@ -98,7 +98,7 @@ impl PartWriter {
         messages
     }
 
-    /// The next part lies at `frame`.
+    /// Sets the segment frame of the next part.
     pub fn move_to(&mut self, frame: SegmentFrame) {
         self.frame = frame;
     }
@@ -116,7 +116,7 @@ impl PartWriter {
         Ok(self.columns(character, positions, rotations, contacts))
     }
 
-    /// The columns of a character's next frames, which are in the world.
+    /// The columns of a character's next frames, which are in world coordinates.
     fn columns(
         &mut self,
         character: usize,
@@ -129,7 +129,7 @@ impl PartWriter {
             self.last.resize(character + 1, Vec::new());
         }
         let last = &mut self.last[character];
-        // Each part keeps to the hemispheres of the one before, as frames inside a part do.
+        // Keeps the quaternion hemispheres of the part before, as between frames of one part.
         for index in 0..rotations.len() {
             let before = match index.checked_sub(joints) {
                 Some(before) => Some(rotations[before]),
@@ -170,7 +170,7 @@ fn message(character: usize, frames: v1::Frames) -> v1::GenerateResponse {
     }
 }
 
-/// The message of the next part of a description, which is put into `into`.
+/// The message of the next part of a description in the form `into`.
 pub fn write_description(output: Output, into: Telling, is_last: bool) -> v1::DescribeResponse {
     use v1::describe_response::Part;
 
@@ -184,7 +184,7 @@ pub fn write_description(output: Output, into: Telling, is_last: bool) -> v1::De
             .into(),
             codes,
         }),
-        // No task of a description has such an answer.
+        // Tasks that describe a motion have no such output.
         Output::Motion(_) | Output::Motions(_) => Part::Text(String::new()),
     };
     v1::DescribeResponse {

@@ -25,16 +25,16 @@ pub use walk::{MAX_PATH_KEYFRAMES, Walking, prepare_walk};
 pub const MAX_PATH_POINTS: usize = 10_000;
 /// Longest motion, seconds.
 const MAX_SECONDS: f32 = 300.0;
-/// Slowest and fastest way over the ground, metres a second.
+/// Slowest and fastest speed over the ground, metres per second.
 const SPEEDS_MPS: [f32; 2] = [0.05, 15.0];
-/// Usual speed of a walk, sizes of the body a second.
+/// Usual walking speed, body sizes per second.
 const WALK: f32 = 1.4;
-/// Largest guidance.
+/// Largest weight of the guidance.
 const MAX_GUIDANCE: f32 = 8.0;
 /// Most words that an error lists.
 const MAX_LISTED: usize = 32;
 
-/// Checks a path and the frames that it goes on from, for a pack whose network takes paths.
+/// Checks a path and the frames before it, for a pack whose network takes paths.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -71,7 +71,7 @@ pub fn prepare_path(
     Ok(plan)
 }
 
-/// The frames that go before a path, and those that it ends in.
+/// Checks the frames before the path, and those at its end.
 fn check_ends(
     goal: &v1::PathGoal,
     past: &[v1::Keyframe],
@@ -114,8 +114,8 @@ fn cut(name: &str) -> String {
     name.chars().take(64).collect()
 }
 
-/// The path, and how long the motion along it is, seconds. Points without times are passed at about
-/// `usual_mps`.
+/// The path, and the duration of the motion along it, seconds. Points without times are passed at
+/// about `usual_mps`.
 fn points(path: &Path<'_>, goal: &v1::PathGoal, usual_mps: f32) -> Result<(GroundPath, f32), FieldError> {
     let count = goal.points.len();
     units::length(&path.field("points"), count, 1, MAX_PATH_POINTS)?;

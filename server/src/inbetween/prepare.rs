@@ -1,4 +1,4 @@
-//! From a request to work items.
+//! From a request to tasks for the model.
 
 use troupe_character::keyframe::{Checked, Given, KeyWriter};
 use troupe_character::{FieldError, Path};
@@ -11,42 +11,42 @@ use super::{MAX_ID_BYTES, MAX_POSE_STEPS};
 use troupe_live::wire::keyframe::{self, Role};
 use troupe_live::wire::{MAX_TEMPERATURE, units};
 
-/// Limits of a request that the server sets, beside those of the pack.
+/// Limits of a request that the server sets, in addition to those of the pack.
 #[derive(Debug, Clone, Copy)]
 pub struct RequestLimits {
     /// Most characters of a request.
     pub max_characters: usize,
 }
 
-/// What it takes to turn a character's raw motion into its answer.
+/// Everything that turns a character's raw motion into its answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// The character's id.
     pub id: String,
     /// Where the segment lies in the world.
     pub frame: SegmentFrame,
-    /// Frames of the segment, where the request fixes them.
+    /// Frames of the segment. None: the model chooses.
     pub frames: Option<usize>,
-    /// The most frames that it may have where the model chooses.
+    /// Most frames that the model may choose.
     pub most_frames: usize,
-    /// Whether an answer that is not feasible is refused.
+    /// Whether an answer that is not feasible is an error.
     pub strict: bool,
     /// The context keyframes.
     pub context: Vec<Given>,
-    /// The target keyframes; the last is the segment's last frame.
+    /// The target keyframes. The last one is the segment's last frame.
     pub targets: Vec<Given>,
-    /// Roots that take the place of the predicted ones, where the request gives any.
+    /// Roots that replace the predicted ones, if the request gives any.
     pub root: Option<GivenRoot>,
-    /// Whether feet that stand are held still.
+    /// Whether standing feet are held still.
     pub hold_feet: bool,
     /// What to return besides frames.
     pub parts: Parts,
 }
 
-/// What an answer holds besides roots, rotations and contacts.
+/// Optional columns of an answer, besides roots, rotations and contacts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Parts {
-    /// What each stage produced.
+    /// The output of each stage.
     pub intermediates: bool,
     /// World joint positions.
     pub positions: bool,
@@ -56,7 +56,7 @@ pub struct Parts {
     pub qpos: bool,
 }
 
-/// Checks a request for `pack` and brings it into the form of the stages.
+/// Checks a request for `pack`, and makes it the input of the stages.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -240,7 +240,7 @@ fn check_frame_count(
     Ok(Some(frames))
 }
 
-/// Which token counts the root stage may choose from.
+/// Checks the range of token counts for the root stage.
 fn check_counts(
     path: &Path<'_>,
     character: &v1::Character,

@@ -13,22 +13,21 @@ use super::words::{check_prompt, most_past};
 use troupe_live::wire::keyframe::{Role, check_reach};
 use troupe_live::wire::units;
 
-/// Most frames that a prompt asks for, and that a motion to describe has.
+/// Most frames of a prompt's motion, and of a motion to describe.
 pub const MAX_GENERATED_FRAMES: usize = 1024;
 
-/// A request that a pack takes, in the form of a task.
+/// A request as a task that the pack accepts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prepared {
-    /// The task.
+    /// Fits the pack that the request was checked for.
     pub task: Task,
-    /// Where its segment lies in the world.
+    /// Where the motion's segment lies in the world.
     pub frame: SegmentFrame,
-    /// What the model may not do well.
+    /// Notes about what the model may not do well.
     pub notes: Vec<String>,
 }
 
-/// Checks words to act out, which are the goal of `request`, and brings them into the form of a
-/// task for `pack`.
+/// Checks the words to act out, the goal of `request`, and makes them a task for `pack`.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -73,13 +72,14 @@ pub fn prepare_prompt(
     Ok(Prepared { task, frame, notes })
 }
 
-/// The segment that goes on from this keyframe; that of the origin where there is none.
+/// The segment that starts at this keyframe. Without a keyframe: at the origin.
 pub(super) fn segment(from: Option<&Checked>) -> SegmentFrame {
     let origin = GlobalRoot::new(Vec3::ZERO, 0.0);
     SegmentFrame::from_root(from.and_then(|key| key.root).unwrap_or(origin))
 }
 
-/// Packs without a language model take words alone, and those without audio no audio.
+/// Checks what the pack can take. Packs without a language model take only words, packs without
+/// audio no audio.
 fn check_pack(path: &Path<'_>, prompt: &v1::Prompt, pack: &Pack) -> Result<(), FieldError> {
     let language = pack.language();
     let has_model = language.is_some();
@@ -103,14 +103,15 @@ fn check_pack(path: &Path<'_>, prompt: &v1::Prompt, pack: &Pack) -> Result<(), F
     }
 }
 
-/// What the characters are to do, in words.
+/// What the characters shall do, in words.
 struct Texts {
     first: String,
     others: Vec<String>,
 }
 
 impl Texts {
-    /// All characters have words, or none has: then something else says what to do.
+    /// Checks the texts. Either all characters have one, or none has and the request gives other
+    /// input.
     fn check(
         path: &Path<'_>,
         request: &v1::GenerateRequest,
@@ -140,7 +141,7 @@ fn check_text(path: &Path<'_>, text: &str) -> Result<String, FieldError> {
     Ok(text.to_owned())
 }
 
-/// Frames that are asked for, of a count or of seconds.
+/// The wanted number of frames, from a count or from seconds.
 fn check_length(path: &Path<'_>, prompt: &v1::Prompt, rig: &Rig) -> Result<Option<usize>, FieldError> {
     match (prompt.frame_count, prompt.seconds) {
         (Some(_), Some(_)) => Err(path
@@ -155,7 +156,7 @@ fn check_length(path: &Path<'_>, prompt: &v1::Prompt, rig: &Rig) -> Result<Optio
         }
         (None, Some(seconds)) => {
             let longest_s = MAX_GENERATED_FRAMES as f32 / rig.fps;
-            // Not a number is outside too.
+            // NaN is outside too.
             if !(seconds > 0.0 && seconds <= longest_s) {
                 let allowed = format!("more than 0, and at most {longest_s:.1}");
                 return Err(path.field("seconds").error(format!("is {seconds}"), allowed));
@@ -194,11 +195,11 @@ fn check_audio(path: &Path<'_>, audio: &v1::Audio) -> Result<Audio, FieldError> 
     }
 }
 
-/// Keyframes of a request, checked.
+/// The checked keyframes of a request.
 struct Keys {
     past: Vec<Checked>,
     targets: Vec<Checked>,
-    /// What goes before, of each other character.
+    /// The past of each other character.
     others: Vec<Vec<Checked>>,
 }
 
@@ -234,8 +235,8 @@ impl Keys {
     }
 }
 
-/// Checks that the keyframes `name` of the message at `path` are within reach of `anchor`, or of
-/// the origin where there is none.
+/// Checks that the keyframes `name` of the message at `path` are within reach of `anchor`. Without
+/// an anchor: of the origin.
 pub(super) fn check_near(
     path: &Path<'_>,
     name: &'static str,
@@ -263,7 +264,7 @@ fn check_past(root: &Path<'_>, count: usize, (least, most): (usize, usize)) -> R
         .error(format!("has {count} keyframes"), allowed))
 }
 
-/// Another character has as many keyframes as the first, whose field is named.
+/// Checks that another character has as many keyframes as the first, whose field is `first`.
 pub(super) fn same_count(
     path: &Path<'_>,
     count: usize,

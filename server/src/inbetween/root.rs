@@ -1,4 +1,4 @@
-//! Roots that a request gives in the place of the predicted ones.
+//! Roots that a request gives to replace the predicted ones.
 
 use troupe_character::keyframe::Checked;
 use troupe_character::limits::HEADING_TOLERANCE;
@@ -11,30 +11,30 @@ use troupe_proto::v1;
 use troupe_live::wire::keyframe::{check_height, facing, finite};
 use troupe_live::wire::{HEIGHT_TOLERANCE_M, MAX_DISTANCE_M};
 
-/// How far from a keyframe's root a given one may be, metres over the ground.
+/// Largest distance of a given root from the keyframe's root, metres over the ground.
 const PLACE_TOLERANCE_M: f32 = HEIGHT_TOLERANCE_M;
 
-/// What a request gives of its roots.
+/// The given roots of a request.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct GivenRoot {
-    /// In the segment frame, and with them the roots of targets.
+    /// In the segment frame. Includes the roots of targets.
     pub over: RootOverride,
-    /// The frame of each entry of the request.
+    /// Frame of each entry of the request.
     pub frames: Vec<usize>,
 }
 
-/// The keyframes around the gap, which given roots must agree with.
+/// Keyframes around the gap. Given roots must agree with them.
 pub(super) struct Around<'a> {
-    /// The first frames.
+    /// The first frames of the segment.
     pub(super) context: &'a [Checked],
-    /// The last frames.
+    /// The last frames of the segment.
     pub(super) targets: &'a [Checked],
-    /// Frames of the segment, where they are given.
+    /// Frames of the segment. None: the model chooses.
     pub(super) frames: Option<usize>,
 }
 
-/// Checks the field `root` of a character, whose segment lies at `segment`. None where it gives
-/// none.
+/// Checks the field `root` of a character whose segment lies at `segment`. None: the request gives
+/// no roots.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -88,7 +88,7 @@ pub(super) fn check_root(
     }))
 }
 
-/// A frame of the segment, from `earliest` on.
+/// Checks a frame of the segment, which must be at least `earliest`.
 fn check_frame(path: &Path<'_>, frame: u32, earliest: usize, frames: usize) -> Result<usize, FieldError> {
     let path = path.field("frame");
     let last = frames - 1;
@@ -105,7 +105,7 @@ fn check_frame(path: &Path<'_>, frame: u32, earliest: usize, frames: usize) -> R
     Ok(found)
 }
 
-/// What an entry gives, in the world.
+/// Checks the values of an entry, in world coordinates.
 fn check_values(
     path: &Path<'_>,
     frame: usize,

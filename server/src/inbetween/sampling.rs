@@ -1,4 +1,4 @@
-//! How tokens are chosen, as requests say it.
+//! How tokens are sampled.
 
 use troupe_character::{FieldError, Path};
 use troupe_engine::pack::MAX_REPETITION;
@@ -7,7 +7,7 @@ use troupe_proto::v1;
 
 use troupe_live::wire::{MAX_TEMPERATURE, units};
 
-/// Checks the member `sampling` of the request at `root`. What is left out is as the pack says.
+/// Checks the field `sampling` of the request at `root`. The pack decides fields that are left out.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -43,10 +43,10 @@ pub(super) fn check_sampling(
     })
 }
 
-/// A path's motion follows from the seed: nothing is to be said about tokens.
+/// Rejects `sampling` beside a path, whose motion follows from the seed alone.
 ///
 /// # Errors
-/// [`FieldError`] where something is.
+/// [`FieldError`] if the field is given.
 pub fn no_sampling(request: &v1::GenerateRequest) -> Result<(), FieldError> {
     match request.sampling {
         None => Ok(()),

@@ -1,4 +1,4 @@
-//! What a pack that understands text takes, before a task is admitted to it.
+//! Checks tasks with words against what a pack's language model takes.
 
 use troupe_character::live::MAX_UNKNOWN_WORDS;
 use troupe_character::{FieldError, Path};
@@ -8,17 +8,17 @@ use troupe_proto::v1;
 
 use troupe_live::wire::MAX_PROMPT_CHARS;
 
-/// Most characters of a word that a note names.
+/// Most characters of a word in a note.
 const MAX_WORD_CHARS: usize = 32;
 
-/// Most frames that go before words: more than the pack's context where it takes more.
+/// Most frames before the words. The language model may take more than the pack's context.
 pub fn most_past(pack: &Pack) -> usize {
     let context = pack.rig.dims.context_frames;
     pack.language().map_or(context, |language| language.max_frames())
 }
 
-/// Checks a prompt's task against what the pack can read and write. Gives notes on what the model
-/// may not do well.
+/// Checks a prompt's task against what the pack can read and write. Returns notes about what the
+/// model may not do well.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -38,10 +38,10 @@ pub(super) fn check_prompt(pack: &Pack, asked: &v1::Prompt, task: &Task) -> Resu
     Ok(unknown_note(&unknown).into_iter().collect())
 }
 
-/// Checks words alone. Gives notes on what the model may not do well.
+/// Checks words without a task. Returns notes about what the model may not do well.
 ///
 /// # Errors
-/// [`FieldError`] where the pack cannot read them.
+/// [`FieldError`] if the pack cannot read them.
 pub fn check_words(pack: &Pack, text: &str) -> Result<Vec<String>, FieldError> {
     let asked = v1::Prompt {
         text: text.to_owned(),
@@ -54,7 +54,7 @@ pub fn check_words(pack: &Pack, text: &str) -> Result<Vec<String>, FieldError> {
     check_prompt(pack, &asked, &task)
 }
 
-/// The first words of a text, as many as a prompt of the pack may have.
+/// The first words of a text, as many as fit into a prompt of the pack.
 pub fn fitting(pack: &Pack, text: &str) -> String {
     let language = pack.language();
     let fits = |text: &str| {
@@ -62,7 +62,7 @@ pub fn fitting(pack: &Pack, text: &str) -> String {
     };
     let mut text = text.trim();
     while !fits(text) {
-        // A word, or a letter of the last one.
+        // Cut off the last word, or a letter of it if there is only one.
         let cut = text.rfind(char::is_whitespace);
         let cut = cut.or_else(|| text.char_indices().next_back().map(|(at, _)| at));
         text = text[..cut.unwrap_or(0)].trim_end();
@@ -106,7 +106,7 @@ fn unknown_note(unknown: &[String]) -> Option<String> {
     ))
 }
 
-/// The error of the prompt's field that the task's field comes from.
+/// Maps an error of the task to the prompt's field.
 fn of_prompt(refusal: TaskRefusal, language: Language<'_>, asked: &v1::Prompt) -> FieldError {
     let root = Path::root();
     let prompt = root.field("prompt");
@@ -147,7 +147,7 @@ fn of_prompt(refusal: TaskRefusal, language: Language<'_>, asked: &v1::Prompt) -
     }
 }
 
-/// The error of the description's field that the task's field comes from.
+/// Maps an error of the task to the description's field.
 fn of_description(refusal: TaskRefusal) -> FieldError {
     let root = Path::root();
     let TaskRefusal {
@@ -171,7 +171,7 @@ fn sampling_error(root: &Path<'_>, field: &'static str, found: &str, allowed: St
     sampling.field(field).error(format!("is {found}"), allowed)
 }
 
-/// The field that makes a prompt one of the tasks that it is.
+/// The prompt's field that decides which task it is.
 fn wanting<'a>(asked: &v1::Prompt, root: &'a Path<'a>, prompt: &'a Path<'a>) -> Path<'a> {
     if asked.audio.is_some() {
         prompt.field("audio")
@@ -184,7 +184,7 @@ fn wanting<'a>(asked: &v1::Prompt, root: &'a Path<'a>, prompt: &'a Path<'a>) -> 
     }
 }
 
-/// The first character whose text has letters of which the pack can read none.
+/// The first character whose text has no letter that the pack can read.
 fn unread(language: Language<'_>, asked: &v1::Prompt) -> Option<usize> {
     texts(asked).position(|text| !text.trim().is_empty() && !language.can_read(text))
 }

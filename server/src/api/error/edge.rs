@@ -1,12 +1,11 @@
-//! Errors of the edge: who asks, and how much it asks for.
+//! Errors of the edge: authentication and limits of clients.
 
 use std::time::Duration;
 
 use super::row::{FORBIDDEN, FULL, HEADERS, NOT_NOW, Row, Tabled, UNAUTHENTICATED, UNAVAILABLE};
 use troupe_edge::{BEARER, EdgeError, MAX_HEAD_BYTES};
 
-/// When to try again where a place may be free at any time: of a connection, or of what is on its
-/// way.
+/// Retry hint if a connection or transfer memory may become free at any time.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
 impl Tabled for EdgeError {

@@ -19,7 +19,7 @@ use troupe_base::telemetry::RequestContext;
 use troupe_edge::is_grpc;
 
 impl ApiError {
-    /// Name of the code, for metrics.
+    /// Code name for metrics.
     pub(in crate::api) fn label(&self) -> &'static str {
         self.row().codes.label
     }
@@ -50,7 +50,7 @@ impl ApiError {
         }
     }
 
-    /// The error of one part of a request whose other parts were served.
+    /// The error as one part of an answer that also holds results.
     pub(in crate::api) fn problem(&self) -> v1::Problem {
         let Row {
             reason,
@@ -101,12 +101,12 @@ impl ApiError {
         status
     }
 
-    /// The answer in the caller's protocol.
+    /// The answer in the protocol of the request with the headers `asked`.
     pub(in crate::api) fn in_kind(&self, asked: &HeaderMap) -> Response {
         self.in_protocol(is_grpc(asked))
     }
 
-    /// The answer over gRPC, or over HTTP.
+    /// The answer over gRPC if `grpc`, otherwise over HTTP.
     pub(in crate::api) fn in_protocol(&self, grpc: bool) -> Response {
         match grpc {
             true => self.status().into_http::<Body>(),
@@ -114,8 +114,8 @@ impl ApiError {
         }
     }
 
-    /// The error behind a gRPC status. The status is our own, or the gRPC library made it while it
-    /// read the request.
+    /// The error behind a gRPC status. The status comes from us or from the gRPC library, which
+    /// makes one for requests that it cannot read.
     pub fn of_status(status: &Status, limit_bytes: usize) -> Self {
         let own = std::error::Error::source(status).and_then(|source| source.downcast_ref::<Self>());
         if let Some(own) = own {
@@ -136,7 +136,7 @@ impl ApiError {
     }
 }
 
-/// Label of an answer's code, for the metrics.
+/// Code label of an answer, for metrics.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::api) struct CodeLabel(pub(in crate::api) &'static str);
 
@@ -147,7 +147,7 @@ impl IntoResponse for ApiError {
         } = self.row();
         let mut response = (codes.http, Json(self.body())).into_response();
         if let Some(after) = retry_after {
-            // The header has whole seconds. The body has the milliseconds.
+            // The header holds whole seconds, the body milliseconds.
             let seconds = after.as_millis().div_ceil(1000).max(1) as u64;
             response
                 .headers_mut()
@@ -158,7 +158,7 @@ impl IntoResponse for ApiError {
             response.headers_mut().insert(header::WWW_AUTHENTICATE, challenge);
         }
         response.extensions_mut().insert(CodeLabel(codes.label));
-        // Routes with another form of errors use it.
+        // Routes with another form of errors read it from here.
         response.extensions_mut().insert(self);
         response
     }

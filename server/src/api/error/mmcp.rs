@@ -1,5 +1,5 @@
-//! Errors of the Motion Model Context Protocol: the one place that maps our table to the protocol's
-//! closed list of codes.
+//! Errors of the Motion Model Context Protocol. This is the only place that maps our table to the
+//! protocol's closed list of codes.
 
 use axum::Json;
 use axum::response::{IntoResponse as _, Response};
@@ -86,7 +86,7 @@ impl ApiError {
         (code, envelope)
     }
 
-    /// `answer` with this error in the protocol's form. Its other headers stay.
+    /// Replaces the body of `answer` by this error in the protocol's form. Its other headers stay.
     pub(in crate::api) fn in_envelope(&self, answer: Response) -> Response {
         let (code, envelope) = self.envelope();
         let (mut parts, _) = answer.into_parts();

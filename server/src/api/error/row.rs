@@ -1,4 +1,4 @@
-//! Rows of the table of errors.
+//! Rows of the error table.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ pub(super) const INVALID: Codes = codes(Code::InvalidArgument, StatusCode::BAD_R
 pub(super) const NOT_FOUND: Codes = codes(Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND");
 pub(super) const GONE: Codes = codes(Code::NotFound, StatusCode::GONE, "NOT_FOUND");
 pub(super) const EXISTS: Codes = codes(Code::AlreadyExists, StatusCode::CONFLICT, "ALREADY_EXISTS");
-/// Not possible in the current state.
+/// The current state does not allow the request.
 pub(super) const NOT_NOW: Codes = codes(
     Code::FailedPrecondition,
     StatusCode::CONFLICT,
@@ -69,19 +69,19 @@ pub(super) const NO_METHOD: Codes = codes(
 pub(super) const UNIMPLEMENTED: Codes =
     codes(Code::Unimplemented, StatusCode::NOT_IMPLEMENTED, "UNIMPLEMENTED");
 
-/// How a caller sees an error.
+/// How an error looks to the caller.
 #[derive(Debug)]
 pub(in crate::api) struct Row<'a> {
     pub(in crate::api) codes: Codes,
-    /// A word for the kind of error, finer than its code: the reason in `google.rpc.ErrorInfo`.
+    /// Kind of the error, finer than its code: the reason in `google.rpc.ErrorInfo`.
     pub(in crate::api) reason: &'static str,
-    /// Path of the field, if the error is about one.
+    /// Path of the field, if one is at fault.
     pub(in crate::api) field: Option<&'a str>,
-    /// Allowed values or sizes, if the error is about one.
+    /// Allowed values or sizes, if a field or size is at fault.
     pub(in crate::api) allowed: Option<String>,
-    /// What is wrong with the field. None: the error's text.
+    /// What is wrong with the field. None: the error's own text.
     pub(in crate::api) description: Option<String>,
-    /// Line and column of a document, from 1.
+    /// Line and column in a document, both from 1.
     pub(in crate::api) place: Option<(usize, usize)>,
     /// Time after which a new attempt may succeed.
     pub(in crate::api) retry_after: Option<Duration>,
@@ -94,7 +94,7 @@ pub(super) trait Tabled {
 }
 
 impl Codes {
-    /// A row with only these codes and a reason.
+    /// A row with these codes, a reason and nothing else.
     pub(super) fn because<'a>(self, reason: &'static str) -> Row<'a> {
         Row {
             codes: self,

@@ -8,7 +8,7 @@ use troupe_character::primitives::path::MAX_LEAD_M;
 use troupe_live::packs::{CannotDo, UnknownBody, UnknownPack};
 use troupe_live::session::{SessionError, SpaceError};
 
-/// When to try again if a place becomes free at an unknown time.
+/// Retry hint if it is unknown when a place becomes free.
 const WHEN_A_PLACE_IS_FREE: Duration = Duration::from_secs(1);
 
 impl Tabled for SessionError {

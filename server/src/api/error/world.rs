@@ -94,7 +94,7 @@ impl Tabled for DefinitionsError {
     }
 }
 
-/// Names in the form of an error's list.
+/// Names as a list in an error text.
 fn names(names: &[String]) -> String {
     listed(names.iter().map(String::as_str))
 }

@@ -20,16 +20,16 @@ use troupe_live::session::stream::{Outlet, outbox};
 /// The Sessions service.
 pub(super) struct SessionsApi {
     pub(super) service: Arc<Service>,
-    /// Most bytes of a message on a stream, for errors.
+    /// Size limit of a stream's message, for errors.
     pub(super) stream_message_bytes: usize,
 }
 
-/// Who asks.
+/// The client that sent the request.
 fn client<T>(request: &Request<T>) -> Option<Arc<Client>> {
     request.extensions().get().cloned()
 }
 
-/// The turns of who asks.
+/// The turns of the client that sent the request.
 fn turns<T>(request: &Request<T>) -> Turns {
     client(request).map_or_else(Turns::endless, |client| client.turns())
 }
@@ -147,7 +147,7 @@ impl Sessions for SessionsApi {
             .into_inner()
             .map(move |said| said.map_err(|status| ApiError::of_status(&status, limit).problem()));
         let (outbox, outlet) = outbox(answers::drive);
-        // It ends by itself: with the server, or with the client, whose going drops the outlet.
+        // The task ends when the server stops, or when the client leaves and drops the outlet.
         let sessions = service.sessions().clone();
         sessions.spawn(turns, async move {
             place.run(&mut inbound, outbox).await;

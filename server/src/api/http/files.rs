@@ -1,4 +1,4 @@
-//! Answers with files that are inside the program.
+//! Answers with files that are embedded in the program.
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
@@ -7,13 +7,14 @@ use rust_embed::EmbeddedFile;
 /// How long a caller may keep a file without asking again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Keep {
-    /// For good: its name changes with its content.
+    /// For ever: the file's name changes with its content.
     Forever,
-    /// It asks each time whether the file is still the same.
+    /// The caller asks each time if the file has changed.
     Ask,
 }
 
-/// A file, or that the caller has it already. `policy` says what a page may load.
+/// A file, or status 304 if the caller already has it. `policy` is the page's content security
+/// policy.
 pub(super) fn answer(
     file: Option<EmbeddedFile>,
     headers: &HeaderMap,
@@ -28,7 +29,7 @@ pub(super) fn answer(
         .get(header::IF_NONE_MATCH)
         .is_some_and(|known| *known == tag);
     let kind = match file.metadata.mimetype() {
-        // The files are UTF-8, which browsers do not assume of text.
+        // The files are UTF-8. Browsers assume another encoding for text without this.
         text if text.starts_with("text/") => HeaderValue::from_str(&format!("{text}; charset=utf-8")),
         other => HeaderValue::from_str(other),
     };
@@ -40,23 +41,23 @@ pub(super) fn answer(
         Keep::Forever => "public, max-age=31536000, immutable",
         Keep::Ask => "no-cache",
     };
-    let told = response.headers_mut();
-    told.insert(
+    let fields = response.headers_mut();
+    fields.insert(
         header::CONTENT_TYPE,
         kind.unwrap_or(HeaderValue::from_static("application/octet-stream")),
     );
-    told.insert(header::ETAG, tag);
-    told.insert(header::CACHE_CONTROL, HeaderValue::from_static(keep));
-    told.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(policy));
-    told.insert(
+    fields.insert(header::ETAG, tag);
+    fields.insert(header::CACHE_CONTROL, HeaderValue::from_static(keep));
+    fields.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(policy));
+    fields.insert(
         header::X_CONTENT_TYPE_OPTIONS,
         HeaderValue::from_static("nosniff"),
     );
-    told.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    fields.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
     response
 }
 
-/// A name for a file's content.
+/// The ETag of a file.
 fn tag(file: &EmbeddedFile) -> HeaderValue {
     let hash = file.metadata.sha256_hash();
     let hex: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();

@@ -19,10 +19,10 @@ use troupe_base::offload::WorkerStopped;
 use troupe_base::telemetry::RequestContext;
 use troupe_character::document::plain;
 
-/// The field of errors about the whole body.
+/// Field name in errors about the whole body.
 const BODY: &str = "body";
 
-/// Limits of a body. `DefaultBodyLimit` enforces the bytes. Errors name them from here.
+/// Limits of a body. `DefaultBodyLimit` enforces `bytes`, and errors state the limits.
 #[derive(Clone)]
 pub(in crate::api) struct BodyLimits {
     pub(in crate::api) bytes: usize,
@@ -64,7 +64,7 @@ fn not_json(message: String) -> ApiError {
     }
 }
 
-/// Refuses a body that begins with a byte order mark, a gzip header or an array.
+/// Rejects a body that starts with a byte order mark, a gzip header or an array.
 fn check_start(bytes: &[u8]) -> Result<(), ApiError> {
     let wrong = match bytes {
         [0xef, 0xbb, 0xbf, ..] => "it begins with a byte order mark; allowed: UTF-8 without one",
@@ -75,8 +75,8 @@ fn check_start(bytes: &[u8]) -> Result<(), ApiError> {
     Err(not_json(wrong.to_owned()))
 }
 
-/// Path of the field that an error is about. An unknown, duplicate or missing field is part of the
-/// path. Without a path the error is about the body.
+/// Path of the field at fault. The path includes an unknown, duplicate or missing field. Without a
+/// path the error is about the body.
 fn field_at_fault(path: &str, message: &str) -> String {
     let kinds = ["unknown field `", "duplicate field `", "missing field `"];
     let rest = kinds.iter().find_map(|kind| message.strip_prefix(kind));
@@ -85,7 +85,7 @@ fn field_at_fault(path: &str, message: &str) -> String {
     let name = name.filter(|name| !name.is_empty());
     let place = if path == "." { "" } else { path };
     match name {
-        // The path of some errors has the name already.
+        // Some paths include the name already.
         Some(name) if place.is_empty() => name.to_owned(),
         Some(name) if place == name || place.ends_with(&format!(".{name}")) => place.to_owned(),
         Some(name) => format!("{place}.{name}"),
@@ -94,7 +94,7 @@ fn field_at_fault(path: &str, message: &str) -> String {
     }
 }
 
-/// Writes an answer as JSON on the pool for blocking work, because a large one may take a second.
+/// Writes an answer as JSON on the pool for blocking work: a large one may take a second.
 pub(in crate::api) async fn written<T: Serialize>(
     answer: impl FnOnce() -> T + Send + 'static,
 ) -> Result<Response, ApiError> {
@@ -124,7 +124,7 @@ fn wrong_type(headers: &HeaderMap) -> Option<String> {
     (!json).then(|| cut(&text, MAX_PATH))
 }
 
-/// The bytes of a body. Its Content-Type must be JSON.
+/// The bytes of a body that must be JSON.
 pub(in crate::api) async fn body<S: Send + Sync>(
     request: Request,
     state: &S,
@@ -152,7 +152,7 @@ pub(in crate::api) async fn body<S: Send + Sync>(
     }
 }
 
-/// A JSON body with that Content-Type.
+/// A body that must be JSON.
 pub(in crate::api) struct JsonBody<T>(pub(in crate::api) T);
 
 impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for JsonBody<T> {

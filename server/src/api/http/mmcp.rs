@@ -1,4 +1,5 @@
-//! The Motion Model Context Protocol: two routes that answer in its own forms, errors included.
+//! The two routes of the Motion Model Context Protocol. Their answers and errors have the
+//! protocol's form.
 
 use std::sync::Arc;
 
@@ -16,10 +17,10 @@ use crate::mmcp::{Body, Capabilities, Reply};
 use crate::service::{Service, ServiceError};
 use troupe_base::offload::offload;
 
-/// What a single answer is.
+/// Content type of the answer to a single request.
 const GLTF: &str = "model/gltf+json";
 
-/// The body of a call, of at most [`MAX_REQUEST_BYTES`].
+/// The body of a call, at most [`MAX_REQUEST_BYTES`] long.
 pub(crate) struct Call(Body);
 
 impl FromRequest<Arc<Service>> for Call {
@@ -68,7 +69,7 @@ pub(crate) async fn capabilities(
     request_body(content = Object, description = "A request or a batch, in the protocol's form"),
     responses((
         status = 200,
-        description = "glTF 2.0 with the extension MMCP_motion: an animation a sample",
+        description = "glTF 2.0 with the extension MMCP_motion: one animation per sample",
         body = Object,
         content_type = "model/gltf+json",
     )),
@@ -77,7 +78,7 @@ pub(crate) async fn generate(Ours(service): Ours, Call(body): Call) -> Result<Re
     match crate::mmcp::generate(&service, body).await? {
         Reply::One(document) => Ok(([(header::CONTENT_TYPE, GLTF)], document).into_response()),
         Reply::Many(results) => {
-            // It may be large, and its errors name the request.
+            // The answer may be large. Errors in it name the request.
             let results: Vec<Result<Vec<u8>, Value>> = results
                 .into_iter()
                 .map(|result| result.map_err(|failure| ApiError::from(failure).envelope().1))
@@ -89,7 +90,7 @@ pub(crate) async fn generate(Ours(service): Ours, Call(body): Call) -> Result<Re
     }
 }
 
-/// The answer of a batch. Documents are JSON already.
+/// The answer to a batch. The documents are JSON already.
 fn joined(results: &[Result<Vec<u8>, Value>]) -> Vec<u8> {
     let mut body = b"{\"results\":[".to_vec();
     for (index, result) in results.iter().enumerate() {

@@ -14,7 +14,7 @@ use crate::api::error::ApiError;
 use crate::api::ours::Ours;
 use crate::service::{ServiceError, Streamed};
 
-/// What the answer is: one JSON value a line.
+/// Content type of the answer: one JSON value per line.
 const LINES: &str = "application/x-ndjson";
 
 /// Act out words, or follow a path
@@ -67,9 +67,9 @@ pub(crate) async fn describe(
     lines(service.describe(&request)?).await
 }
 
-/// An answer, a part a line.
+/// An answer with one part per line.
 async fn lines<A: Streamed>(mut answer: A) -> Result<Response, ApiError> {
-    // What fails before the first part is an answer with a status of its own.
+    // An error before the first part becomes an answer with its own status.
     let first = match answer.next().await {
         Some(Ok(part)) => Some(part),
         Some(Err(error)) => return Err(error.into()),
@@ -90,7 +90,7 @@ fn line(part: Result<impl Serialize, ServiceError>) -> Bytes {
         Ok(part) => serde_json::to_vec(&part),
         Err(error) => serde_json::to_vec(&ApiError::from(error).body()),
     };
-    // Numbers that are not finite were refused before, and nothing else fails.
+    // This cannot fail: numbers that are not finite were rejected before.
     let mut line = written.unwrap_or_default();
     line.push(b'\n');
     line.into()

@@ -12,7 +12,7 @@ use crate::api::ours::Ours;
 use troupe_base::echo::cut;
 use troupe_character::FieldError;
 
-/// The name in a body that also is in the path: the same, or none.
+/// Checks that the body repeats the name in the path or has none.
 fn same_name(field: &str, body: &str, path: &str) -> Result<(), FieldError> {
     match body.is_empty() || body == path {
         true => Ok(()),
@@ -24,7 +24,7 @@ fn same_name(field: &str, body: &str, path: &str) -> Result<(), FieldError> {
     }
 }
 
-/// The name in the path, which is the one in the body where that has any.
+/// The name in the path. If the body has one too, it must be the same.
 fn agreed(field: &str, body: &str, path: Named<String>) -> Result<String, ApiError> {
     let name = named("name", path)?;
     same_name(field, body, &name)?;
@@ -45,7 +45,7 @@ pub(in crate::api) async fn list(Ours(service): Ours) -> Result<Json<v1::ListSce
 
 /// Create a scene, or replace one as a whole
 ///
-/// Either `scene` or `document`. The names in the body are that of the path, or left out.
+/// Either `scene` or `document`. Names in the body must equal the name in the path, or be left out.
 #[utoipa::path(
     put,
     path = "/v1/scenes/{name}",
@@ -54,7 +54,7 @@ pub(in crate::api) async fn list(Ours(service): Ours) -> Result<Json<v1::ListSce
     request_body = v1::PutSceneRequest,
     responses(
         (status = 200, description = "The scene as it is now", body = v1::SceneSummary),
-        (status = 429, description = "As many scenes as there may be"),
+        (status = 429, description = "There are as many scenes as allowed"),
     )
 )]
 pub(in crate::api) async fn put(
@@ -70,7 +70,7 @@ pub(in crate::api) async fn put(
     Ok(Json(service.put_scene(request).await?))
 }
 
-/// How the scene is to be given.
+/// Form of the scene in the answer.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -135,8 +135,8 @@ pub(in crate::api) async fn delete(
 
 /// Put objects into a scene
 ///
-/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the
-/// body is the name in the path, or left out.
+/// Each object has its own result. A refused object does not affect the others. `scene` in the body
+/// must equal the name in the path, or be left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/add",
@@ -159,8 +159,8 @@ pub(in crate::api) async fn add(
 
 /// Move objects of a scene
 ///
-/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the
-/// body is the name in the path, or left out.
+/// Each object has its own result. A refused object does not affect the others. `scene` in the body
+/// must equal the name in the path, or be left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/move",
@@ -181,10 +181,10 @@ pub(in crate::api) async fn move_objects(
     Ok(Json(answers::objects(service.move_objects(request).await?)))
 }
 
-/// Take objects out of a scene, whoever has them
+/// Remove objects from a scene, even if characters use them
 ///
-/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the
-/// body is the name in the path, or left out.
+/// Each object has its own result. A refused object does not affect the others. `scene` in the body
+/// must equal the name in the path, or be left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/remove",
@@ -205,7 +205,7 @@ pub(in crate::api) async fn remove(
     Ok(Json(answers::objects(service.remove_objects(request).await?)))
 }
 
-/// What a character, or any box, reaches
+/// List the objects in reach of a character or of a box
 #[utoipa::path(
     post,
     path = "/v1/detect",
@@ -242,8 +242,8 @@ pub(in crate::api) async fn list_objects(
 
 /// Add an object definition, or replace one
 ///
-/// An error of the document names its line, column and field. `name` in the body is the name in the
-/// path, or left out.
+/// An error in the document names its line, column and field. `name` in the body must equal the
+/// name in the path, or be left out.
 #[utoipa::path(
     put,
     path = "/v1/objects/{name}",
@@ -253,7 +253,7 @@ pub(in crate::api) async fn list_objects(
     responses(
         (status = 200, description = "What the upload did", body = v1::PutObjectDefinitionResponse),
         (status = 404, description = "No such pack"),
-        (status = 429, description = "As many definitions as there may be"),
+        (status = 429, description = "There are as many definitions as allowed"),
     )
 )]
 pub(in crate::api) async fn put_object(
@@ -265,7 +265,7 @@ pub(in crate::api) async fn put_object(
     Ok(Json(service.put_object_definition(request).await?))
 }
 
-/// How the definition is to be written.
+/// Form of the document in the answer.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]

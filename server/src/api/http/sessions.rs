@@ -30,7 +30,7 @@ use troupe_edge::traffic;
         (status = 400, description = "A value that is not accepted, or a style that the pack does not have"),
         (status = 404, description = "No such pack"),
         (status = 409, description = "A session of that id is open"),
-        (status = 429, description = "No room for as many sessions"),
+        (status = 429, description = "No room for that many sessions"),
         (status = 503, description = "Not ready yet"),
     )
 )]
@@ -44,7 +44,7 @@ pub(in crate::api) async fn create(
     ))
 }
 
-/// Take up sessions again after the connection broke or the server was started again
+/// Resume sessions after a broken connection or a restart of the server
 #[utoipa::path(
     post,
     path = "/v1/sessions/resume",
@@ -52,7 +52,7 @@ pub(in crate::api) async fn create(
     tag = "sessions",
     request_body = v1::ResumeSessionsRequest,
     responses(
-        (status = 200, description = "The sessions as they stand, and those that are gone", body = v1::ResumeSessionsResponse),
+        (status = 200, description = "The state of the sessions, and which of them are gone", body = v1::ResumeSessionsResponse),
         (status = 400, description = "A list that is empty or too long"),
     )
 )]
@@ -66,7 +66,7 @@ pub(in crate::api) async fn resume(
     )))
 }
 
-/// Which page of the list.
+/// The page of the list.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -120,7 +120,7 @@ pub(in crate::api) async fn get(
     Ok(Json(service.sessions().get(&named("id", id)?)?))
 }
 
-/// Close a session; that it is gone already is no error
+/// Close a session, or do nothing if it is gone
 #[utoipa::path(
     delete,
     path = "/v1/sessions/{id}",
@@ -138,12 +138,12 @@ pub(in crate::api) async fn close(
     Ok(Json(service.sessions().close(&request)?))
 }
 
-/// How much of the future.
+/// How much of the future to return.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct Future {
-    /// Frames to return at most: 1 to 64. 0: all that there are.
+    /// Most frames to return: 1 to 64. 0: all.
     frames: u32,
 }
 
@@ -174,7 +174,7 @@ pub(in crate::api) async fn peek(
 
 /// Give commands to sessions
 ///
-/// Each has a result of its own. One that is refused does not hold up the others.
+/// Each command has its own result. A refused command does not affect the others.
 #[utoipa::path(
     post,
     path = "/v1/commands",
@@ -198,8 +198,8 @@ pub(in crate::api) async fn command(
 
 /// Give commands and take the next frames
 ///
-/// Waits for the plans that the frames need. Sessions that cannot be served are among the problems;
-/// where none can be, the answer is the first one's error.
+/// Waits for the plans that the frames need. Sessions that cannot be served are listed in
+/// `problems`. If none can be served, the answer is the first session's error.
 #[utoipa::path(
     post,
     path = "/v1/step",
@@ -209,7 +209,7 @@ pub(in crate::api) async fn command(
     responses(
         (status = 200, description = "The next frames", body = v1::StepResponse),
         (status = 404, description = "None of the sessions is open"),
-        (status = 409, description = "All sessions are in somebody else's hands"),
+        (status = 409, description = "Other clients drive all of these sessions"),
         (status = 410, description = "The sessions have expired"),
         (status = 500, description = "Inference failed"),
         (status = 504, description = "Not served in time"),
@@ -230,7 +230,7 @@ pub(in crate::api) async fn step(
     Ok(response)
 }
 
-/// Whose styles.
+/// The body whose styles are asked for.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -289,7 +289,7 @@ pub(in crate::api) async fn get_style(
 
 /// Add a style to a pack, or replace one that was added
 ///
-/// The name in the body is that of the path, or left out.
+/// The name in the body must equal the name in the path, or be left out.
 #[utoipa::path(
     put,
     path = "/v1/packs/{name}/styles/{style}",

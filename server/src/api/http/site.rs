@@ -1,5 +1,5 @@
-//! The documentation at `/docs/`: the site that `make docs` builds, read from a folder. So the
-//! server starts before the site is built, and shows it as soon as it is.
+//! The documentation at `/docs/`: the site that `make docs` builds, read from a folder. The server
+//! can start before the site is built, and shows it as soon as it exists.
 
 use std::path::Path;
 
@@ -11,16 +11,17 @@ use axum::routing::get;
 use tower::ServiceExt as _;
 use tower_http::services::ServeDir;
 
-/// The path of the interactive page of the HTTP interface.
+/// Path of the interactive page for the HTTP interface.
 pub(super) const SWAGGER: &str = "/docs/api";
-/// What `/docs/` shows while the folder has no site.
+/// The page at `/docs/` while the folder has no site.
 const UNBUILT: &str = include_str!("unbuilt.html");
-/// The generator writes scripts and styles into its pages. Nothing comes from anywhere else.
+/// The site generator puts scripts and styles inside its pages. All else must come from this
+/// server.
 const POLICY: &str = "default-src 'self'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; \
     img-src 'self' data:; connect-src 'self'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'self'; \
     form-action 'none'";
 
-/// The site in `folder`, or how to build it.
+/// The site in `folder`. Without a site: a page that says how to build it.
 pub(super) fn router(folder: &Path) -> Router {
     let pages = Router::new()
         .fallback(get(page))
@@ -30,7 +31,7 @@ pub(super) fn router(folder: &Path) -> Router {
         .nest("/docs/", pages)
 }
 
-/// A file of the site. A folder's page is at the folder's name and a slash, so that its links are
+/// A file of the site. A folder's page is at the folder's name plus a slash, so that its links are
 /// relative to the folder.
 async fn page(State(files): State<ServeDir>, uri: Uri, request: Request) -> Response {
     let path = uri.path();
@@ -48,9 +49,9 @@ async fn page(State(files): State<ServeDir>, uri: Uri, request: Request) -> Resp
     response
 }
 
-/// What a browser may do with a file of the site.
+/// Adds the headers that restrict what a browser may do with the file.
 fn complete(headers: &mut HeaderMap) {
-    // The files are UTF-8, which browsers do not assume of text.
+    // The files are UTF-8. Browsers assume another encoding for text without this.
     let text = headers
         .get(header::CONTENT_TYPE)
         .and_then(|kind| kind.to_str().ok())

@@ -1,4 +1,4 @@
-//! The route of tickets for streams.
+//! The route for stream tickets.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use troupe_edge::{Admitted, EdgeError, TICKET_LIFETIME};
 pub(in crate::api) struct CreateTicketResponse {
     /// Opens one stream: `/v1/drive?ticket=TICKET`.
     ticket: String,
-    /// How long it is good for, in milliseconds.
+    /// How long it is valid, in milliseconds.
     expires_in_ms: u64,
 }
 
@@ -28,8 +28,8 @@ pub(in crate::api) struct CreateTicketResponse {
     tag = "sessions",
     responses(
         (status = 200, description = "The ticket", body = CreateTicketResponse),
-        (status = 409, description = "The server asks for no keys, so that streams need no tickets"),
-        (status = 429, description = "As many tickets as there may be are not used yet"),
+        (status = 409, description = "The server asks for no keys, so streams need no tickets"),
+        (status = 429, description = "Too many tickets are unused"),
     )
 )]
 pub(in crate::api) async fn create(

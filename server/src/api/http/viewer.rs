@@ -1,4 +1,4 @@
-//! The viewer: the files that `web/` builds, inside the program.
+//! The viewer: the files that `web/` builds, embedded in the program.
 
 use axum::Router;
 use axum::http::HeaderMap;
@@ -8,12 +8,12 @@ use rust_embed::Embed;
 
 use super::files::{self, Keep};
 
-/// The page that loads the rest.
+/// The page that loads the other files.
 const PAGE: &str = "index.html";
-/// Where files lie whose names change with their content.
+/// Folder of the files whose names change with their content.
 pub(in crate::api) const ASSETS: &str = "/assets/";
-/// The page gets scripts, pictures and data from the server that it comes from and from nobody
-/// else. The component library sets styles, and dropped files are read as blobs.
+/// The page may load scripts, pictures and data only from its own server. The component library
+/// sets styles, and dropped files are read as blobs.
 const POLICY: &str = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
     connect-src 'self' blob: data:; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
@@ -21,8 +21,8 @@ const POLICY: &str = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-
 #[folder = "../web/dist"]
 struct Files;
 
-/// A route for each file, and `/` for the page. Nothing is compressed: that took 49 ms of an I/O
-/// thread for each request of the script, from anybody, instead of 2, and browsers keep the files.
+/// A route for each file, and `/` for the page. Nothing is compressed: browsers cache the files,
+/// and compressing the script took 49 ms of an I/O thread per request instead of 2.
 pub(super) fn router() -> Router {
     let files = Files::iter().filter(|path| path != PAGE).map(|path| {
         let route = format!("/{path}");

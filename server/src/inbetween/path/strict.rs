@@ -1,4 +1,4 @@
-//! Whether a path is one that its body can follow, as far as its data shows.
+//! Whether a body can follow a path, according to the limits of its data.
 
 use troupe_character::keyframe::Checked;
 use troupe_character::take::{PathPlan, speed_mps};
@@ -10,7 +10,7 @@ use troupe_proto::v1;
 use super::super::feasible::{NotFeasible, in_words, value};
 use super::walk::Walking;
 
-/// Checks that a strict request is for a body with limits.
+/// Checks that the body of a strict request has limits.
 pub(super) fn check(path: &Path<'_>, goal: &v1::PathGoal, body: &str, rig: &Rig) -> Result<(), FieldError> {
     match goal.strict && rig.limits.is_none() {
         true => Err(path.field("strict").error(
@@ -21,12 +21,12 @@ pub(super) fn check(path: &Path<'_>, goal: &v1::PathGoal, body: &str, rig: &Rig)
     }
 }
 
-/// A judge of the frames along a path, which go on from the past. None for a body without limits.
+/// A judge for the frames along a path, which continue the past. None for a body without limits.
 pub fn path_judge(plan: &PathPlan) -> Option<Judge> {
     judge_after(plan.newest(), &plan.body.rig)
 }
 
-/// A judge of the frames of a walk, as [`path_judge`].
+/// A judge for the frames of a walk, as [`path_judge`].
 pub fn walk_judge(walking: &Walking, rig: &Rig) -> Option<Judge> {
     judge_after(&walking.past, rig)
 }
@@ -41,7 +41,7 @@ fn judge_after(past: &[Checked], rig: &Rig) -> Option<Judge> {
     Some(judge)
 }
 
-/// Refuses a path that is beyond the body's limits by itself, or whose past or targets are.
+/// Rejects a path if it, its past or its targets exceed the body's limits.
 ///
 /// # Errors
 /// [`NotFeasible`], with the field at fault.
@@ -53,8 +53,8 @@ pub fn refuse_path(plan: &PathPlan) -> Result<(), NotFeasible> {
     refuse_speed(plan.way(), plan.body.rig.fps, &judge)
 }
 
-/// Refuses a walk as [`refuse_path`]; also one with a keyframe beyond the limits, or with a path
-/// that the style cannot keep up with.
+/// Rejects a walk as [`refuse_path`] does. Also rejects keyframes beyond the limits, and a path
+/// that is too fast for the style.
 ///
 /// # Errors
 /// [`NotFeasible`], with the field at fault.
@@ -90,7 +90,7 @@ fn refuse_ends(judge: &mut Judge, past: &[Checked], targets: &[Checked]) -> Resu
     refuse_keys(judge, targets, |frame| path.element("targets", frame))
 }
 
-/// Refuses consecutive keyframes, whose fields `place` names, that are beyond the limits.
+/// Rejects consecutive keyframes beyond the limits. `place` names their fields.
 fn refuse_keys<'a>(
     judge: &mut Judge,
     keys: &[Checked],
@@ -108,7 +108,7 @@ fn refuse_keys<'a>(
         .into())
 }
 
-/// Refuses a way that is faster than the body.
+/// Rejects a path that is faster than the body can move.
 fn refuse_speed(way: &[[f32; 3]], fps: f32, judge: &Judge) -> Result<(), NotFeasible> {
     let limit = judge.limits().of(Figure::RootSpeed);
     let steps = way.windows(2).map(|pair| speed_mps(pair, fps)).enumerate();

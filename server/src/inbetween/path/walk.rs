@@ -1,4 +1,4 @@
-//! Paths for a pack that goes from keyframe to keyframe: it walks along them in a style.
+//! Paths for a pack that makes motion from keyframe to keyframe: it walks along them in a style.
 
 use std::sync::Arc;
 
@@ -14,28 +14,28 @@ use troupe_proto::v1;
 use super::super::sampling::check_sampling;
 use super::{MAX_LISTED, check_ends, cut, points, strict};
 
-/// Most poses to pass on a path.
+/// Most poses on a path.
 pub const MAX_PATH_KEYFRAMES: usize = 256;
-/// Temperature of a request that names none.
+/// Temperature of a request that sets none.
 const TEMPERATURE: f32 = 1.0;
 
-/// A path that a pack walks along.
+/// A path for a walking pack.
 #[derive(Debug)]
 pub struct Walking {
-    /// The take, and its way.
+    /// The take, which is made window by window.
     pub path: WalkPath,
-    /// Frames that go before.
+    /// Frames before the path.
     pub past: Vec<Checked>,
-    /// Poses on the way, in the order of the request.
+    /// Poses on the path, in the order of the request.
     pub keyframes: Vec<Checked>,
-    /// The last frames.
+    /// The last frames of the motion.
     pub targets: Vec<Checked>,
-    /// How it walks.
+    /// Style of the walk.
     pub style: Arc<Style>,
 }
 
 impl Walking {
-    /// What the pack may not do well.
+    /// Notes about what the pack may not do well.
     pub fn notes(&self) -> Vec<String> {
         let note = |fast: troupe_character::take::TooFast| {
             format!(
@@ -47,7 +47,7 @@ impl Walking {
     }
 }
 
-/// Checks a path, and what goes before and beside it, for a pack that walks in one of `styles`.
+/// Checks a path with its past, poses and targets, for a pack that walks in one of `styles`.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -85,7 +85,7 @@ pub fn prepare_walk(
     })
 }
 
-/// Refuses what only networks that take paths have.
+/// Rejects fields that only networks with path input use.
 fn check_pack(path: &Path<'_>, goal: &v1::PathGoal, pack: &Pack) -> Result<(), FieldError> {
     let name = pack.name();
     let one = format!("none: the pack {name} has one skeleton");
@@ -107,7 +107,7 @@ fn check_pack(path: &Path<'_>, goal: &v1::PathGoal, pack: &Pack) -> Result<(), F
     }
 }
 
-/// The one style that a path names, or the default one.
+/// The one style that a path names, or the default style.
 fn style(
     path: &Path<'_>,
     goal: &v1::PathGoal,
@@ -136,7 +136,7 @@ fn style(
     })
 }
 
-/// The poses to pass, each with its time in seconds.
+/// The poses on the path, each with its time in seconds.
 fn keyframes(path: &Path<'_>, goal: &v1::PathGoal, pack: &Pack) -> Result<Vec<(f32, Checked)>, FieldError> {
     units::length(
         &path.field("keyframes"),
