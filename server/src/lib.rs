@@ -1,10 +1,10 @@
 //! Troupe's motion server.
 //!
-//! What runs characters is below this crate: `troupe-batch` has queues and workers, `troupe-live`
-//! sessions and scenes, `troupe-edge` connections and keys. Here are the calls, how they travel,
-//! and what puts a server together.
+//! Characters run in the crates below: `troupe-batch` has queues and workers, `troupe-live`
+//! sessions and scenes, `troupe-edge` connections and keys. This crate has the calls, their
+//! transports, and the server that joins all parts.
 //!
-//! A module knows those above it in this table, and none below it:
+//! A module uses only modules above it in this table:
 //!
 //! | module | holds |
 //! |---|---|
@@ -19,13 +19,14 @@
 //! Each layer has an error of its own. They become answers in one place, [`api`].
 //!
 //! # The way of a request
-//! A request arrives over gRPC or HTTP. It is checked and brought into each character's segment
-//! frame ([`inbetween`]), waits in a bounded queue and travels with other requests (`troupe-batch`),
-//! passes the networks of a pack (`troupe-engine`), and comes back as frames.
+//! A request arrives over gRPC or HTTP. [`inbetween`] checks it and moves each character into its
+//! segment frame. The request waits in a bounded queue and shares a batch with other requests
+//! (`troupe-batch`). The networks of a pack process the batch (`troupe-engine`), and the result
+//! becomes frames.
 //!
 //! # The way of a live character
-//! Commands change what a character wants (`troupe-character`). Whenever it needs a plan, its
-//! session has one made by the same batcher, and cross-fades it into the frames that a step or a
+//! Commands change what a character wants (`troupe-character`). When a character needs a plan, its
+//! session asks the same batcher for one. It cross-fades the plan into the frames that a step or a
 //! stream takes (`troupe-live`).
 //!
 //! # Embedding

@@ -17,24 +17,24 @@ use troupe_server::doctor::Report;
 use troupe_server::health;
 use troupe_server::server::{ServerHandle, Stopped, serve};
 
-/// The process's allocator, the C libraries' too: in one run of a network, ONNX Runtime and
-/// OpenVINO take and give back memory hundreds of times, and the C library's own took 5 % of a
-/// worker's time for it.
+/// The allocator of the process, including the C libraries. In one run of a network, ONNX Runtime
+/// and OpenVINO allocate and free memory hundreds of times. With the C library's allocator that
+/// took 5 % of a worker's time.
 #[cfg(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64"))]
 #[global_allocator]
 static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 
-/// What nobody needs goes back to the system though the server is idle, and bit by bit: by default
-/// memory of 8 MiB and more goes at once, and when 100 large bodies ended together, nothing ran for
-/// half a second. `MALLOC_CONF` in the environment has the last word.
+/// Returns unused memory to the system even while the server is idle, and in small pieces. By
+/// default, blocks of 8 MiB and more are returned at once. When 100 large bodies ended together,
+/// nothing ran for half a second. `MALLOC_CONF` in the environment overrides this.
 #[cfg(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64"))]
 #[allow(unsafe_code, reason = "the allocator looks for this name")]
 #[unsafe(export_name = "malloc_conf")]
 pub static ALLOCATOR_SETTINGS: &[u8; 44] = b"background_thread:true,oversize_threshold:0\0";
 
-/// The exit code after a mistake on the command line.
+/// Exit code after a mistake on the command line.
 const MISTAKEN: u8 = 2;
-/// The exit code after a second signal, which ends the server before its requests have finished.
+/// Exit code after a second signal, which ends the server before its requests have finished.
 const FORCED: u8 = 3;
 
 fn main() -> ExitCode {
@@ -57,13 +57,13 @@ fn main() -> ExitCode {
         None => run(cli),
     };
     result.unwrap_or_else(|error| {
-        // Unlike `eprintln`, this does not panic where nobody listens.
+        // Unlike `eprintln`, this does not panic if standard error is closed.
         let _ = writeln!(io::stderr(), "troupe-server: {error:#}");
         ExitCode::FAILURE
     })
 }
 
-/// Writes to standard output. That nobody listens there is no error.
+/// Writes to standard output. A closed output is no error.
 fn say(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -72,7 +72,7 @@ fn say(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Says what is found; fails where the server would not serve.
+/// Prints the report. Fails if the server would not start.
 fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     let config = Config::load_for_doctor(args)?;
     let report = Report::examine(&config);
@@ -88,7 +88,7 @@ fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Makes a key.
+/// Makes a key, and prints it with its entry for the file of keys.
 fn new_key(name: &str, role: Role, tenant: Option<&str>) -> anyhow::Result<ExitCode> {
     let key = keys::new_key();
     let mut entry = keys::entry(name, role, &key);
@@ -106,7 +106,7 @@ fn write_manual(folder: &Path) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Fails where the server does not answer, or says that it is not ready.
+/// Fails if the server does not answer or is not ready.
 fn check_health(args: &HealthArgs) -> anyhow::Result<ExitCode> {
     let (url, tls) = match &args.url {
         Some(url) => (url.clone(), args.tls(None)),
@@ -131,46 +131,43 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     start_logging(&config)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
-        .on_thread_start(interrupt_nobody)
+        .on_thread_start(yield_to_workers)
         .build()
         .context("cannot start the asynchronous runtime")?;
     let code = runtime.block_on(serve_until_stopped(config))?;
-    // Threads in the middle of an inference call must not hold up the exit.
+    // Threads that run inference must not delay the exit.
     runtime.shutdown_timeout(Duration::from_millis(100));
     Ok(code)
 }
 
-/// Has this thread, when it wakes, take a free core or wait for the end of a time slice, but not
+/// Makes this thread wait for a free core or the end of a time slice when it wakes. It does not
 /// push a worker off its core.
 ///
-/// A batch that is done wakes as many callers as it had characters. Where workers keep all cores
-/// busy, each of them would drive a network out of the core's caches for a tenth of a millisecond
-/// of work.
+/// A finished batch wakes one caller for each of its characters. If workers keep all cores busy,
+/// each caller would drive a network out of the core's caches for 0.1 ms of work.
 #[cfg(target_os = "linux")]
 #[allow(
     unsafe_code,
     reason = "no crate sets the policy and leaves the niceness as it is"
 )]
-fn interrupt_nobody() {
-    // Zero is the one priority of this policy; musl's struct has fields of another policy besides.
-    // SAFETY: integers, for which all zeroes are a value.
+fn yield_to_workers() {
+    // Zero is the only priority of this policy. musl's struct has more fields, for another policy.
+    // SAFETY: all fields are integers, for which zero is valid.
     let priority: libc::sched_param = unsafe { std::mem::zeroed() };
-    // SAFETY: the pointer is valid for the call, and 0 names the calling thread. It needs no
-    // privilege; a sandbox that refuses it all the same makes a busy server slower, and nothing
-    // else.
+    // SAFETY: the pointer is valid for the call, and 0 names the calling thread. The call needs no
+    // privilege. If a sandbox refuses it, a busy server is slower, and nothing else changes.
     unsafe { libc::sched_setscheduler(0, libc::SCHED_BATCH, &raw const priority) };
 }
 
 #[cfg(not(target_os = "linux"))]
-fn interrupt_nobody() {}
+fn yield_to_workers() {}
 
 fn start_logging(config: &Config) -> anyhow::Result<()> {
     let filter = EnvFilter::try_new(&config.log).with_context(|| format!("log is {:?}", config.log))?;
     let logging = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_ansi(io::stderr().is_terminal())
-        // Reports of lines that could not be written go to standard error too, and panic where it
-        // is closed.
+        // Reports about failed log writes go to standard error too, and panic if it is closed.
         .log_internal_errors(false)
         .with_writer(io::stderr);
     match config.log_format {
@@ -180,9 +177,9 @@ fn start_logging(config: &Config) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Connections that the system takes before the server does. A client that finds no place among
-/// them tries again after a second; 1,024, the usual number, made a health check wait for it while
-/// somebody opened 1,000. The system may allow fewer (`net.core.somaxconn`).
+/// Connections that the system queues before the server accepts them. A client without room in this
+/// queue tries again after a second. With the usual 1,024, a health check had to wait while another
+/// client opened 1,000 connections. The system may allow fewer (`net.core.somaxconn`).
 const LISTEN_BACKLOG: u32 = 4096;
 
 fn listen(address: SocketAddr) -> io::Result<TcpListener> {
@@ -190,8 +187,8 @@ fn listen(address: SocketAddr) -> io::Result<TcpListener> {
         SocketAddr::V4(_) => TcpSocket::new_v4(),
         SocketAddr::V6(_) => TcpSocket::new_v6(),
     }?;
-    // As `TcpListener::bind`: the server may start again while connections of the process before
-    // are being closed.
+    // As in `TcpListener::bind`: the server may restart while connections of its predecessor are
+    // still closing.
     #[cfg(unix)]
     socket.set_reuseaddr(true)?;
     socket.bind(address)?;
@@ -224,8 +221,8 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Reads files again at each SIGHUP. Without such files the signal ends the process, as it does
-/// where a terminal is closed.
+/// Reads files again at each SIGHUP. If there are no such files, the signal ends the process, as
+/// when a terminal is closed.
 #[cfg_attr(not(unix), allow(unused_variables, reason = "there is no such signal"))]
 async fn reload_at_hangup(server: &ServerHandle) {
     #[cfg(unix)]
@@ -260,7 +257,7 @@ fn greeting(server: &ServerHandle) -> String {
         )
     });
     let packs: String = packs.collect();
-    // In a checkout the client is to be built, and there is a clip to try it with.
+    // A source checkout has a clip to try, and its client must be built first.
     let (troupe, clip) = if Path::new("examples/walk.bvh").exists() {
         (
             "cargo run --release -p troupe-cli --",
@@ -277,7 +274,7 @@ fn greeting(server: &ServerHandle) -> String {
         (None, true) => (String::new(), " -H \"authorization: Bearer $TROUPE_KEY\""),
         (None, false) => (String::new(), ""),
     };
-    // Where the client looks by itself.
+    // The client uses this address by default.
     let server = match (address.ip().is_loopback(), address.port()) {
         (true, 8080) if scheme == "http" => String::new(),
         _ => format!(" --server {scheme}://{address}"),
@@ -296,7 +293,7 @@ fn greeting(server: &ServerHandle) -> String {
     )
 }
 
-/// Ctrl-c, and SIGTERM where there is such a thing. Made once, so that no signal between two waits
+/// Ctrl-C, and SIGTERM on Unix. The listeners exist from the start, so no signal between two waits
 /// is lost.
 struct StopSignals {
     #[cfg(unix)]

@@ -1,4 +1,4 @@
-//! The running server: loads packs behind an open port, accepts connections, drains on request.
+//! The running server: loads packs while the port is open, accepts connections, and drains.
 
 mod access;
 #[cfg(test)]
@@ -41,38 +41,37 @@ use troupe_live::world::Store;
 pub use error::StartError;
 pub use handle::{ServerHandle, Stopped};
 
-/// The pack that is the default where nothing else is said.
+/// Name of the pack that is the default if the configuration names none.
 const USUAL_DEFAULT: &str = "human";
-/// What an engine is called that the caller of [`serve_packs`] brings along.
+/// Name of an engine that the caller of [`serve_packs`] supplies.
 const CALLERS_ENGINE: &str = "other";
-/// How often recorded samples are folded into their buckets.
+/// Interval at which recorded samples are moved into their buckets.
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
-/// Time that streams have to end beyond that for requests.
+/// Extra time for streams to end, after the time for requests.
 const FAREWELL: Duration = Duration::from_millis(500);
-/// How often sessions are looked through for those whose time is up. Expiry itself does not wait
-/// for that.
+/// Interval at which expired sessions are removed. Sessions expire on time without this.
 const SWEEP_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Makes the stages of a pack for one worker, on the thread that will own them.
+/// Makes the stages of a pack for one worker, on the worker's own thread.
 pub type StagesFactory = Box<dyn Fn(&Pack) -> Result<Box<dyn Stages>, EngineError> + Send + Sync>;
-/// Makes the generator of a pack for one worker, whose batches have up to so many jobs, on the
-/// thread that will own it.
+/// Makes the generator of a pack for one worker, on the worker's own thread. The number is the most
+/// jobs in a batch.
 pub type MakeGenerator = Box<dyn Fn(&Pack, usize) -> Result<Box<dyn Generator>, EngineError> + Send + Sync>;
 
 /// A pack and what runs it.
 pub struct PackSource {
-    /// The pack.
+    /// The pack to serve, without its networks.
     pub pack: Pack,
-    /// Its workers: threads with a generator each, at least one.
+    /// Number of workers, at least one. Each is a thread with its own generator.
     pub workers: usize,
-    /// Makes a worker's generator.
+    /// Makes the generator of one worker.
     pub generator: MakeGenerator,
-    /// The engine that runs its networks, and why; nothing where the caller brings its own.
+    /// The engine that runs the networks, and the reason. None: the caller supplies it.
     pub decision: Option<Decision>,
 }
 
 impl PackSource {
-    /// A pack that fills gaps, whose three stages `stages` makes.
+    /// A pack that fills gaps. `stages` makes its three stages.
     pub fn of_stages(pack: Pack, workers: usize, stages: StagesFactory, decision: Option<Decision>) -> Self {
         let generator = move |pack: &Pack, max_batch| {
             let mut pipeline = Pipeline::new(pack.rig.dims, stages(pack)?, max_batch);
@@ -89,10 +88,10 @@ impl PackSource {
 }
 
 /// Most connections of a server: those that `config` asks for, or as many as the system's limit of
-/// open files leaves room for. Raises that limit as far as it may.
+/// open files allows. Raises that limit as far as possible.
 ///
 /// # Errors
-/// [`StartError::Files`] where there is no room for those that are asked for.
+/// [`StartError::Files`] if the limit has no room for the connections that `config` asks for.
 pub fn max_connections(config: &Config) -> Result<usize, StartError> {
     Ok(port::max_connections(config.max_connections)?)
 }
@@ -100,7 +99,7 @@ pub fn max_connections(config: &Config) -> Result<usize, StartError> {
 /// The packs that `config` names, checked but without their networks.
 ///
 /// # Errors
-/// [`StartError`] where a pack cannot be used, or two have one name.
+/// [`StartError`] if a pack cannot be used, or if two packs have the same name.
 pub fn load_packs(config: &Config) -> Result<Vec<Pack>, StartError> {
     let mut packs: Vec<Pack> = Vec::new();
     for folder in find_packs(&config.packs)? {
@@ -114,10 +113,10 @@ pub fn load_packs(config: &Config) -> Result<Vec<Pack>, StartError> {
     Ok(packs)
 }
 
-/// The packs that `config` names, and for each the engine that serves it best.
+/// The packs that `config` names, each with its best engine.
 ///
 /// # Errors
-/// [`StartError`] where a pack or the engine that is asked for cannot be used.
+/// [`StartError`] if a pack or the requested engine cannot be used.
 pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
     let packs = load_packs(config)?;
     let selector = config.selector(packs.len()).map_err(StartError::Library)?;
@@ -139,22 +138,22 @@ pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
     Ok(sources)
 }
 
-/// Starts a server on `listener` with the packs that `config` names. The port answers at once;
-/// requests are served when [`ServerHandle::ready`] says so.
+/// Starts a server on `listener` with the packs that `config` names. The port answers at once.
+/// Requests are served after [`ServerHandle::ready`].
 ///
 /// # Errors
-/// [`StartError`] where the server cannot be set up. Packs load later: [`ServerHandle::ready`]
-/// tells their errors.
+/// [`StartError`] if the server cannot be set up. Packs load later, and [`ServerHandle::ready`]
+/// returns their errors.
 pub async fn serve(config: Config, listener: TcpListener) -> Result<ServerHandle, StartError> {
     let for_packs = config.clone();
     serve_packs(config, listener, move || packs_of(&for_packs)).await
 }
 
-/// [`serve`], with packs and engines of the caller's choice. `packs` runs on the pool for blocking
+/// [`serve`] with packs and engines of the caller's choice. `packs` runs on the pool for blocking
 /// work.
 ///
 /// # Errors
-/// [`StartError`] where the server cannot be set up.
+/// [`StartError`] if the server cannot be set up.
 pub async fn serve_packs(
     config: Config,
     listener: TcpListener,
@@ -163,10 +162,10 @@ pub async fn serve_packs(
     serve_packs_at(config, listener, TimeSource::default(), packs).await
 }
 
-/// [`serve_packs`], with sessions that expire by the time that `time` tells.
+/// [`serve_packs`] with a clock for the expiry of sessions.
 ///
 /// # Errors
-/// [`StartError`] where the server cannot be set up.
+/// [`StartError`] if the server cannot be set up.
 pub async fn serve_packs_at(
     config: Config,
     listener: TcpListener,
@@ -182,17 +181,17 @@ pub async fn serve_packs_at(
     serve_on(config, listener, address, around, packs).await
 }
 
-/// What a server finds around it, besides its port.
+/// Everything that a server depends on, besides its port.
 struct Around {
-    /// The time by which sessions expire.
+    /// The clock for the expiry of sessions.
     time: TimeSource,
-    /// What runs characters.
+    /// The threads that run live characters.
     executor: Executor,
-    /// What outlived the server before.
+    /// Records that a previous server kept.
     records: OpenRecords,
 }
 
-/// [`serve_packs_at`], on a port that may be none of the system's.
+/// [`serve_packs_at`] on any listener, including one without a port of the system.
 async fn serve_on(
     config: Config,
     listener: impl Listen,
@@ -290,7 +289,7 @@ async fn serve_on(
     })
 }
 
-/// The TLS of `files`, and how it is read again.
+/// TLS with the certificates in `files`, and the source that reads them again.
 fn tls(files: TlsFiles) -> Result<(Arc<Tls>, Source), TlsError> {
     let paths = files.paths();
     let seen = reload::fingerprint(&paths);
@@ -302,7 +301,7 @@ fn tls(files: TlsFiles) -> Result<(Arc<Tls>, Source), TlsError> {
     ))
 }
 
-/// What must be done every now and then.
+/// Does the periodic work of a server.
 async fn upkeep(service: Arc<Service>) {
     let mut metrics = tokio::time::interval(UPKEEP_INTERVAL);
     let mut sweeps = tokio::time::interval(SWEEP_INTERVAL);
@@ -351,8 +350,8 @@ async fn start(
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
     let default = default_pack(&config, &sources)?;
     let loading = sources.into_iter().map(|source| load(&config, &service, source));
-    // All of them, for a library should not be left while another pack's workers are still inside
-    // it.
+    // Wait for all of them: the library must not be unloaded while workers of another pack still
+    // use it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
     let opening = service.clone();
     let (interval, tenants) = (config.fixed.snapshot_interval, config.tenant_options());

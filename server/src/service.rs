@@ -1,5 +1,5 @@
-//! The service behind both fronts: finds the pack, checks the request, has it served, and makes the
-//! answer.
+//! The service behind all transports: finds the pack, checks the request, has it served, and makes
+//! the answer.
 
 mod describe;
 mod error;
@@ -38,41 +38,40 @@ pub use error::ServiceError;
 pub use generate::Generation;
 pub use streamed::Streamed;
 
-/// Requests of up to this many characters are checked and finished on the task that received them;
-/// larger ones go to the pool for blocking work, so that they do not hold up other connections.
+/// Most characters of a request that is checked and finished on its own task. Larger requests go to
+/// the pool for blocking work, so that they do not delay other connections.
 const INLINE_CHARACTERS: usize = 4;
 
-/// When the answer to a request should be there, from its arrival on. It is the same for all, so
-/// they are served in the order of their arrival; beside the plans of live characters their class
-/// offset is added.
+/// Target time from a request's arrival to its answer. It is the same for all requests, so they are
+/// served in the order of arrival. Compared with plans of live characters, their class offset is
+/// added.
 const REQUEST_TARGET: Duration = Duration::from_millis(100);
 
-/// The service as a tenant has it. It starts without packs and serves once [`Service::open`] has
-/// given it some.
+/// The service of one tenant. It starts without packs, and serves after [`Service::open`] has
+/// supplied them.
 #[derive(Debug)]
 pub struct Service {
     common: Arc<Common>,
-    /// What the tenant has; none for callers without one.
+    /// The tenant's sessions, scenes, definitions and styles. None for callers without a tenant.
     space: Option<Arc<Space>>,
 }
 
-/// What all tenants share.
+/// State that all tenants share.
 #[derive(Debug)]
 struct Common {
-    /// Packs, and the sessions, scenes and definitions that go with them.
+    /// Packs, with the sessions, scenes and definitions that use them.
     spaces: OnceLock<Arc<Spaces>>,
     draining: AtomicBool,
     limits: RequestLimits,
     timeout: Duration,
-    /// Those of callers without a tenant.
+    /// Sessions of callers without a tenant.
     sessions: Arc<Sessions>,
     metrics: ServiceMetrics,
     telemetry: Telemetry,
 }
 
 impl Service {
-    /// A service that is not ready yet. Its callers do not wait for an answer longer than
-    /// `timeout`.
+    /// A service that is not ready yet. An answer takes at most `timeout`.
     pub fn new(limits: RequestLimits, timeout: Duration, sessions: Sessions, telemetry: Telemetry) -> Self {
         Self {
             common: Arc::new(Common {
@@ -88,11 +87,11 @@ impl Service {
         }
     }
 
-    /// Starts to serve, with the sessions of `records`; gives what keeps them from now on. Only the
-    /// first call counts. This blocks.
+    /// Starts to serve, with the sessions of `records`. Returns the keeper that saves sessions from
+    /// now on. Only the first call counts. This blocks.
     ///
     /// # Errors
-    /// [`RecordsError`] where the records cannot be read.
+    /// [`RecordsError`] if the records cannot be read.
     pub fn open(
         &self,
         packs: PackTable,
@@ -113,7 +112,7 @@ impl Service {
         Ok(keeper)
     }
 
-    /// The service as `tenant` has it. The first time this reads the tenant's files.
+    /// The service of `tenant`. The first call reads the tenant's files.
     ///
     /// # Errors
     /// [`ServiceError::Starting`] and [`ServiceError::Space`].
@@ -134,7 +133,7 @@ impl Service {
         }))
     }
 
-    /// Reports "not ready" from now on, so that no new work is sent here. What comes is still
+    /// Reports "not ready" from now on, so that clients send new work elsewhere. Requests are still
     /// served.
     pub fn announce_stop(&self) {
         self.common.draining.store(true, Ordering::Relaxed);
@@ -151,18 +150,18 @@ impl Service {
         &self.common.telemetry
     }
 
-    /// Sets the metrics that nothing else sets: to be called every few seconds, and before metrics
-    /// are read.
+    /// Updates the metrics that no event updates. Call it every few seconds, and before metrics are
+    /// read.
     pub fn look(&self) {
         self.common
             .metrics
             .look(self.ready().is_ok(), self.common.spaces.get());
     }
 
-    /// Whether the server should be sent requests.
+    /// Whether the server takes requests.
     ///
     /// # Errors
-    /// [`ServiceError`] while it starts or drains, or where an engine has stopped.
+    /// [`ServiceError`] while it starts or drains, or if an engine has stopped.
     pub fn ready(&self) -> Result<(), ServiceError> {
         if self.common.draining.load(Ordering::Relaxed) {
             return Err(SessionError::ShuttingDown.into());
@@ -173,7 +172,7 @@ impl Service {
         }
     }
 
-    /// What it serves with.
+    /// The tenant's sessions, scenes, definitions and styles.
     pub(crate) fn space(&self) -> Result<&Arc<Space>, ServiceError> {
         match (&self.space, self.common.spaces.get()) {
             (Some(space), _) => Ok(space),
@@ -182,7 +181,7 @@ impl Service {
         }
     }
 
-    /// How a request that arrived then waits for its turn.
+    /// The place in the queue of a request that arrived at `arrived`.
     pub(crate) fn order(&self, arrived: Instant) -> Order {
         Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout)
     }
@@ -236,7 +235,7 @@ impl Service {
         let loaded = self.table()?.find("pack", &request.pack)?;
         loaded.require(Capability::Inbetween, "pack")?;
         let characters = request.characters.len();
-        // One that is too large is told so, and not to come back.
+        // A request over the size limit gets its own error, without a retry hint.
         let most = self.common.limits.max_characters;
         if let Some(error) = loaded.batcher.refuse(characters.min(most)) {
             return Err(error.into());
@@ -286,7 +285,7 @@ impl Service {
     }
 }
 
-/// Without the skeletons of its bodies.
+/// The pack without the skeletons of its bodies.
 fn summary(mut pack: v1::Pack) -> v1::Pack {
     for body in &mut pack.bodies {
         body.joints.clear();

@@ -1,28 +1,27 @@
-//! Where traces go: to a collector that speaks OTLP over gRPC.
+//! Export of traces to a collector that speaks OTLP over gRPC.
 
 use opentelemetry_otlp::{ExporterBuildError, SpanExporter, WithExportConfig as _};
 use troupe_base::telemetry::EXPORT_TIMEOUT;
 
-/// Where traces go, and of which requests there are any.
+/// The collector of traces, and the share of requests that are traced.
 #[derive(Debug, Clone)]
 pub struct TraceOptions {
     /// The collector: `http://HOST:PORT`, OTLP over gRPC.
     pub endpoint: String,
-    /// Which share of requests and plans is traced, where the caller does not say whether its
-    /// request is.
+    /// Share of requests and plans that are traced, 0 to 1, if the caller does not decide.
     pub sample_ratio: f64,
 }
 
-/// Why there are no traces.
+/// The exporter of traces cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[error("otlp_endpoint cannot be used: {0}")]
 pub struct TracesError(#[from] ExporterBuildError);
 
 impl TraceOptions {
-    /// What sends spans to the collector. The collector may come later.
+    /// Makes the exporter that sends spans to the collector. The collector may start later.
     ///
     /// # Errors
-    /// [`TracesError`] for an endpoint that is none.
+    /// [`TracesError`] if the endpoint is not a valid URL.
     pub fn exporter(&self) -> Result<SpanExporter, TracesError> {
         let exporter = SpanExporter::builder()
             .with_tonic()

@@ -149,10 +149,10 @@ where
     };
     // Keeps the stream's place until the connection ends.
     let Ok((mut inbound, _permit)) = rest else {
-        return tracing::error!("a stream's conversation did not come to its end");
+        return tracing::error!("a stream's conversation did not finish");
     };
     if !written {
-        return tracing::debug!("a stream's client did not read its end");
+        return tracing::debug!("a stream's client did not read the rest of it");
     }
     // Reads what the client still sends. Otherwise the system may reset the connection before the
     // client has our last messages.
@@ -195,7 +195,7 @@ async fn write(
         .send(Message::Close(farewell.map(|reason| close_frame(&reason))))
         .await;
     if let Err(error) = close {
-        tracing::debug!(%error, "a stream's client did not wait for its end");
+        tracing::debug!(%error, "a stream's client left before its end");
     }
 }
 

@@ -134,7 +134,7 @@ pub fn refuse_frames(found: &v1::Feasibility) -> Result<(), NotFeasible> {
         "leads to frames whose {} is {:.2} times what the body's data shows",
         found.worst, found.ratio
     );
-    let allowed = "a path that is slower or turns less; without strict, whatever comes of it";
+    let allowed = "a path that is slower or turns less; without strict, any path";
     Err(path.field("points").error(message, allowed).into())
 }
 
@@ -247,8 +247,8 @@ impl Refusal<'_> {
         match figure {
             Figure::RootReach => {
                 let message = format!(
-                    "is {:.2} m over the ground from where the context leads in {steps} frames, and characters get {:.2} m from \
-                     there",
+                    "is {:.2} m over the ground from the place that the context leads to in {steps} frames; characters reach \
+                     at most {:.2} m from there",
                     reading.value, reading.limit
                 );
                 let distance = self.distance(limits, &context, target, steps);
@@ -281,7 +281,7 @@ impl Refusal<'_> {
             Some(most) => {
                 format!("at most {most:.2} m from the last context frame in this direction in {steps} frames")
             }
-            None => format!("a place nearer to where the context leads in {steps} frames"),
+            None => format!("a place nearer to the one that the context leads to in {steps} frames"),
         }
     }
 

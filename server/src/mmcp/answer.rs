@@ -1,4 +1,4 @@
-//! Answers as the wire has them: glTF with the extension `MMCP_motion`.
+//! Answers in the protocol's form: glTF with the extension `MMCP_motion`.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -25,7 +25,7 @@ struct Extension<'a> {
     notes: Vec<Note>,
 }
 
-/// What a client reads of a sample beside its channels.
+/// Metadata of one sample, beside its channels.
 #[derive(Debug, Serialize)]
 struct Sample {
     name: String,
@@ -36,7 +36,7 @@ struct Sample {
     trajectory: Wire,
 }
 
-/// The document of a request's samples.
+/// Writes the document for all samples of a request.
 ///
 /// # Errors
 /// [`GlbError`] for numbers that JSON cannot hold.

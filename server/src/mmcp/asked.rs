@@ -1,4 +1,4 @@
-//! A checked request: the motion to make, and how it is answered.
+//! A checked request: the motion to make, and the form of its answer.
 
 use std::sync::Arc;
 
@@ -10,14 +10,14 @@ use super::skeleton::Joints;
 /// A checked request.
 #[derive(Debug, Clone)]
 pub struct Asked {
-    /// What animates it.
+    /// The model that makes the motion.
     pub model: Model,
-    /// How the request orders the joints.
+    /// The order of joints in the request.
     pub joints: Arc<Joints>,
-    /// The motion.
+    /// The motion to make.
     pub take: Arc<Take>,
-    /// Motions to make, 1 to `MAX_SAMPLES`.
+    /// Number of motions to make, 1 to `MAX_SAMPLES`.
     pub samples: usize,
-    /// What the check did otherwise than asked.
+    /// Where the check deviated from the request.
     pub notes: Vec<Note>,
 }

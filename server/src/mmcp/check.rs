@@ -1,4 +1,4 @@
-//! From a request to what is to be made.
+//! Checks requests.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use crate::inbetween::check_words;
 use troupe_base::echo::cut;
 use troupe_live::wire::MAX_PROMPT_CHARS;
 
-/// The types of segments that the protocol knows.
+/// Types of segments in the protocol.
 const SEGMENTS: [&str; 5] = [
     "text",
     "unconditioned",
@@ -29,22 +29,22 @@ const SEGMENTS: [&str; 5] = [
     "motion_reference",
     "video_reference",
 ];
-/// Temperature of a request that does not say.
+/// Temperature of a request that sets none.
 const TEMPERATURE: f32 = 1.0;
-/// Frames over which a segment of words leads over, of a request that does not say.
+/// Default number of frames for the transition into a segment of words.
 const TRANSITION_FRAMES: i64 = 5;
 
-/// One segment, read.
+/// One decoded segment.
 enum Segment {
     Text(Text),
     Unconditioned(Unconditioned),
     Motion(MotionReference),
 }
 
-/// Checks a request, which is one of `models`.
+/// Checks a request for one of `models`.
 ///
 /// # Errors
-/// [`Fault`] for the first thing that is not accepted.
+/// [`Fault`] for the first value that is not accepted.
 pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
     if let Some(version) = value.get("protocol_version").and_then(Value::as_str)
         && super::schema::major(version).is_some()
@@ -102,7 +102,7 @@ pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
     })
 }
 
-/// The model that a request names.
+/// The model that a request names. None: no model has this id.
 fn named<'a>(value: &Value, models: &'a [Model]) -> Option<&'a Model> {
     let name = value.get("model")?.as_str()?;
     models.iter().find(|model| model.id == name)
@@ -119,8 +119,7 @@ fn unknown(name: &str, models: &[Model]) -> Fault {
     fault.with("available_models", ids)
 }
 
-/// Refuses segments that the protocol knows and the model does not take, before what they bring
-/// along is read.
+/// Rejects segment types that the model does not take, before the segments are decoded.
 fn check_types(value: &Value, model: &Model) -> Result<(), Fault> {
     let segments = value.get("segments").and_then(Value::as_array);
     let supported = model.segments();
@@ -189,7 +188,7 @@ impl Segment {
     }
 }
 
-/// The frames of each part of the motion.
+/// Frames of each part of the motion.
 fn lengths(segments: &[Segment], duration: Option<i64>, is_unconstrained: bool) -> Result<Vec<usize>, Fault> {
     let positive = |field: String, frames: i64| match usize::try_from(frames) {
         Ok(frames) if frames > 0 => Ok(frames),
@@ -232,7 +231,7 @@ fn clock(request: &Request, model: &Model, lengths: &[usize]) -> Result<Clock, F
             return Err(Fault::schema("timing.fps", format!("is {}", timing.fps), allowed));
         }
     };
-    // As whole numbers of a size that cannot overflow: each is checked against the longest motion.
+    // Whole numbers in a range that cannot overflow: each is compared with the longest motion.
     let most = (f64::from(MAX_SECONDS) * fps).floor() as usize;
     let frames = lengths.iter().try_fold(0_usize, |sum, &frames| {
         sum.checked_add(frames).filter(|sum| *sum <= most)
@@ -387,13 +386,13 @@ fn check_guidance(guidance: &Guidance, model: &Model) -> Result<(), Fault> {
     }
 }
 
-/// Whether the model takes this type of guidance. What it does not take is left out with a note:
-/// the protocol's own client for Blender sends guidance by text to every model.
+/// Whether the model takes this type of guidance. Other types are left out with a note, because the
+/// protocol's own Blender client sends text guidance to every model.
 fn takes(guidance: &Guidance, model: &Model) -> bool {
     model.guidance().contains(&guidance.kind.as_str())
 }
 
-/// How to move: the style, and what a sampler takes.
+/// How to move: the style and the sampler's options.
 fn look(options: &Options, model: &Model, notes: &mut Vec<Note>) -> Result<Look, Fault> {
     let mut look = Look {
         temperature: TEMPERATURE,
@@ -462,7 +461,7 @@ fn temperature(value: &Value) -> Result<f32, Fault> {
         })
 }
 
-/// Steps of a sampler.
+/// Sets the steps of the sampler.
 fn steps(options: &Options, model: &Model, look: &mut Look, notes: &mut Vec<Note>) {
     let most = model
         .loaded
@@ -478,7 +477,7 @@ fn steps(options: &Options, model: &Model, look: &mut Look, notes: &mut Vec<Note
     });
 }
 
-/// The weight of the style.
+/// Weight of the style.
 fn guidance(options: &Options, model: &Model, notes: &mut Vec<Note>) -> Option<f32> {
     let guidance = options.guidance.as_ref()?;
     if takes(guidance, model) {
@@ -490,12 +489,12 @@ fn guidance(options: &Options, model: &Model, notes: &mut Vec<Note>) -> Option<f
     None
 }
 
-/// The seed of a request. One that is not given is drawn, and a note says it.
+/// The seed of a request. If it gives none, a seed is drawn and reported in a note.
 fn seed(given: Option<i64>, notes: &mut Vec<Note>) -> u64 {
     match given {
         Some(seed) => seed as u64,
         None => {
-            // Within what every language's numbers hold.
+            // 32 bits fit into the numbers of every language.
             let drawn = rand::random::<u32>();
             notes.push(Note::info("seed", format!("the seed is {drawn}")));
             u64::from(drawn)

@@ -1,4 +1,4 @@
-//! The constraints of a request, checked.
+//! Checks the constraints of a request.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -14,34 +14,34 @@ use super::model::Model;
 use super::schema::{EffectorTarget, FillMode, GroundHeight, PoseKeyframe, RootPath, read, take_type};
 use super::skeleton::rotation;
 
-/// The types that the protocol knows.
+/// Types of constraints in the protocol.
 const TYPES: [&str; 4] = ["root_path", "effector_target", "pose_keyframe", "ground_height"];
 
-/// What the constraints of a request are about.
+/// The motion that the constraints belong to.
 pub struct Scope<'a> {
-    /// What is to meet them.
+    /// The model that must meet the constraints.
     pub model: &'a Model,
-    /// Frames of request and model.
+    /// Converts frames of the request to frames of the model.
     pub clock: Clock,
 }
 
-/// One constraint, read.
+/// One decoded constraint.
 #[derive(Debug)]
 pub enum Constraint {
-    /// Places of the root over the ground.
+    /// Positions of the root over the ground.
     Path(RootPath),
-    /// Places of a joint.
+    /// Positions of a joint.
     Effector(EffectorTarget),
-    /// Rotations of joints at a frame.
+    /// Rotations of joints in one frame.
     Pose(PoseKeyframe),
-    /// Points of the surface below.
+    /// Points on the ground's surface.
     Ground(GroundHeight),
 }
 
-/// Reads the constraints of a request.
+/// Decodes the constraints of a request.
 ///
 /// # Errors
-/// [`Fault`] for the first that is not of the protocol's form.
+/// [`Fault`] for the first constraint that does not have the protocol's form.
 pub fn read_all(values: Vec<Value>) -> Result<Vec<Constraint>, Fault> {
     let each = values.into_iter().enumerate();
     each.map(|(index, value)| read_one(value, &format!("constraints[{index}]")))
@@ -112,7 +112,7 @@ fn read_one(mut value: Value, place: &str) -> Result<Constraint, Fault> {
 }
 
 impl Constraint {
-    /// The name of its type.
+    /// The type's name in the protocol.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Path(_) => TYPES[0],
@@ -141,15 +141,15 @@ fn same(place: &str, found: usize, wanted: usize) -> Result<(), Fault> {
         false => Err(Fault::schema(
             place,
             format!("has {found} entries"),
-            format!("exactly {wanted}, one a frame"),
+            format!("exactly {wanted}, one per frame"),
         )),
     }
 }
 
-/// Checks constraints against the model, and brings them into its frames.
+/// Checks constraints against the model, and converts them to its frames.
 ///
 /// # Errors
-/// [`Fault`] for the first that is not accepted.
+/// [`Fault`] for the first constraint that is not accepted.
 pub fn check(constraints: &[Constraint], scope: &Scope<'_>) -> Result<Wanted, Fault> {
     let count = constraints.len();
     if count > MAX_CONSTRAINTS {
@@ -199,7 +199,7 @@ pub fn check(constraints: &[Constraint], scope: &Scope<'_>) -> Result<Wanted, Fa
                 if keys.insert(key.frame, key).is_some() {
                     let field = format!("{place}.frame");
                     let found = format!("is {}, which is the frame of another pose", given.frame);
-                    let allowed = "one pose a frame of the model";
+                    let allowed = "one pose per frame of the model";
                     return Err(Fault::new(Code::InvalidRequest, field, found, allowed));
                 }
             }
@@ -235,7 +235,7 @@ fn ground(constraints: &[Constraint]) -> Result<Ground, Fault> {
 /// A world position, metres.
 ///
 /// # Errors
-/// [`Fault`] for one that is too far away.
+/// [`Fault`] if it is too far away.
 pub(super) fn world(place: &str, [x, y, z]: [f64; 3]) -> Result<Vec3, Fault> {
     for (value, most, axis) in [
         (x, MAX_PLACE_M, 'x'),
@@ -250,7 +250,7 @@ pub(super) fn world(place: &str, [x, y, z]: [f64; 3]) -> Result<Vec3, Fault> {
     Ok(Vec3::new(x as f32, y as f32, z as f32))
 }
 
-/// The points of a path by a hundredth of a frame.
+/// Points of a path by their frame, in hundredths of a frame.
 type Knots = BTreeMap<i64, Knot>;
 
 impl Scope<'_> {
@@ -299,19 +299,19 @@ impl Scope<'_> {
             };
             if knots.insert((native * 100.0).round() as i64, knot).is_some() {
                 let field = format!("{place}.frames[{nth}]");
-                let found = format!("is {frame}, where the root has a place already");
+                let found = format!("is {frame}, but the root already has a place in that frame");
                 return Err(Fault::new(
                     Code::InvalidRequest,
                     field,
                     found,
-                    "one place a frame",
+                    "one place per frame",
                 ));
             }
         }
         Ok(())
     }
 
-    /// Nothing alive is faster.
+    /// Rejects a path that is faster than any living thing.
     fn check_speed(&self, path: &[Knot]) -> Result<(), Fault> {
         for pair in path.windows(2) {
             let [a, b] = [pair[0], pair[1]];
@@ -357,8 +357,8 @@ impl Scope<'_> {
                 let place = format!("{place}.rotations[{nth}]");
                 rotation(&place, rotations[nth]).map(|turned| axes.world_to_model(joint, turned))
             });
-            // The root's places are met before the motion is lifted onto the ground, those of other
-            // joints on it.
+            // The root's positions are met before the motion is lifted onto the ground, those of
+            // other joints after it.
             let floor = if joint == 0 {
                 ground.height(point.x, point.z)
             } else {

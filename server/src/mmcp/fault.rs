@@ -1,4 +1,4 @@
-//! What the protocol calls an error: one of a closed list of codes, each with its status.
+//! Errors of the protocol: a closed list of codes, each with an HTTP status.
 
 use serde_json::{Map, Value};
 use troupe_character::FieldError;
@@ -18,36 +18,36 @@ pub enum Code {
     UnsupportedSegment,
     /// A constraint names a joint that the skeleton does not have.
     UnknownJoint,
-    /// The joints of the skeleton are no tree.
+    /// The joints of the skeleton do not form a tree.
     InvalidSkeleton,
-    /// A constraint is for a frame that the motion does not have.
+    /// The motion does not have the frame of a constraint.
     FrameOutOfRange,
-    /// An option, a length or a number of things that the model does not take.
+    /// The model does not take this option, length or number of things.
     InvalidOptions,
-    /// Each part is valid, but not together with the others.
+    /// Each part is valid, but the parts do not fit together.
     InvalidRequest,
-    /// The major version of the protocol is another.
+    /// The major version of the protocol is not supported.
     VersionUnsupported,
-    /// There is no key, or an unknown one.
+    /// The key is missing or unknown.
     Unauthorized,
-    /// The key does not allow it, or the page may not ask.
+    /// The key's role does not allow the call, or the web page may not call the server.
     Forbidden,
     /// The body is too large.
     PayloadTooLarge,
-    /// The caller has too much on its way.
+    /// The caller has too much in transfer.
     RateLimited,
-    /// The server's fault.
+    /// A failure of the server.
     InternalError,
     /// The queue is full.
     ResourceExhausted,
-    /// The server starts, drains or is broken.
+    /// The server is starting, draining or broken.
     ModelUnavailable,
-    /// It was not served in time.
+    /// The request was not served in time.
     Timeout,
 }
 
 impl Code {
-    /// All of them.
+    /// Every code of the protocol.
     pub const ALL: [Self; 19] = [
         Self::SchemaValidation,
         Self::UnknownModel,
@@ -70,12 +70,12 @@ impl Code {
         Self::Timeout,
     ];
 
-    /// Its name on the wire.
+    /// The code on the wire.
     pub fn name(self) -> &'static str {
         self.parts().0
     }
 
-    /// Its HTTP status.
+    /// The HTTP status of answers with this code.
     pub fn status(self) -> u16 {
         self.parts().1
     }
@@ -105,7 +105,7 @@ impl Code {
     }
 }
 
-/// A request, or one of a batch, that is not accepted.
+/// Why a request, or one request of a batch, is not accepted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{place}")]
 pub struct Fault {
@@ -113,12 +113,12 @@ pub struct Fault {
     pub code: Code,
     /// The field at fault, what is wrong with it, and what is allowed.
     pub place: FieldError,
-    /// What the protocol's own server tells besides, such as the models that there are.
+    /// Further members that the protocol's reference server also sends, such as the list of models.
     pub details: Map<String, Value>,
 }
 
 impl Fault {
-    /// A fault of a field.
+    /// An error of a field.
     pub fn new(
         code: Code,
         field: impl Into<String>,
@@ -136,17 +136,17 @@ impl Fault {
         }
     }
 
-    /// A fault of an option or a length.
+    /// An error of an option or a length.
     pub fn option(field: impl Into<String>, message: impl Into<String>, allowed: impl Into<String>) -> Self {
         Self::new(Code::InvalidOptions, field, message, allowed)
     }
 
-    /// A value of the wrong form.
+    /// An error of a value with the wrong form.
     pub fn schema(field: impl Into<String>, message: impl Into<String>, allowed: impl Into<String>) -> Self {
         Self::new(Code::SchemaValidation, field, message, allowed)
     }
 
-    /// Tells one thing more.
+    /// Adds a member to the details.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.details.insert(name.to_owned(), value.into());

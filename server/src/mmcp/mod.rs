@@ -1,10 +1,10 @@
-//! The Motion Model Context Protocol (MMCP 1.4): what motion tools such as Blender speak.
+//! The Motion Model Context Protocol (MMCP 1.4), which tools such as Blender use to ask for motion.
 //!
-//! A loaded pack is a model, or one model a body ([`model`]). A request is read ([`schema`]),
-//! checked ([`check`], [`constraints`]) and becomes a take ([`asked`]; `character/src/take` makes
-//! it). [`run`] has all samples of all takes made together, window after window. A motion in place
-//! of words ([`reference`]) is put into words first. [`answer`] writes the motions as glTF with the
-//! extension `MMCP_motion`.
+//! A loaded pack is one model, or one model for each of its bodies ([`model`]). A request is
+//! decoded ([`schema`]), checked ([`check`], [`constraints`]) and becomes a take ([`asked`]). The
+//! code in `character/src/take` makes takes. [`run`] makes all samples of all takes together,
+//! window by window. A reference motion ([`reference`]) is first described in words. [`answer`]
+//! writes the motions as glTF with the extension `MMCP_motion`.
 
 pub mod answer;
 pub mod asked;

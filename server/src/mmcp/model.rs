@@ -1,4 +1,4 @@
-//! Models of the protocol: a loaded pack is one, or as many as it has bodies.
+//! Models of the protocol. A loaded pack is one model, or one for each of its bodies.
 
 use std::sync::Arc;
 
@@ -20,21 +20,21 @@ use crate::inbetween::fitting;
 use troupe_live::packs::{LoadedPack, PackTable};
 use troupe_live::wire::MAX_PROMPT_CHARS;
 
-/// The version that is spoken.
+/// The protocol version of this server.
 pub const VERSION: &str = "1.4";
 
-/// A pack, or one of its bodies, as the protocol sees it.
+/// A pack or one of its bodies, as a model of the protocol.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// Its id: the pack's name, or `PACK/BODY`.
+    /// The pack's name, or `PACK/BODY`.
     pub id: String,
-    /// Its pack.
+    /// The pack that makes the motion.
     pub loaded: Arc<LoadedPack>,
-    /// The place of its body among the pack's; 0 for a pack of one skeleton.
+    /// Index of the body in the pack. 0 for a pack with one skeleton.
     pub place: usize,
 }
 
-/// All models, the default pack's first.
+/// All models. Those of the default pack come first.
 pub fn models(table: &PackTable) -> Vec<Model> {
     let mut packs: Vec<&Arc<LoadedPack>> = table.all().collect();
     packs.sort_by_key(|loaded| !table.is_default(loaded));
@@ -61,17 +61,17 @@ fn of_pack(loaded: &Arc<LoadedPack>) -> Vec<Model> {
 }
 
 impl Model {
-    /// What it animates.
+    /// The rig that the model animates.
     pub fn rig(&self) -> &Arc<Rig> {
         self.loaded.rig(self.place)
     }
 
-    /// Its body, where its pack has bodies.
+    /// The body. None: the pack has one skeleton.
     pub fn body(&self) -> Option<&Arc<Body>> {
         self.loaded.pack.bodies.get(self.place)
     }
 
-    /// The locomotion styles of its body.
+    /// The locomotion styles of the body.
     pub fn styles(&self) -> &Arc<StyleTable> {
         &self.loaded.styles[self.place]
     }
@@ -80,33 +80,34 @@ impl Model {
         self.loaded.pack.manifest.capabilities.has(capability)
     }
 
-    /// Whether it goes from keyframe to keyframe, walking in a style between them.
+    /// Whether the model makes motion from keyframe to keyframe, and walks in a style between them.
     pub fn walks(&self) -> bool {
         self.loaded.walks(self.place)
     }
 
-    /// Whether it follows paths.
+    /// Whether the model follows paths.
     pub fn follows(&self) -> bool {
         self.can(Capability::Path) && self.body().is_some()
     }
 
-    /// Whether it acts out words.
+    /// Whether the model acts out words.
     pub fn speaks(&self) -> bool {
         self.can(Capability::Text)
     }
 
-    /// Whether it makes motion like another: it puts that into words, and acts them out.
+    /// Whether the model imitates a reference motion: it describes the motion in words and acts
+    /// those out.
     pub fn imitates(&self) -> bool {
         self.speaks() && self.can(Capability::Describe)
     }
 
-    /// Most frames of a motion in the place of words.
+    /// Most frames of a reference motion.
     pub fn max_reference_frames(&self) -> usize {
         let language = self.loaded.pack.language();
         language.map_or(MAX_REFERENCE_FRAMES, |language| language.max_frames())
     }
 
-    /// What a take of it animates.
+    /// What a take of this model animates.
     pub fn subject(&self) -> Subject {
         let pack = &self.loaded.pack;
         let (rest, rest_height_m) = self.rest();
@@ -123,12 +124,12 @@ impl Model {
         }
     }
 
-    /// Words that it found itself, as far as a prompt of it may go.
+    /// The first words of a description that the model made itself, as many as fit into a prompt.
     pub fn fitting(&self, text: &str) -> String {
         fitting(&self.loaded.pack, text)
     }
 
-    /// The types of segments that it takes.
+    /// Types of segments that the model takes.
     pub fn segments(&self) -> Vec<&'static str> {
         let all = [
             ("text", self.speaks()),
@@ -138,7 +139,7 @@ impl Model {
         names(&all)
     }
 
-    /// The types of constraints that it takes.
+    /// Types of constraints that the model takes.
     pub fn constraints(&self) -> Vec<&'static str> {
         let moves = self.walks() || self.follows();
         let all = [
@@ -150,12 +151,12 @@ impl Model {
         names(&all)
     }
 
-    /// The types of guidance that it takes.
+    /// Types of guidance that the model takes.
     pub fn guidance(&self) -> Vec<&'static str> {
         names(&[("nocfg", true), ("regular", self.follows())])
     }
 
-    /// Names of its styles, as many as an option may list. The default comes first, if any.
+    /// Names of the styles, as many as an option may list. The default style comes first, if any.
     pub fn style_names(&self) -> Vec<String> {
         if self.follows() {
             let words = self.body().map(|body| body.words.clone()).unwrap_or_default();
@@ -167,7 +168,7 @@ impl Model {
         default.iter().cloned().chain(others).take(MAX_VALUES).collect()
     }
 
-    /// The local rotations of its pose at rest, one a joint, and the height of its root, metres. It
+    /// The rest pose: one local rotation per joint, and the height of the root, metres. The model
     /// stands and faces +Z.
     pub fn rest(&self) -> (Vec<Quat>, f32) {
         let skeleton = &self.rig().skeleton;
@@ -182,13 +183,13 @@ impl Model {
         }
     }
 
-    /// The axes of its joints on the wire.
+    /// The axes of the joints on the wire.
     pub fn axes(&self) -> Axes {
         Axes::new(&self.rig().skeleton, &self.rest().0)
     }
 
-    /// Its skeleton at rest. On the wire all joints have the world's axes then: there are clients
-    /// that leave out the rotations of a rest pose.
+    /// The skeleton at rest. On the wire all joints then have the world's axes, because some
+    /// clients ignore the rotations of a rest pose.
     pub fn skeleton(&self) -> Skeleton {
         let (_, height_m) = self.rest();
         let axes = self.axes();
@@ -212,7 +213,7 @@ impl Model {
         }
     }
 
-    /// Names of the joints whose contacts an answer has, at most eight.
+    /// Names of the joints with contacts in an answer, at most eight.
     pub fn contact_joints(&self) -> Vec<String> {
         let skeleton = &self.rig().skeleton;
         let joints = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);
@@ -222,13 +223,13 @@ impl Model {
             .collect()
     }
 
-    /// Frames that one call of the networks makes at most.
+    /// Most frames of one call of the networks.
     pub fn window_frames(&self) -> usize {
         let dims = &self.rig().dims;
         dims.max_frames() - dims.context_frames
     }
 
-    /// The options that are its own.
+    /// Options that only this model has.
     fn options(&self) -> Vec<Value> {
         let names = self.style_names();
         let mut options = Vec::new();
@@ -258,7 +259,7 @@ impl Model {
         options
     }
 
-    /// Its entry in the answer to `GET /capabilities`.
+    /// The model's entry in the answer to `GET /capabilities`.
     fn describe(&self, max_request_bytes: usize) -> Spec {
         let moves = self.walks() || self.follows();
         Spec {
@@ -314,8 +315,8 @@ pub struct Capabilities {
 }
 
 impl Capabilities {
-    /// What the models of a table can do, from requests of at most so many bytes. A pack that can
-    /// do nothing of the protocol is no model.
+    /// The capabilities of all models of a table, for requests of at most `max_request_bytes`. A
+    /// pack without any capability of the protocol is no model.
     pub fn of(table: &PackTable, max_request_bytes: usize) -> Self {
         let models = models(table).into_iter();
         let models = models.filter(|model| !model.segments().is_empty());

@@ -1,6 +1,6 @@
-//! Motions that stand in the place of words: read, and brought into the model's frames.
+//! Reference motions: decodes them and converts them to the model's frames.
 //!
-//! A model that puts motion into words reads one, and acts out the words.
+//! A model describes a reference motion in words, and acts out the words.
 
 use std::collections::{HashMap, HashSet};
 
@@ -19,10 +19,10 @@ use super::skeleton;
 use crate::inbetween::check_description;
 use troupe_base::echo::cut;
 
-/// Checks the motion of a segment, the one with this place in the request.
+/// Checks the reference motion of the segment at `place` in the request.
 ///
 /// # Errors
-/// [`Fault`] for the first thing that is not accepted.
+/// [`Fault`] for the first value that is not accepted.
 pub fn check(place: &str, given: &MotionReference, model: &Model) -> Result<MotionFrames, Fault> {
     check_form(place, given, model)?;
     if let Some(own) = &given.skeleton {
@@ -45,7 +45,7 @@ pub fn check(place: &str, given: &MotionReference, model: &Model) -> Result<Moti
     Ok(frames)
 }
 
-/// The lists have an entry a frame and a joint, and are not too long.
+/// Checks that the lists have one entry per frame or joint, and are not too long.
 fn check_form(place: &str, given: &MotionReference, model: &Model) -> Result<(), Fault> {
     let field = |name: &str| format!("{place}.{name}");
     let (frames, most) = (given.rotations.len(), model.max_reference_frames());
@@ -68,10 +68,10 @@ fn check_form(place: &str, given: &MotionReference, model: &Model) -> Result<(),
             allowed,
         ));
     }
-    entries("root_positions", given.root_positions.len(), frames, "a frame")?;
+    entries("root_positions", given.root_positions.len(), frames, "per frame")?;
     for (index, pose) in given.rotations.iter().enumerate() {
         let name = format!("rotations[{index}]");
-        entries(&name, pose.len(), given.joint_names.len(), "a joint")?;
+        entries(&name, pose.len(), given.joint_names.len(), "per joint")?;
     }
     if !(FPS[0]..=FPS[1]).contains(&given.fps) {
         let allowed = format!("{} to {}", FPS[0], FPS[1]);
@@ -89,7 +89,7 @@ fn check_form(place: &str, given: &MotionReference, model: &Model) -> Result<(),
     }
 }
 
-/// Of each joint of the motion, the model's. The root is among them.
+/// The model's index of each joint in the reference motion. The root must be among them.
 fn joints(place: &str, given: &MotionReference, model: &Model) -> Result<Vec<usize>, Fault> {
     let own = &model.rig().skeleton.joints;
     let places: HashMap<&str, usize> = own
@@ -124,7 +124,7 @@ fn joints(place: &str, given: &MotionReference, model: &Model) -> Result<Vec<usi
     }
 }
 
-/// The motion at the model's rate. Joints that it leaves out are as at rest.
+/// The reference motion at the model's frame rate. Joints that it leaves out are at rest.
 fn clip(place: &str, given: &MotionReference, joints: &[usize], model: &Model) -> Result<Clip, Fault> {
     let (rest, axes) = (model.rest().0, model.axes());
     let mut rotations: Vec<Quat> = Vec::with_capacity(given.rotations.len() * rest.len());
@@ -144,7 +144,7 @@ fn clip(place: &str, given: &MotionReference, joints: &[usize], model: &Model) -
         .map_err(|error| Fault::option(place, error.to_string(), "a motion of the model's joints"))
 }
 
-/// The frames as the model reads them, in the frame of the first.
+/// The frames as input of the model, relative to the first frame.
 fn keyframes(clip: &Clip, model: &Model) -> MotionFrames {
     let rig = model.rig();
     let key = |frame: usize| {

@@ -1,4 +1,4 @@
-//! From the body of a call to its answer: all samples of all requests are made together.
+//! Serves a call. The samples of all its requests are made together.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -24,10 +24,10 @@ use troupe_base::telemetry::RequestContext;
 use troupe_batch::trace_served;
 use troupe_live::packs::LoadedPack;
 
-/// Samples whose planning is not worth another thread.
+/// Most samples whose planning stays on the calling thread.
 const INLINE_SAMPLES: usize = 2;
 
-/// The body of a call: a request, or a batch of them. It is read once its model is known.
+/// The body of a call: a request, or a batch of requests. It is decoded when its model is known.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(transparent)]
 pub struct Body(pub Value);
@@ -39,10 +39,10 @@ impl rpc::Request for Body {
 /// Why a request was not served.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum Failure {
-    /// It is not accepted.
+    /// The request is not accepted.
     #[error(transparent)]
     Fault(#[from] Fault),
-    /// It was accepted, but not served.
+    /// The request was accepted, but not served.
     #[error(transparent)]
     Service(Box<ServiceError>),
 }
@@ -65,19 +65,19 @@ impl From<WorkerStopped> for Failure {
     }
 }
 
-/// What is answered.
+/// The answer to a call.
 #[derive(Debug)]
 pub enum Reply {
-    /// The document of a request.
+    /// The document of a single request.
     One(Vec<u8>),
-    /// Those of a batch, in its order.
+    /// The documents of a batch, in the order of its requests.
     Many(Vec<Result<Vec<u8>, Failure>>),
 }
 
-/// Serves a body.
+/// Serves a request or a batch.
 ///
 /// # Errors
-/// [`Failure`] for a request that is not served, and for a batch that is none.
+/// [`Failure`] for a single request that is not served, and for a malformed batch.
 pub async fn generate(service: &Service, body: Body) -> Result<Reply, Failure> {
     let arrived = Instant::now();
     let models = models(service.table()?);
@@ -107,7 +107,7 @@ pub async fn generate(service: &Service, body: Body) -> Result<Reply, Failure> {
     Ok(Reply::Many(serve(service, takes, arrived).await))
 }
 
-/// The requests of a batch; those that name no version have that of the batch.
+/// The requests of a batch. A request without a version gets the batch's version.
 fn batch(mut value: Value) -> Result<Vec<Result<Value, Fault>>, Fault> {
     let version = value
         .get("protocol_version")
@@ -151,16 +151,16 @@ fn batch(mut value: Value) -> Result<Vec<Result<Value, Fault>>, Fault> {
     Ok(each.collect())
 }
 
-/// One sample on its way.
+/// One sample in progress.
 struct Job {
-    /// Place of its request.
+    /// Index of the request.
     take: usize,
     making: Making,
-    /// Why it went no further.
+    /// The error that stopped this sample.
     failure: Option<Failure>,
 }
 
-/// A path that the model does not take, in the words of the request.
+/// Maps the error of a path that the model does not take to the request's field.
 fn not_a_path(error: &FieldError) -> Fault {
     Fault::new(
         Code::InvalidOptions,
@@ -173,7 +173,7 @@ fn not_a_path(error: &FieldError) -> Fault {
     )
 }
 
-/// The documents of takes, in their order.
+/// The documents of all takes, in their order.
 async fn serve(
     service: &Service,
     takes: Vec<Result<Asked, Failure>>,
@@ -203,7 +203,7 @@ async fn serve(
         .collect()
 }
 
-/// The documents of the takes of one pack, each with its place.
+/// The documents of all takes of one pack, each with its index.
 async fn group(
     service: &Service,
     loaded: &Arc<LoadedPack>,
@@ -238,7 +238,8 @@ async fn group(
     }
 }
 
-/// Has all samples made, a window of each at a time: those that wait together are a batch.
+/// Makes all samples together, one window of each at a time. Windows that wait together form a
+/// batch.
 async fn make(
     service: &Service,
     loaded: &LoadedPack,
@@ -276,7 +277,7 @@ async fn make(
     Ok(jobs)
 }
 
-/// What a generator made; words that it found as far as a prompt of the model may go.
+/// The output of a generator. Words are cut to what fits into a prompt of the model.
 fn fitted(made: Output, asked: &Result<Asked, Failure>) -> Output {
     match (made, asked) {
         (Output::Text(text), Ok(asked)) => Output::Text(asked.model.fitting(&text)),
@@ -300,7 +301,7 @@ fn begin(takes: &[Result<Asked, Failure>], own: &[usize]) -> (Vec<Job>, Vec<(usi
     (jobs, tasks)
 }
 
-/// The next window of each job that has one.
+/// The next window of each unfinished job.
 fn step(jobs: &mut [Job]) -> Vec<(usize, Task)> {
     let mut tasks = Vec::new();
     for (place, job) in jobs.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! Requests as the wire has them. Unknown fields are refused.
+//! Requests in the protocol's form. Unknown fields are refused.
 
 use std::collections::BTreeMap;
 
@@ -18,11 +18,11 @@ pub struct Joint {
     /// The parent's name; null for the root.
     #[serde(default)]
     pub parent: Option<String>,
-    /// Place in the parent's frame at rest, metres.
+    /// Position in the parent's frame at rest, metres.
     pub rest_translation: [f64; 3],
-    /// x, y, z, w, relative to the parent.
+    /// Quaternion x, y, z, w, relative to the parent.
     pub rest_rotation: [f64; 4],
-    /// What people call it.
+    /// Name to show to people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub display_name: Option<String>,
 }
@@ -31,17 +31,17 @@ pub struct Joint {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Skeleton {
-    /// At least one.
+    /// One joint or more.
     pub joints: Vec<Joint>,
-    /// `right_handed_y_up`.
+    /// Always `right_handed_y_up`.
     #[serde(default = "coordinates")]
     pub coordinate_system: String,
-    /// `meters`.
+    /// Always `meters`.
     #[serde(default = "units")]
     pub units: String,
 }
 
-/// The protocol's axes.
+/// The protocol's coordinate system.
 pub fn coordinates() -> String {
     "right_handed_y_up".to_owned()
 }
@@ -51,29 +51,29 @@ pub fn units() -> String {
     "meters".to_owned()
 }
 
-/// One request, whose segments and constraints are read by their types.
+/// One request. Its segments and constraints are decoded later, by their types.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// `major.minor`.
+    /// `MAJOR.MINOR`, such as 1.4.
     pub protocol_version: String,
-    /// A model's id.
+    /// Id of a model.
     pub model: String,
     /// The model's joints.
     pub skeleton: Skeleton,
-    /// What to do, one after another.
+    /// Segments of the motion, one after another.
     #[serde(default)]
     pub segments: Vec<Value>,
-    /// What the motion must meet.
+    /// Constraints that the motion must meet.
     #[serde(default)]
     pub constraints: Vec<Value>,
     /// Frames of a request without segments.
     #[serde(default)]
     pub duration_frames: Option<i64>,
-    /// The frame rate, where not the model's.
+    /// The frame rate. Left out: the model's.
     #[serde(default)]
     pub timing: Option<Timing>,
-    /// How to make it.
+    /// How to make the motion.
     #[serde(default)]
     pub options: Option<Options>,
 }
@@ -90,28 +90,28 @@ pub struct Timing {
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Options {
-    /// Steps of the sampler.
+    /// Number of sampler steps.
     #[serde(default)]
     pub diffusion_steps: Option<i64>,
-    /// Motions to make.
+    /// Number of motions to make.
     #[serde(default)]
     pub num_samples: Option<i64>,
     /// Seed of all random choices.
     #[serde(default)]
     pub seed: Option<i64>,
-    /// Whether feet that stand are held still.
+    /// Whether standing feet are held still.
     #[serde(default)]
     pub post_processing: Option<bool>,
-    /// Frames over which a segment leads over from the one before.
+    /// Frames of the transition from the segment before.
     #[serde(default)]
     pub transition_frames: Option<i64>,
-    /// How strictly to follow the style.
+    /// How closely to follow the style.
     #[serde(default)]
     pub guidance: Option<Guidance>,
-    /// Whether the end meets the start.
+    /// Whether the end of the motion meets its start.
     #[serde(default, rename = "loop")]
     pub is_loop: Option<bool>,
-    /// How far thinned curves may be off.
+    /// Largest error of thinned curves.
     #[serde(default)]
     pub keyframe_budget: Option<f64>,
     /// Values of the model's own options.
@@ -123,10 +123,10 @@ pub struct Options {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guidance {
-    /// `nocfg`, `regular` or `separated`.
+    /// One of `nocfg`, `regular` and `separated`.
     #[serde(rename = "type")]
     pub kind: String,
-    /// None, one or two weights.
+    /// Up to two weights.
     #[serde(default)]
     pub weight: Vec<f64>,
 }
@@ -135,82 +135,83 @@ pub struct Guidance {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Text {
-    /// What to do.
+    /// The action, in words.
     pub prompt: String,
-    /// Its length.
+    /// Frames of the segment.
     pub duration_frames: i64,
     /// The prompt's language.
     #[serde(default = "english")]
     pub language: Option<String>,
-    /// Its own seed.
+    /// Seed of this segment alone.
     #[serde(default)]
     pub seed: Option<i64>,
 }
 
-/// The language of prompts that do not say.
+/// The language of prompts that name none.
 pub const ENGLISH: &str = "en";
 
 fn english() -> Option<String> {
     Some(ENGLISH.to_owned())
 }
 
-/// A segment of whatever suits the constraints.
+/// A segment without words: any motion that meets the constraints.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unconditioned {
-    /// Its length.
+    /// Frames of the segment.
     pub duration_frames: i64,
-    /// Its own seed.
+    /// Seed of this segment alone.
     #[serde(default)]
     pub seed: Option<i64>,
 }
 
-/// A segment of motion like another.
+/// A segment that imitates a reference motion.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotionReference {
-    /// Its length.
+    /// Frames of the segment.
     pub duration_frames: i64,
-    /// The skeleton of the other motion, where not the request's.
+    /// The skeleton of the reference motion. Left out: the request's.
     #[serde(default)]
     pub skeleton: Option<Skeleton>,
-    /// The joints of the other motion, its root among them.
+    /// Joints of the reference motion. The root must be among them.
     pub joint_names: Vec<String>,
-    /// `[frames][joints]`: x, y, z, w, relative to the parent; the root's in the world.
+    /// `[frames][joints]`: quaternions x, y, z, w, relative to the parent. The root's is in the
+    /// world.
     pub rotations: Vec<Vec<[f64; 4]>>,
-    /// World places of the root, one a frame, metres.
+    /// World positions of the root, one per frame, metres.
     pub root_positions: Vec<[f64; 3]>,
-    /// Frames a second of the other motion.
+    /// Frame rate of the reference motion.
     pub fps: f64,
-    /// Its own seed.
+    /// Seed of this segment alone.
     #[serde(default)]
     pub seed: Option<i64>,
 }
 
-/// Places of the root over the ground.
+/// Positions of the root over the ground.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RootPath {
-    /// Growing.
+    /// In growing order.
     pub frames: Vec<i64>,
-    /// World x and z, one a frame, metres.
+    /// World x and z, one per frame, metres.
     pub positions_xz: Vec<[f64; 2]>,
-    /// One a frame: 0 faces +Z, a quarter turn +X.
+    /// One per frame: 0 faces +Z, a quarter turn +X.
     #[serde(default)]
     pub heading_radians: Option<Vec<f64>>,
 }
 
-/// Places of a joint.
+/// Positions of a joint.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EffectorTarget {
-    /// Its name.
+    /// A joint of the request's skeleton.
     pub joint: String,
-    /// Frames.
+    /// From 0, below the request's frames.
     pub frames: Vec<i64>,
-    /// World places, one a frame, metres.
+    /// World positions, one per frame, metres.
     pub positions: Vec<[f64; 3]>,
-    /// World rotations (x, y, z, w), one a frame.
+    /// World rotations (x, y, z, w), one per frame.
     #[serde(default)]
     pub rotations: Option<Vec<[f64; 4]>>,
 }
@@ -219,30 +220,30 @@ pub struct EffectorTarget {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseKeyframe {
-    /// 0 or more, below the request's frames.
+    /// From 0, below the request's frames.
     pub frame: i64,
-    /// By the joint's name: x, y, z, w, relative to the parent; the root's in the world.
+    /// By joint name: quaternion x, y, z, w, relative to the parent. The root's is in the world.
     pub joint_rotations: BTreeMap<String, [f64; 4]>,
-    /// World place of the root, metres.
+    /// World position of the root, metres.
     #[serde(default)]
     pub root_position: Option<[f64; 3]>,
-    /// What joints do that are left out.
+    /// Motion of the joints that are left out.
     #[serde(default)]
     pub fill_mode: FillMode,
 }
 
-/// What joints do that a keyframe leaves out.
+/// Motion of the joints that a keyframe leaves out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FillMode {
-    /// They are as at rest.
+    /// They keep their rest rotations.
     Rest,
-    /// They are the model's.
+    /// The model decides.
     #[default]
     Generate,
 }
 
-/// Points of the ground's surface.
+/// Points on the ground's surface.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroundHeight {
@@ -250,10 +251,10 @@ pub struct GroundHeight {
     pub points: Vec<[f64; 3]>,
 }
 
-/// Reads a value at `place` of the request; the empty place is the request itself.
+/// Decodes a value at `place` of the request. The empty place is the request itself.
 ///
 /// # Errors
-/// [`Fault`] that names the field.
+/// [`Fault`], which names the field.
 pub fn read<T: DeserializeOwned>(value: Value, place: &str) -> Result<T, Fault> {
     serde_path_to_error::deserialize(value).map_err(|error| {
         let path = error.path().to_string();
@@ -263,7 +264,7 @@ pub fn read<T: DeserializeOwned>(value: Value, place: &str) -> Result<T, Fault> 
         let name = name.and_then(|rest| rest.split('`').next());
         let path = Some(path).filter(|path| path != ".");
         let mut parts: Vec<&str> = [place, path.as_deref().unwrap_or_default()].to_vec();
-        // An unknown field is in the path already.
+        // The path includes an unknown field already.
         if let Some(name) = name.filter(|name| !path.as_deref().unwrap_or_default().ends_with(name)) {
             parts.push(name);
         }
@@ -277,7 +278,7 @@ pub fn read<T: DeserializeOwned>(value: Value, place: &str) -> Result<T, Fault> 
     })
 }
 
-/// Takes the type off a segment or constraint.
+/// Removes the type from a segment or constraint, and returns it.
 ///
 /// # Errors
 /// [`Fault`] for anything but an object with a type.
@@ -295,7 +296,7 @@ pub fn take_type(value: &mut Value, place: &str) -> Result<String, Fault> {
     }
 }
 
-/// The major version of a protocol version; none for a text of another form.
+/// The major version of a protocol version. None: the text has another form.
 pub fn major(version: &str) -> Option<&str> {
     let (major, minor) = version.split_once('.')?;
     let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
@@ -305,7 +306,7 @@ pub fn major(version: &str) -> Option<&str> {
 /// Checks the protocol's version.
 ///
 /// # Errors
-/// [`Fault`] for one of another form or another major version.
+/// [`Fault`] for a version of another form or with another major version.
 pub fn check_version(version: &str) -> Result<(), Fault> {
     let found = || format!("is {:?}", cut(version, 32));
     match major(version) {

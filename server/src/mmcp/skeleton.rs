@@ -1,4 +1,4 @@
-//! The skeleton of a request beside the model's own.
+//! Compares the skeleton of a request with the model's own.
 
 use std::collections::HashMap;
 
@@ -12,13 +12,13 @@ use super::schema::{Joint, Skeleton, coordinates, units};
 
 /// Most characters of a joint's name.
 const MAX_NAME_CHARS: usize = 128;
-/// Most characters of the name that people see.
+/// Most characters of the name to show to people.
 const MAX_DISPLAY_CHARS: usize = 256;
-/// Shortest and longest quaternion that is taken as a rotation.
+/// Shortest and longest quaternion that counts as a rotation.
 const QUAT_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
-/// The axes that joints have on the wire: those of the world where the model is at rest. The
-/// model's own are turned against them.
+/// The axes of joints on the wire. They equal the world's axes when the model is at rest. The
+/// model's own axes are rotated against them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axes {
     /// World rotation of each joint at rest, in the model's axes.
@@ -27,8 +27,8 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Those of a skeleton whose pose at rest has these rotations, joint 0 in the world and others
-    /// relative to their parents.
+    /// The axes of a skeleton with this rest pose. The rotation of joint 0 is in the world, all
+    /// others are relative to their parents.
     pub fn new(skeleton: &troupe_motion::Skeleton, pose: &[Quat]) -> Self {
         let mut rest: Vec<Quat> = Vec::with_capacity(pose.len());
         for (joint, &rotation) in skeleton.joints.iter().zip(pose) {
@@ -47,42 +47,42 @@ impl Axes {
         self.parents[joint].map_or(Quat::IDENTITY, |parent| self.rest[parent])
     }
 
-    /// A place in the frame of `parent`, as the wire has it.
+    /// Converts an offset in the frame of `parent` to the wire's axes.
     pub fn offset(&self, parent: usize, offset: Vec3) -> Vec3 {
         self.rest[parent] * offset
     }
 
-    /// A rotation of a joint relative to its parent, as the wire has it.
+    /// Converts a rotation relative to the parent to the wire's axes.
     pub fn to_wire(&self, joint: usize, rotation: Quat) -> Quat {
         self.above(joint) * rotation * self.rest[joint].conjugate()
     }
 
-    /// A rotation of a joint relative to its parent, as the model has it.
+    /// Converts a rotation relative to the parent to the model's axes.
     pub fn to_model(&self, joint: usize, rotation: Quat) -> Quat {
         (self.above(joint).conjugate() * rotation * self.rest[joint]).normalize()
     }
 
-    /// A world rotation of a joint, as the model has it.
+    /// Converts a world rotation of a joint to the model's axes.
     pub fn world_to_model(&self, joint: usize, rotation: Quat) -> Quat {
         (rotation * self.rest[joint]).normalize()
     }
 }
 
-/// The joints of a request, which are the model's in an order of their own.
+/// The joints of a request: those of the model in any order.
 #[derive(Debug, Clone)]
 pub struct Joints {
-    /// Of each joint of the request, the model's.
+    /// The model's index of each joint of the request.
     pub order: Vec<usize>,
-    /// The joints at rest, as the request has them.
+    /// The joints at rest, as the request gives them.
     pub rest: Vec<GltfJoint>,
     /// The axes of the model's joints on the wire.
     pub axes: Axes,
 }
 
-/// A rotation of about unit length.
+/// Checks that a rotation has about unit length.
 ///
 /// # Errors
-/// [`Fault`] for numbers that are no rotation.
+/// [`Fault`] for numbers that are not a rotation.
 pub fn rotation(place: &str, xyzw: [f64; 4]) -> Result<Quat, Fault> {
     let length = xyzw.iter().map(|value| value * value).sum::<f64>().sqrt();
     match QUAT_LENGTHS.contains(&length) {
@@ -95,11 +95,11 @@ pub fn rotation(place: &str, xyzw: [f64; 4]) -> Result<Quat, Fault> {
     }
 }
 
-/// Checks the skeleton of a request, whose joints must be the model's. Their order may be another,
-/// and so may the rotations at rest: a channel replaces them.
+/// Checks the skeleton of a request, whose joints must be the model's. Their order and their rest
+/// rotations may differ, because channels replace rest rotations.
 ///
 /// # Errors
-/// [`Fault`] for joints that are no tree, and for those that are not the model's.
+/// [`Fault`] for joints that do not form a tree or are not the model's.
 pub fn check(skeleton: &Skeleton, model: &Model) -> Result<Joints, Fault> {
     check_form(skeleton)?;
     let parents = tree(&skeleton.joints)?;
@@ -136,7 +136,7 @@ pub fn check(skeleton: &Skeleton, model: &Model) -> Result<Joints, Fault> {
         }
         let off = joint.rest_translation.iter().zip(canonical.rest_translation);
         let off_m = off.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
-        // Where the root is at rest says nothing of the body.
+        // The root's rest position does not depend on the body.
         let tolerance_m = if joint.parent.is_some() {
             REST_TOLERANCE_M
         } else {
@@ -202,7 +202,7 @@ fn check_form(skeleton: &Skeleton) -> Result<(), Fault> {
     }
 }
 
-/// The parents of joints that make one tree, each behind its parent.
+/// The parents of joints that form one tree. Each joint comes after its parent.
 fn tree(joints: &[Joint]) -> Result<Vec<Option<usize>>, Fault> {
     let wrong = |index: usize, name: &str, message: String, allowed: &str| {
         let field = format!("skeleton.joints[{index}].{name}");

@@ -1,4 +1,4 @@
-//! The way of a motion as the protocol has it.
+//! The trajectory of a motion in the protocol's form.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -12,14 +12,14 @@ pub struct Wire {
     is_loop: bool,
     params: Value,
     heading: &'static str,
-    /// World x and z, one a frame, metres.
+    /// World x and z, one per frame, metres.
     position: Vec<[f32; 2]>,
-    /// Turn since the first frame, one a frame, radians.
+    /// Turn since the first frame, one per frame, radians.
     yaw: Vec<f32>,
 }
 
 impl Wire {
-    /// The way of a motion, which may be a loop.
+    /// The trajectory of a motion, which may be a loop.
     pub fn new(way: Trajectory, is_loop: bool) -> Self {
         let (model, params) = match way.shape {
             Shape::Still => ("still", json!({})),

@@ -11,14 +11,14 @@ use troupe_edge::keys::Keys;
 use troupe_edge::reload::{Source, fingerprint};
 use troupe_edge::tokens::{TokenRules, Tokens};
 
-/// Credentials that a server asks for.
+/// Credentials that a server requires.
 #[derive(Default)]
 pub(super) struct Access {
-    /// None: it asks for nothing.
+    /// None: the server requires no credentials.
     pub(super) credentials: Option<Arc<Credentials>>,
-    /// The key of this run, if the server made one.
+    /// The key for this run, if the server made one.
     pub(super) one_time: Option<String>,
-    /// Files that are read again when they change.
+    /// Files to read again when they change.
     pub(super) sources: Vec<Source>,
 }
 
@@ -26,8 +26,8 @@ impl Access {
     /// The credentials that `config` names for a server that listens on `address`.
     ///
     /// # Errors
-    /// [`StartError::Keys`] for a file that cannot be used. [`StartError::Anonymous`] if others
-    /// could use the server, and no option allows it.
+    /// [`StartError::Keys`] if a file cannot be used. [`StartError::Anonymous`] if other machines
+    /// could use the server without a key, and no option allows it.
     pub(super) fn new(config: &Config, address: SocketAddr) -> Result<Self, StartError> {
         let local = address.ip().to_canonical().is_loopback();
         let access = Self::of(config)?;

@@ -1,4 +1,4 @@
-//! Why a server does not start.
+//! Reasons why a server does not start.
 
 use std::net::SocketAddr;
 
@@ -17,25 +17,25 @@ use troupe_live::world::LoadError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StartError {
-    /// A pack that cannot be used.
+    /// A pack is unusable.
     #[error(transparent)]
     Pack(#[from] PackError),
-    /// Two packs of one name, or a default that is not loaded.
+    /// Two packs have one name, or the default pack is not loaded.
     #[error("{0}")]
     Packs(String),
-    /// A style that cannot be used.
+    /// A style is unusable.
     #[error(transparent)]
     Style(#[from] StyleError),
-    /// A skill that cannot be used.
+    /// A skill is unusable.
     #[error(transparent)]
     Skill(#[from] Box<DocumentError>),
-    /// A scene or an object definition that cannot be used.
+    /// A scene or an object definition is unusable.
     #[error(transparent)]
     World(#[from] LoadError),
-    /// The library of the engines does not load.
+    /// The engines' library does not load.
     #[error(transparent)]
     Library(EngineError),
-    /// An engine that does not start.
+    /// An engine does not start.
     #[error("pack {pack}: {error}")]
     Engine {
         /// The pack's name.
@@ -43,37 +43,37 @@ pub enum StartError {
         /// What went wrong.
         error: EngineError,
     },
-    /// A file of keys that cannot be used.
+    /// A file of keys is unusable.
     #[error(transparent)]
     Keys(#[from] KeysError),
-    /// A file of a provider's keys that cannot be used.
+    /// A file with an identity provider's keys is unusable.
     #[error(transparent)]
     Tokens(#[from] TokensError),
-    /// Certificates that cannot be used.
+    /// Certificates are unusable.
     #[error(transparent)]
     Tls(#[from] TlsError),
-    /// Others could use the server, and no option allows it.
+    /// Other machines could use the server without a key, and no option allows it.
     #[error(
         "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of \
          keys, jwks and without_keys = one-time-key or anyone"
     )]
     Anonymous(SocketAddr),
-    /// More connections than the system gives files for.
+    /// The system allows fewer open files than the connections need.
     #[error(transparent)]
     Files(#[from] TooFewFiles),
-    /// The state of sessions cannot be kept, and was asked to be.
+    /// The requested store of sessions cannot be used.
     #[error(transparent)]
     Records(#[from] RecordsError),
-    /// A collector of traces that cannot be used.
+    /// The collector of traces cannot be used.
     #[error(transparent)]
     Traces(#[from] TracesError),
-    /// The server may take more memory than it is allowed to.
+    /// The server may take more memory than its limit.
     #[error("{0}")]
     Memory(String),
     /// The port cannot be used.
     #[error("cannot listen: {0}")]
     Listen(std::io::Error),
-    /// A part of the server that does not come up; a bug.
+    /// A part of the server failed to start: a bug.
     #[error("internal: {0}")]
     Internal(String),
 }

@@ -1,4 +1,4 @@
-//! A running server in the hands of who started it: whether it is ready, and how it ends.
+//! The handle of a running server: its readiness, and its stop.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -20,9 +20,9 @@ use crate::service::Service;
 pub enum Stopped {
     /// All requests were answered, and all streams ended.
     Clean,
-    /// Some were cut when their time was over.
+    /// Some requests or streams were cut when their time was over.
     Lost,
-    /// Nobody waited for them.
+    /// A second signal ended the wait for requests and streams.
     Forced,
 }
 
@@ -61,22 +61,22 @@ impl ServerHandle {
         self.secure
     }
 
-    /// Whether there are files that the server reads again when they change.
+    /// Whether the server reads certificates or keys again when their files change.
     pub fn reloads(&self) -> bool {
         self.reloads
     }
 
-    /// Reads certificates and keys again now. What goes wrong is in the log.
+    /// Reads certificates and keys again now. Errors go to the log.
     pub fn reload(&self) {
         self.reload.notify_one();
     }
 
-    /// The key that the server made for this run.
+    /// The key that the server made for this run. None: it made none.
     pub fn one_time_key(&self) -> Option<&str> {
         self.access.one_time.as_deref()
     }
 
-    /// What the server serves with: packs, metrics, readiness.
+    /// The service, with packs, metrics and readiness.
     pub fn service(&self) -> &Arc<Service> {
         &self.service
     }
@@ -84,7 +84,7 @@ impl ServerHandle {
     /// Waits until all packs are loaded and warm.
     ///
     /// # Errors
-    /// [`StartError`] where they are not to be had; the server is then of no use.
+    /// [`StartError`] if a pack cannot be loaded. The server is then of no use.
     pub async fn ready(&mut self) -> Result<(), StartError> {
         match self.starting.as_mut() {
             Some(starting) => {
@@ -97,14 +97,14 @@ impl ServerHandle {
         }
     }
 
-    /// Says that the server is not ready, and serves on for the configured delay. Then stops
-    /// accepting connections, lets requests finish for at most the configured time, and cuts what
-    /// is left. Answers whether everything finished.
+    /// Reports that the server is not ready, and keeps serving for the configured delay. Then stops
+    /// accepting connections, gives requests the configured time to finish, and cuts the rest.
+    /// Returns whether everything finished.
     pub async fn shut_down(mut self) -> bool {
         self.service.announce_stop();
         if let Some(starting) = self.starting.take() {
             starting.abort();
-            // Once it is gone it cannot say any more that the server serves.
+            // The start must end first: it would report that the server serves.
             if let Ok(Ok(keeping)) = starting.await {
                 self.keeping = keeping;
             }
@@ -113,8 +113,8 @@ impl ServerHandle {
         tokio::time::sleep(self.drain_delay).await;
         let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
         self.service.drain();
-        // Ends the streams of health watchers, once they have the status: open streams would hold
-        // up the stop.
+        // Ends the streams of health watchers after they have the status: open streams would delay
+        // the stop.
         for service in [
             "",
             motion_server::SERVICE_NAME,
@@ -133,20 +133,20 @@ impl ServerHandle {
         };
         self.upkeep.abort();
         self.reloading.abort();
-        // Connections that became WebSockets are no longer among those above.
+        // Connections that became WebSockets are not among those above.
         let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
         let ended = streams.await.is_ok();
         if let Some(keeping) = self.keeping {
             keeping.finish().await;
         }
         if let Some(traces) = self.service.telemetry().traces().cloned() {
-            // It says itself what goes wrong.
+            // The exporter reports its own errors.
             let _ = tokio::task::spawn_blocking(move || traces.shut_down()).await;
         }
         clean && ended
     }
 
-    /// [`shut_down`](Self::shut_down), given up where `again` ends first.
+    /// [`shut_down`](Self::shut_down), which gives up when `again` completes.
     pub async fn shut_down_unless(self, again: impl Future<Output = ()>) -> Stopped {
         tokio::select! {
             biased;

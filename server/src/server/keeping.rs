@@ -1,4 +1,4 @@
-//! Keeping sessions, from the start of the service to its end.
+//! Saves sessions from the start of the service to its end.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -10,11 +10,11 @@ use crate::config::Config;
 use troupe_live::records::{Records, RecordsError};
 use troupe_live::session::Keeper;
 
-/// Opens the records, where some are to be kept. It blocks.
+/// Opens the records. None: nothing is kept. It blocks.
 pub(super) type OpenRecords = Box<dyn FnOnce() -> Result<Option<Records>, RecordsError> + Send>;
 
-/// The records that `config` asks for. The usual folder may be of no use, as on a disk that cannot
-/// be written: then a warning says that nothing is kept.
+/// The records that `config` asks for. The default folder may be unusable, for example on a
+/// read-only disk. Then a warning says that nothing is kept.
 pub(super) fn records_of(config: &Config) -> OpenRecords {
     let (folder, asked) = (config.store_folder(), config.store.is_some());
     Box::new(move || open(folder, asked))
@@ -34,24 +34,24 @@ fn open(folder: Option<PathBuf>, asked: bool) -> Result<Option<Records>, Records
     }
 }
 
-/// A task that keeps sessions. It ends with the last round.
+/// The task that saves sessions. It ends after a last round.
 pub(super) struct Keeping {
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
 }
 
 impl Keeping {
-    /// Keeps sessions every `interval`.
+    /// Saves sessions every `interval`.
     pub(super) fn start(keeper: Keeper, interval: Duration) -> Self {
         let (stop, stopped) = oneshot::channel();
         let task = tokio::spawn(keep(keeper, interval, stopped));
         Self { stop, task }
     }
 
-    /// A last round, and the end.
+    /// Saves sessions a last time, and ends the task.
     pub(super) async fn finish(self) {
         let Self { stop, task } = self;
-        // Where nobody hears it the task has failed, and said so.
+        // Sending fails only if the task has failed, which it has reported.
         let _ = stop.send(());
         if let Err(error) = task.await {
             tracing::error!(%error, "the task that keeps sessions failed");
@@ -61,7 +61,7 @@ impl Keeping {
 
 async fn keep(mut keeper: Keeper, interval: Duration, stopped: oneshot::Receiver<()>) {
     let stopped = async {
-        // A server outlives its handle.
+        // The server keeps running if its handle is dropped.
         if stopped.await.is_err() {
             std::future::pending::<()>().await;
         }

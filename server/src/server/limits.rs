@@ -1,14 +1,14 @@
-//! The limits that are set, as metrics: alerts compare others with them.
+//! The configured limits as metrics, so that alerts can compare other metrics with them.
 
 use crate::config::Config;
 use troupe_base::telemetry::{Labels, Metric, Telemetry};
 
 const LIMIT: Metric = Metric::new(
     "troupe_limit",
-    "Limits that are set, by option and in its unit; 0 for none",
+    "Configured limits by option, in the option's unit; 0: no limit",
 );
 
-/// Shows the limits of a server that may have `max_connections`.
+/// Sets the metrics of a server's limits. The server may have `max_connections`.
 pub(super) fn show(config: &Config, max_connections: usize, telemetry: &Telemetry) {
     let limits = [
         ("max_connections", max_connections as f64),

@@ -11,10 +11,10 @@ use crate::config::Config;
 use troupe_edge::clients::Clients;
 use troupe_live::session::{Executor, TimeSource};
 
-/// [`super::serve_packs`], with characters on the thread of the caller.
+/// [`super::serve_packs`] with characters on the calling thread.
 ///
 /// # Errors
-/// [`StartError`] where the server cannot be set up.
+/// [`StartError`] if the server cannot be set up.
 pub async fn serve_here(
     config: Config,
     listener: TcpListener,
@@ -30,10 +30,10 @@ pub async fn serve_here(
 }
 
 impl ServerHandle {
-    /// All routes, as connections have them. `config` is the server's.
+    /// All routes of the server, as connections get them. `config` is the server's configuration.
     ///
     /// # Errors
-    /// [`StartError::Internal`] where they cannot be made.
+    /// [`StartError::Internal`] if the routes cannot be made.
     pub fn routes(&self, config: &Config) -> Result<Router, StartError> {
         let clients = Arc::new(Clients::new(config.shares(), self.service.telemetry()));
         let routes = api::routes(

@@ -1,4 +1,4 @@
-//! `troupe.v1.Motion/Describe`: a motion in words, or as audio that goes with it, part by part.
+//! `troupe.v1.Motion/Describe`: describes a motion in words or as audio, part by part.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use super::streamed::{Pieces, Streamed};
 use super::{Service, ServiceError};
 use crate::inbetween::{prepare_describe, write_description};
 
-/// A description on its way.
+/// A description in progress.
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
 pub struct Description {
@@ -27,11 +27,11 @@ impl Streamed for Description {
 }
 
 impl Service {
-    /// `troupe.v1.Motion/Describe`. Has a place in the queue when it returns.
+    /// `troupe.v1.Motion/Describe`. The request has a place in the queue when this returns.
     ///
     /// # Errors
-    /// [`ServiceError`] for a value that is not accepted, a pack that cannot do it, and where there
-    /// is no place.
+    /// [`ServiceError`] if a value is not accepted, if the pack cannot describe motion, or if the
+    /// queue is full.
     pub fn describe(&self, request: &v1::DescribeRequest) -> Result<Description, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;

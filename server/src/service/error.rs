@@ -1,4 +1,4 @@
-//! Every error of the calls below the edge.
+//! Errors of calls, below the edge.
 
 use crate::inbetween::NotFeasible;
 use troupe_base::offload::WorkerStopped;
@@ -13,42 +13,42 @@ use troupe_live::world::WorldError;
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
-    /// The packs are not there yet.
+    /// The packs are still loading.
     #[error("the server is starting: its packs are not loaded yet")]
     Starting,
-    /// The caller's tenant is not served.
+    /// The caller's tenant cannot be served.
     #[error(transparent)]
     Space(#[from] SpaceError),
-    /// A value that is not accepted.
+    /// A value is not accepted.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// A strict request whose answer would not be feasible.
+    /// The answer to a strict request would not be feasible.
     #[error(transparent)]
     NotFeasible(#[from] NotFeasible),
-    /// A pack that is not loaded.
+    /// No loaded pack has this name.
     #[error(transparent)]
     UnknownPack(#[from] UnknownPack),
-    /// A pack that cannot do what is asked of it.
+    /// The pack lacks the capability for the call.
     #[error(transparent)]
     CannotDo(#[from] CannotDo),
-    /// Only of a call about scenes, definitions or styles.
+    /// Only for calls about scenes, definitions or styles.
     #[error(transparent)]
     World(WorldError),
-    /// Only of a call about sessions or styles.
+    /// Only for calls about sessions or styles.
     #[error(transparent)]
     Session(SessionError),
-    /// The queue or the engine of a pack.
+    /// An error of a pack's queue or engine.
     #[error(transparent)]
     Batch(#[from] SubmitError),
-    /// An engine whose frames are of no use.
+    /// An engine made frames with numbers that are not finite.
     #[error(transparent)]
     Frames(#[from] NonFinite),
-    /// The work of a call did not come to its end.
+    /// The work of a call stopped early.
     #[error(transparent)]
     Stopped(#[from] WorkerStopped),
 }
 
-/// What several kinds of calls can meet has one variant here, whichever layer noticed it.
+/// Errors that several kinds of calls share have one variant, whichever layer noticed them.
 impl From<SessionError> for ServiceError {
     fn from(error: SessionError) -> Self {
         match error {

@@ -1,4 +1,4 @@
-//! `troupe.v1.Motion/Generate`: a motion part by part, as the generator makes it.
+//! `troupe.v1.Motion/Generate`: makes a motion part by part.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -22,39 +22,39 @@ use crate::inbetween::{
 use troupe_batch::{Batcher, Piece};
 use troupe_live::packs::LoadedPack;
 
-/// A motion on its way.
+/// A motion in progress.
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
 pub struct Generation {
     pieces: Pieces,
     writer: PartWriter,
-    /// Of a motion along a path, what is still to be made.
+    /// Windows still to make. Only for a motion along a path.
     path: Option<PathWay>,
-    /// What the model was asked for that it may not do well, until there is a part.
+    /// Notes about what the model may not do well. They go into the first part.
     notes: Vec<String>,
-    /// Parts of the piece that came last.
+    /// Parts of the last piece that are not sent yet.
     ready: VecDeque<v1::GenerateResponse>,
 }
 
-/// A motion along a path, which is made window by window: each goes on from the one before.
+/// A motion along a path. It is made window by window, and each window continues the one before.
 #[derive(Debug)]
 struct PathWay {
     windows: Windows,
     batcher: Batcher,
     timeout: Duration,
-    /// Whether frames that are not feasible end the answer.
+    /// Whether frames that are not feasible end the answer with an error.
     strict: bool,
 }
 
 /// How the windows of a path are made.
 #[derive(Debug)]
 enum Windows {
-    /// By a network that takes paths. The segment of the window that is being made lies at `frame`.
+    /// By a network with path input. The current window's segment lies at `frame`.
     Follow {
         plan: Box<PathPlan>,
         frame: SegmentFrame,
     },
-    /// From keyframe to keyframe.
+    /// By walking from keyframe to keyframe.
     Walk(Making),
 }
 
@@ -64,7 +64,7 @@ struct Wanted {
     rig: Arc<Rig>,
     frame: SegmentFrame,
     notes: Vec<String>,
-    /// Of a motion along a path, who judges its frames where the body has limits.
+    /// Judges the frames of a motion along a path, if the body has limits.
     judge: Option<Judge>,
     path: Option<PathWay>,
 }
@@ -92,7 +92,7 @@ impl Streamed for Generation {
 }
 
 impl Generation {
-    /// The messages of a piece; of a path's window, which puts the next window on its way.
+    /// The messages of a piece. For a path this also queues the next window.
     fn written(&mut self, piece: Piece) -> Result<Vec<v1::GenerateResponse>, ServiceError> {
         let Some(way) = &mut self.path else {
             return Ok(self.writer.write(piece.output, piece.is_last)?);
@@ -114,7 +114,7 @@ impl Generation {
     }
 }
 
-/// Messages of a window, and the task of the next.
+/// Messages of a window, and the task of the next window.
 type Written = (Vec<v1::GenerateResponse>, Option<Task>);
 
 fn follow(
@@ -146,11 +146,11 @@ fn walk(making: &mut Making, writer: &mut PartWriter, made: &Output) -> Result<W
 }
 
 impl Service {
-    /// `troupe.v1.Motion/Generate`. Has a place in the queue when it returns.
+    /// `troupe.v1.Motion/Generate`. The request has a place in the queue when this returns.
     ///
     /// # Errors
-    /// [`ServiceError`] for a value that is not accepted, a pack that cannot do it, and where there
-    /// is no place.
+    /// [`ServiceError`] if a value is not accepted, if the pack cannot do what is asked, or if the
+    /// queue is full.
     pub fn generate(&self, request: &v1::GenerateRequest) -> Result<Generation, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
 use troupe_live::session::Spaces;
 
-const READY: Metric = Metric::new("troupe_ready", "1 where the server takes requests, else 0");
-const SCENES: Metric = Metric::new("troupe_scenes", "Scenes that there are");
+const READY: Metric = Metric::new("troupe_ready", "1 if the server takes requests, else 0");
+const SCENES: Metric = Metric::new("troupe_scenes", "Number of scenes");
 const SCENE_MEMORY: Metric = Metric::new(
     "troupe_scene_memory_bytes",
-    "Memory of all scenes: colliders, as they are estimated, and objects",
+    "Estimated memory of all scenes: colliders and objects",
 );
 const UPLOADS: Metric = Metric::new(
     "troupe_uploads_total",
@@ -41,7 +41,7 @@ impl ServiceMetrics {
         }
     }
 
-    /// Sets what is looked at now and then.
+    /// Updates the metrics that no event updates.
     pub(super) fn look(&self, ready: bool, spaces: Option<&Arc<Spaces>>) {
         self.ready.set(f64::from(u8::from(ready)));
         let (mut count, mut bytes) = (0, 0);

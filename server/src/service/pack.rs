@@ -8,7 +8,7 @@ use troupe_motion::robot::Hinge;
 use troupe_motion::{Joint, Robot, Skeleton};
 use troupe_proto::v1;
 
-/// The public description of the pack, which `engine` runs and whose characters have these skills.
+/// The public description of a pack. `engine` runs it, and `skills` are those of its characters.
 pub(super) fn describe(pack: &Pack, skills: &Skills, is_default: bool, engine: &str) -> v1::Pack {
     let manifest = &pack.manifest;
     let (skeleton, dims) = (&pack.rig.skeleton, &pack.rig.dims);
@@ -84,7 +84,7 @@ fn describe_language(language: Language<'_>) -> v1::Language {
     }
 }
 
-/// The pack's bodies.
+/// The pack's bodies. The default body comes first.
 fn default_first(pack: &Pack) -> impl Iterator<Item = &Body> {
     let first = pack.body("").map(|body| &**body);
     let others = pack.bodies.iter().map(|body| &**body);

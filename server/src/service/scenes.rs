@@ -1,4 +1,4 @@
-//! The calls of `troupe.v1.Scenes` on the service.
+//! The calls of `troupe.v1.Scenes`.
 
 use std::sync::Arc;
 
@@ -8,11 +8,11 @@ use super::{Service, ServiceError};
 use troupe_base::offload::offload;
 use troupe_live::world::{ObjectsChanged, Store, WorldError};
 
-/// Objects of one call up to which it is served on the task that received it.
+/// Most objects of a call that is served on its own task.
 const INLINE_OBJECTS: usize = 64;
 
 impl Service {
-    /// Does what may write a file or take its time, on the pool for such work.
+    /// Runs slow work, or work that may write a file, on the pool for blocking work.
     async fn blocking<T: Send + 'static>(
         &self,
         work: impl FnOnce(&Store) -> Result<T, WorldError> + Send + 'static,
@@ -20,7 +20,7 @@ impl Service {
         self.work_on(usize::MAX, work).await
     }
 
-    /// Does what takes as long as `objects` are many.
+    /// Runs work whose time grows with the number of objects.
     async fn work_on<T: Send + 'static>(
         &self,
         objects: usize,
@@ -33,8 +33,7 @@ impl Service {
     /// `troupe.v1.Scenes/PutScene`.
     ///
     /// # Errors
-    /// [`ServiceError`] for the first value that is not accepted, or where the scene cannot be
-    /// kept.
+    /// [`ServiceError`] for the first value that is not accepted, or if the scene cannot be saved.
     pub async fn put_scene(&self, request: v1::PutSceneRequest) -> Result<v1::SceneSummary, ServiceError> {
         let put = self.blocking(move |store| store.put(&request)).await?;
         self.common.metrics.scenes_uploaded.increment(1);
@@ -44,9 +43,9 @@ impl Service {
     /// `troupe.v1.Scenes/GetScene`.
     ///
     /// # Errors
-    /// [`ServiceError`] where there is no such scene.
+    /// [`ServiceError`] if there is no such scene.
     pub async fn get_scene(&self, request: v1::GetSceneRequest) -> Result<v1::Scene, ServiceError> {
-        // It may have a million heights.
+        // A scene may have a million heights.
         self.blocking(move |store| store.get(&request)).await
     }
 
@@ -61,7 +60,7 @@ impl Service {
     /// `troupe.v1.Scenes/DeleteScene`.
     ///
     /// # Errors
-    /// [`ServiceError`] where there is no such scene, or where sessions are in it.
+    /// [`ServiceError`] if there is no such scene, or if sessions are in it.
     pub async fn delete_scene(
         &self,
         request: v1::DeleteSceneRequest,
@@ -74,7 +73,7 @@ impl Service {
     /// # Errors
     /// [`ServiceError`] for the request as a whole.
     pub async fn add_objects(&self, request: v1::AddObjectsRequest) -> Result<ObjectsChanged, ServiceError> {
-        // It waits for definitions that are being uploaded.
+        // This waits for definitions that are being uploaded.
         self.blocking(move |store| store.add_objects(&request)).await
     }
 
@@ -105,8 +104,7 @@ impl Service {
     /// `troupe.v1.Scenes/PutObjectDefinition`.
     ///
     /// # Errors
-    /// [`ServiceError`] for the first thing that is wrong with the document, or where it cannot be
-    /// kept.
+    /// [`ServiceError`] for the first error in the document, or if it cannot be saved.
     pub async fn put_object_definition(
         &self,
         request: v1::PutObjectDefinitionRequest,
@@ -122,7 +120,7 @@ impl Service {
     /// `troupe.v1.Scenes/GetObjectDefinition`.
     ///
     /// # Errors
-    /// [`ServiceError`] where there is no such definition.
+    /// [`ServiceError`] if there is no such definition.
     pub async fn get_object_definition(
         &self,
         request: v1::GetObjectDefinitionRequest,
@@ -135,14 +133,14 @@ impl Service {
     /// # Errors
     /// [`ServiceError::Starting`] while the server starts.
     pub async fn list_object_definitions(&self) -> Result<v1::ListObjectDefinitionsResponse, ServiceError> {
-        // It counts the objects of all scenes.
+        // This counts the objects of all scenes.
         self.blocking(|store| Ok(store.list_objects())).await
     }
 
     /// `troupe.v1.Scenes/DeleteObjectDefinition`.
     ///
     /// # Errors
-    /// [`ServiceError`] where there is no such definition, or where scenes have objects of it.
+    /// [`ServiceError`] if there is no such definition, or if scenes have objects of it.
     pub async fn delete_object_definition(
         &self,
         request: v1::DeleteObjectDefinitionRequest,
@@ -153,8 +151,7 @@ impl Service {
     /// `troupe.v1.Scenes/Detect`.
     ///
     /// # Errors
-    /// [`ServiceError`] for a value that is not accepted, and for a session or scene that is not
-    /// there.
+    /// [`ServiceError`] if a value is not accepted, or if there is no such session or scene.
     pub fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
         let standing = |id: &str| {
             self.sessions()

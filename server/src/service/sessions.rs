@@ -1,4 +1,4 @@
-//! The calls of `troupe.v1.Sessions` on the service: where they need its packs.
+//! The calls of `troupe.v1.Sessions` that need packs.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use troupe_base::turns::Turns;
 use troupe_live::session::{Resumed, Sessions, Space, styles};
 
 impl Service {
-    /// The sessions and streams. They need packs only to be created.
+    /// The sessions and streams. Only creating them needs packs.
     pub fn sessions(&self) -> &Arc<Sessions> {
         match &self.space {
             Some(space) => &space.sessions,
@@ -30,11 +30,11 @@ impl Service {
         Ok(self.sessions().create(packs, store, request).await?)
     }
 
-    /// `troupe.v1.Sessions/ResumeSessions`. While the server starts there are none yet, which is
-    /// not to be taken for their end.
+    /// `troupe.v1.Sessions/ResumeSessions`. While the server starts this is an error: no sessions
+    /// are loaded yet, and that does not mean that they are gone.
     ///
     /// # Errors
-    /// [`ServiceError`] for the request as a whole; what is wrong with one session is in its
+    /// [`ServiceError`] for the request as a whole. The error of a single session is in its
     /// problem.
     pub async fn resume_sessions(
         &self,
@@ -74,12 +74,11 @@ impl Service {
     /// `troupe.v1.Sessions/PutStyle`.
     ///
     /// # Errors
-    /// [`ServiceError`] for the first value that is not accepted, or where the style cannot be
-    /// kept.
+    /// [`ServiceError`] for the first value that is not accepted, or if the style cannot be saved.
     pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ServiceError> {
         let pack = self.table()?.find("pack", &request.pack)?.clone();
         let memory = self.space()?.store.memory().clone();
-        // It may write a file.
+        // This may write a file.
         let put = move || styles::put(&pack, &request.body, request.style.as_ref(), &memory);
         let put = tokio::task::spawn_blocking(put);
         let style = put.await.map_err(|_| WorkerStopped)??;

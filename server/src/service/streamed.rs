@@ -1,4 +1,4 @@
-//! Answers that come part by part while they are made.
+//! Answers that are sent part by part while they are made.
 
 use std::time::{Duration, Instant};
 
@@ -9,31 +9,31 @@ use super::{REQUEST_TARGET, ServiceError};
 use troupe_base::telemetry::{RequestContext, Trace};
 use troupe_batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
 
-/// An answer on its way, whose parts are messages.
+/// An answer in progress. Its parts are messages.
 pub trait Streamed: Send + 'static {
-    /// A part.
+    /// The message type of a part.
     type Part: Serialize + Send + 'static;
 
-    /// The next part; none after the last, and none after an error.
+    /// The next part. None after the last part and after an error.
     fn next(&mut self) -> impl Future<Output = Option<Result<Self::Part, ServiceError>>> + Send;
 }
 
-/// What a generator makes for one answer, as it comes. Each step is noted in the request's trace.
+/// The pieces that a generator makes for one answer. The request's trace records each step.
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
 pub(super) struct Pieces {
     parts: Parts,
     trace: Option<Trace>,
-    /// When it came to the batcher, until there is a piece.
+    /// Time when the task was given to the batcher. None after its first piece.
     asked: Option<Instant>,
 }
 
 impl Pieces {
-    /// Asks for what a task makes, for a request that arrived then. It has a place in the queue
+    /// Queues a task for a request that arrived at `arrived`. The task has a place in the queue
     /// when this returns.
     ///
     /// # Errors
-    /// [`ServiceError`] where there is no place.
+    /// [`ServiceError`] if the queue is full.
     pub(super) fn ask(
         batcher: &Batcher,
         task: Task,
@@ -47,7 +47,7 @@ impl Pieces {
         })
     }
 
-    /// Asks for what goes on from there.
+    /// Queues a task that continues the answer.
     ///
     /// # Errors
     /// As [`ask`](Self::ask).
@@ -63,7 +63,7 @@ impl Pieces {
         Ok(())
     }
 
-    /// The next piece; none after the last.
+    /// The next piece. None after the last piece.
     pub(super) async fn next(&mut self) -> Option<Result<Piece, ServiceError>> {
         let piece = match self.parts.next().await? {
             Ok(piece) => piece,

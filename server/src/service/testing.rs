@@ -1,4 +1,4 @@
-//! The way of kept state from its bytes to its checks, for fuzz targets.
+//! Loading of kept sessions, for fuzz targets.
 
 use super::{Service, ServiceError};
 use troupe_character::Path;
@@ -9,19 +9,19 @@ use troupe_live::session::{Space, read_record};
 use troupe_live::world::WorldError;
 
 impl Service {
-    /// Reads the record of a session as the start of the server does.
+    /// Reads the record of a session like the server does when it starts.
     ///
     /// # Errors
-    /// Why it would be left out.
+    /// Why the server would skip the session.
     pub fn read_session(&self, id: &str, record: &[u8]) -> Result<(), String> {
         let space = self.space().map_err(|error| error.to_string())?;
         read_record(id, record, &space.packs, &space.store)
     }
 
-    /// What a character of `pack` finds around it in `scene`.
+    /// The surroundings of a character of `pack` in `scene`.
     ///
     /// # Errors
-    /// [`ServiceError`] where one of them is not there.
+    /// [`ServiceError`] if there is no such pack or scene.
     pub fn surroundings(&self, pack: &str, scene: &str, session: &str) -> Result<Surroundings, ServiceError> {
         let Space { packs, store, .. } = &**self.space()?;
         let pack = packs.find(&Path::root(), pack, "")?;
