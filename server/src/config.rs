@@ -21,7 +21,7 @@ use troupe_engine::{AccuracyCheck, EngineChoice};
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs, KeyCommand};
 pub use error::ConfigError;
 pub use fixed::Fixed;
-pub use worst_case::{Part, WorstCase};
+pub use worst_case::{MemoryUse, WorstCase};
 
 /// The file that is read without `--config`. It need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";

@@ -172,7 +172,7 @@ impl Rule {
         let Some((step, deeper)) = steps.split_first() else {
             return Ok(());
         };
-        let entries = || Parts(message).filter(|part| part.0 == step.number);
+        let entries = || DelimitedFields(message).filter(|part| part.0 == step.number);
         let dot = if path.is_empty() { "" } else { "." };
         let path = format!("{path}{dot}{}", step.name);
         if deeper.is_empty() {
@@ -203,9 +203,9 @@ fn too_many(field: String, what: &str, limit: usize) -> ApiError {
 
 /// Iterates over the length-delimited fields of a message, with their numbers. Stops at the end and
 /// at malformed data.
-struct Parts<'a>(&'a [u8]);
+struct DelimitedFields<'a>(&'a [u8]);
 
-impl<'a> Iterator for Parts<'a> {
+impl<'a> Iterator for DelimitedFields<'a> {
     type Item = (u32, &'a [u8]);
 
     fn next(&mut self) -> Option<Self::Item> {

@@ -27,14 +27,14 @@ const STREAM_BYTES: u64 = (1 << 20) + (64 << 10);
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct WorstCase {
     /// One entry for each kind of memory.
-    pub parts: Vec<Part>,
+    pub parts: Vec<MemoryUse>,
     /// Sum of all entries, bytes.
     pub total_bytes: u64,
 }
 
 /// A kind of memory, and how much of it the server can take.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Part {
+pub struct MemoryUse {
     /// The use of the memory, in words.
     pub what: &'static str,
     /// Upper limit, bytes.
@@ -56,7 +56,7 @@ impl Config {
             count += 1;
             weights += pack.manifest.parameters * WEIGHT_BYTES * WEIGHT_COPIES;
         }
-        let part = |what, bytes, bounded_by| Part {
+        let part = |what, bytes, bounded_by| MemoryUse {
             what,
             bytes,
             bounded_by,
@@ -105,7 +105,7 @@ impl WorstCase {
         if limit_bytes == 0 || self.total_bytes <= limit_bytes {
             return Ok(());
         }
-        let mut parts: Vec<&Part> = self.parts.iter().collect();
+        let mut parts: Vec<&MemoryUse> = self.parts.iter().collect();
         parts.sort_by_key(|part| std::cmp::Reverse(part.bytes));
         let largest: Vec<String> = parts
             .iter()

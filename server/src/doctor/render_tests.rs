@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use crate::config::{Part, WorstCase};
+use crate::config::{MemoryUse, WorstCase};
 use crate::doctor::{Engine, Library, Speed, Trial};
 use troupe_engine::accuracy::Accuracy;
 use troupe_engine::machine::Machine;
@@ -84,7 +84,7 @@ fn report() -> Report {
             },
         ],
         memory: WorstCase {
-            parts: vec![Part {
+            parts: vec![MemoryUse {
                 what: "sessions",
                 bytes: 1 << 30,
                 bounded_by: "max_sessions",

@@ -111,13 +111,13 @@ pub fn refuse(
     }
     let root = Path::root();
     let path = root.element("characters", index);
-    let refusal = Refusal {
+    let character = InfeasibleCharacter {
         path: &path,
         plan,
         rig,
         frames,
     };
-    Err(NotFeasible(refusal.error(found)))
+    Err(NotFeasible(character.error(found)))
 }
 
 /// Rejects frames along a path that are not feasible.
@@ -138,15 +138,15 @@ pub fn refuse_frames(found: &v1::Feasibility) -> Result<(), NotFeasible> {
     Err(path.field("points").error(message, allowed).into())
 }
 
-/// Builds the error for a character that is not feasible.
-struct Refusal<'a> {
+/// A character of a strict request that is not feasible. Makes its error.
+struct InfeasibleCharacter<'a> {
     path: &'a Path<'a>,
     plan: &'a Plan,
     rig: &'a Rig,
     frames: usize,
 }
 
-impl Refusal<'_> {
+impl InfeasibleCharacter<'_> {
     fn error(&self, found: &Feasibility) -> FieldError {
         let (figure, reading) = found.worst();
         let first_target = self.frames.saturating_sub(self.plan.targets.len());

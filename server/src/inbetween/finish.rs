@@ -16,7 +16,7 @@ use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
 use super::feasible::{keys, message};
-use super::{Parts, Plan};
+use super::{ExtraOutputs, Plan};
 
 /// Turns the raw motion of one character into its answer, in world coordinates.
 ///
@@ -56,17 +56,17 @@ pub fn finish_judged(
         rig,
         &root_positions,
         &mut rotations,
-        plan.parts.qpos && !plan.hold_feet,
+        plan.extras.qpos && !plan.hold_feet,
     );
     if plan.hold_feet {
         let contacts = contact_bits(&raw.contacts, dims.contacts, frames);
         let gap = plan.context.len()..frames - plan.targets.len();
         hold_between(rig, &mut root_positions, &mut rotations, &contacts, gap);
-        hinges.qpos = on_hinges(rig, &root_positions, &mut rotations, plan.parts.qpos).qpos;
+        hinges.qpos = on_hinges(rig, &root_positions, &mut rotations, plan.extras.qpos).qpos;
     }
     // From here on, all values describe the same robot poses.
     let found = judge.map(|judge| judged(judge, plan, &root_positions, &rotations));
-    let (positions, six_d) = world_columns(&rig.skeleton, &root_positions, &rotations, plan.parts);
+    let (positions, six_d) = world_columns(&rig.skeleton, &root_positions, &rotations, plan.extras);
     let result = v1::CharacterResult {
         id: plan.id.clone(),
         frames: Some(v1::Frames {
@@ -84,7 +84,7 @@ pub fn finish_judged(
             clamped_hinges: hinges.clamped,
         }),
         intermediates: plan
-            .parts
+            .extras
             .intermediates
             .then(|| intermediates(raw, &plan.frame, dims)),
         feasibility: found.as_ref().map(message),
@@ -191,24 +191,24 @@ fn world_columns(
     skeleton: &Skeleton,
     roots: &[Vec3],
     rotations: &[Quat],
-    parts: Parts,
+    extras: ExtraOutputs,
 ) -> (Vec<f32>, Vec<f32>) {
     let (mut positions, mut six_ds) = (Vec::new(), Vec::new());
-    if !(parts.positions || parts.six_d) {
+    if !(extras.positions || extras.six_d) {
         return (positions, six_ds);
     }
     let joints = skeleton.joint_count();
     let mut places = vec![Vec3::ZERO; joints];
     let mut world = vec![Quat::IDENTITY; joints];
     let room = |wanted: bool, numbers: usize| if wanted { roots.len() * joints * numbers } else { 0 };
-    positions.reserve_exact(room(parts.positions, 3));
-    six_ds.reserve_exact(room(parts.six_d, SIX_D));
+    positions.reserve_exact(room(extras.positions, 3));
+    six_ds.reserve_exact(room(extras.six_d, SIX_D));
     for (root, pose) in roots.iter().zip(rotations.chunks_exact(joints)) {
         world_transforms(skeleton, *root, pose, &mut places, &mut world);
-        if parts.positions {
+        if extras.positions {
             positions.extend(places.iter().flat_map(Vec3::to_array));
         }
-        if parts.six_d {
+        if extras.six_d {
             six_ds.extend(world.iter().copied().flat_map(six_d));
         }
     }

@@ -50,10 +50,10 @@ fn plan(frames: Option<usize>, target_roots: Vec<Option<GlobalRoot>>) -> Plan {
             .collect(),
         root: None,
         hold_feet: true,
-        parts: Parts {
+        extras: ExtraOutputs {
             intermediates: true,
             positions: true,
-            ..Parts::default()
+            ..ExtraOutputs::default()
         },
     }
 }
@@ -238,7 +238,7 @@ fn quaternions_do_not_change_hemisphere() {
 #[test]
 fn only_what_was_asked_for_comes_back() {
     let plan = Plan {
-        parts: Parts::default(),
+        extras: ExtraOutputs::default(),
         ..plan(None, vec![None])
     };
     let result = finish(&raw(3, 0.0), &plan, &toy_rig()).unwrap();

@@ -28,7 +28,7 @@ pub use path::{
     MAX_PATH_KEYFRAMES, MAX_PATH_POINTS, Walking, path_judge, prepare_path, prepare_walk, refuse_path,
     refuse_walk, walk_judge,
 };
-pub use prepare::{Parts, Plan, RequestLimits, prepare};
+pub use prepare::{ExtraOutputs, Plan, RequestLimits, prepare};
 pub use prompt::{MAX_GENERATED_FRAMES, Prepared, prepare_prompt};
 pub use root::GivenRoot;
 pub use sampling::no_sampling;

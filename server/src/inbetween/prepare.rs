@@ -40,12 +40,12 @@ pub struct Plan {
     /// Whether standing feet are held still.
     pub hold_feet: bool,
     /// What to return besides frames.
-    pub parts: Parts,
+    pub extras: ExtraOutputs,
 }
 
 /// Optional columns of an answer, besides roots, rotations and contacts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Parts {
+pub struct ExtraOutputs {
     /// The output of each stage.
     pub intermediates: bool,
     /// World joint positions.
@@ -143,7 +143,7 @@ fn prepare_character(
         targets: targets.iter().map(|key| key.given(&frame)).collect(),
         root,
         hold_feet: character.hold_feet.unwrap_or(true),
-        parts: Parts {
+        extras: ExtraOutputs {
             intermediates: character.return_intermediates,
             positions: character.return_positions,
             six_d: character.return_six_d,

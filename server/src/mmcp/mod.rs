@@ -21,4 +21,4 @@ pub mod trajectory;
 
 pub use fault::{Code, Fault};
 pub use model::Capabilities;
-pub use run::{Body, Failure, Reply, generate};
+pub use run::{Failure, Reply, RequestOrBatch, generate};

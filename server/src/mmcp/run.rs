@@ -30,9 +30,9 @@ const INLINE_SAMPLES: usize = 2;
 /// The body of a call: a request, or a batch of requests. It is decoded when its model is known.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(transparent)]
-pub struct Body(pub Value);
+pub struct RequestOrBatch(pub Value);
 
-impl rpc::Request for Body {
+impl rpc::Request for RequestOrBatch {
     const RPC: &'static str = "MmcpGenerate";
 }
 
@@ -78,10 +78,10 @@ pub enum Reply {
 ///
 /// # Errors
 /// [`Failure`] for a single request that is not served, and for a malformed batch.
-pub async fn generate(service: &Service, body: Body) -> Result<Reply, Failure> {
+pub async fn generate(service: &Service, body: RequestOrBatch) -> Result<Reply, Failure> {
     let arrived = Instant::now();
     let models = models(service.table()?);
-    let Body(value) = body;
+    let RequestOrBatch(value) = body;
     let most = service.max_characters();
     if value.get("requests").is_none() {
         let take = check(value, &models)?;

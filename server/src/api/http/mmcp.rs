@@ -13,7 +13,7 @@ use super::json::{self, BodyLimits};
 use crate::api::error::ApiError;
 use crate::api::ours::Ours;
 use crate::mmcp::limits::MAX_REQUEST_BYTES;
-use crate::mmcp::{Body, Capabilities, Reply};
+use crate::mmcp::{Capabilities, Reply, RequestOrBatch};
 use crate::service::{Service, ServiceError};
 use troupe_base::offload::offload;
 
@@ -21,7 +21,7 @@ use troupe_base::offload::offload;
 const GLTF: &str = "model/gltf+json";
 
 /// The body of a call, at most [`MAX_REQUEST_BYTES`] long.
-pub(crate) struct Call(Body);
+pub(crate) struct Call(RequestOrBatch);
 
 impl FromRequest<Arc<Service>> for Call {
     type Rejection = ApiError;
