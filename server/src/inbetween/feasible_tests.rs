@@ -103,7 +103,7 @@ fn a_target_in_reach_passes() {
         strict: false,
         ..standing(vec![key(2.0, 9.0, Quat::IDENTITY)], Some(34))
     };
-    assert_eq!(refused(far), None, "nobody asked");
+    assert_eq!(refused(far), None, "not strict");
 }
 
 fn aside(frame: u32, x: f32, z: f32) -> v1::RootKey {

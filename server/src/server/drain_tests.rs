@@ -78,7 +78,8 @@ impl Plan {
         }
     }
 
-    /// When what was told at `at` is kept at the latest, with all times after `begun`.
+    /// Latest time at which the store has what a client learned at `at`. All times of the plan
+    /// count from `begun`.
     fn kept_by(&self, begun: Instant, at: Instant) -> Instant {
         match self.full {
             Some((from, to)) if at + self.interval >= begun + from => at.max(begun + to) + self.interval,
@@ -105,7 +106,7 @@ struct Sum {
     answered: usize,
     cut: usize,
     halves: usize,
-    told: usize,
+    explained: usize,
     kept: usize,
     full: u32,
 }
@@ -137,7 +138,7 @@ fn a_thousand_stops_answer_tell_and_keep() {
     if seeds.len() as u64 == SEEDS {
         assert!(sum.clean > 300 && sum.lost > 20 && sum.forced > 100, "{sum:?}");
         assert!(
-            sum.answered > 5000 && sum.halves > 500 && sum.told > 500,
+            sum.answered > 5000 && sum.halves > 500 && sum.explained > 500,
             "{sum:?}"
         );
         assert!(sum.kept > 1000 && sum.full > 100, "{sum:?}");
@@ -269,7 +270,7 @@ async fn close_gate(gate: Gate, times: Vec<(Duration, Duration)>, begun: Instant
     }
 }
 
-/// What `/readyz` says on a new connection; none where there is none.
+/// The status of `/readyz` on a new connection. None: no connection.
 async fn ready(dial: &Dial) -> Option<u16> {
     let mut http = Http::new(dial.connect()?);
     http.send(&request("GET", "/readyz", "")).await;
@@ -330,7 +331,7 @@ fn check_answers(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
     sum.full += u32::from(plan.full.is_some());
 }
 
-/// Every stream that was open when the server stopped was told why, and what to do.
+/// Every stream that was open when the server stopped got the reason and advice.
 fn check_streams(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
     let drains = end.begun + plan.stop + plan.delay;
     if end.stopped == Stopped::Forced && end.at <= drains {
@@ -346,12 +347,12 @@ fn check_streams(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
         assert_eq!(reason.reason, "DRAINING");
         assert!(reason.message.contains("open the stream again"), "{reason:?}");
         assert_eq!(streamed.close_code, Some(GOING_AWAY), "{streamed:?}");
-        sum.told += 1;
+        sum.explained += 1;
     }
 }
 
-/// What clients were told is there for the next server: all of it after a stop, and after a forced
-/// one what is older than a snapshot.
+/// The next server has what clients have learned: all of it after a stop, and after a forced stop
+/// what is older than a snapshot.
 async fn check_kept(plan: &Plan, end: &End, log: &Log, disk: &Shared, sum: &mut Sum) {
     let service = &end.service;
     let telemetry = service.telemetry();
@@ -369,9 +370,9 @@ async fn check_kept(plan: &Plan, end: &End, log: &Log, disk: &Shared, sum: &mut 
     drop(keeper.unwrap());
     let forced = end.stopped == Stopped::Forced;
     let must = |at: Instant| !forced || plan.kept_by(end.begun, at) < end.at;
-    let last = |told: &[(u64, Instant)]| {
-        let told = told.iter().filter(|(_, at)| must(*at));
-        told.map(|(number, _)| *number).max().unwrap_or(0)
+    let last = |learned: &[(u64, Instant)]| {
+        let kept = learned.iter().filter(|(_, at)| must(*at));
+        kept.map(|(number, _)| *number).max().unwrap_or(0)
     };
     for (id, known) in &log.sessions {
         let Known {

@@ -77,13 +77,13 @@ impl Gate {
             false => Ok(()),
             true => Err(EngineError::Run {
                 stage: Stage::Root,
-                reason: "told to fail".into(),
+                reason: "set to fail".into(),
             }),
         }
     }
 }
 
-/// Time that passes when told to.
+/// Time that a test moves on.
 #[derive(Clone, Default)]
 pub struct HandClock(Arc<AtomicU64>);
 
@@ -289,7 +289,7 @@ impl TestServer {
     }
 
     /// A gRPC call of InBetween with any body and one more header; gives the status and its text,
-    /// empty where they are in the trailers.
+    /// empty if they are in the trailers.
     pub async fn raw_grpc(&self, body: Vec<u8>, header: (&'static str, &'static str)) -> (String, String) {
         let client = reqwest::Client::builder()
             .http2_prior_knowledge()

@@ -20,7 +20,7 @@ use super::{Gate, StraightLine, TestServer};
 pub const G1: &str = "g1";
 /// Numbers of its `qpos`.
 pub const QPOS: usize = 36;
-/// Its joints.
+/// Number of joints, the root among them.
 pub const JOINTS: usize = 34;
 /// Height of its root as it stands, metres.
 pub const STAND_M: f32 = 0.78;

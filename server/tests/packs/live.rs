@@ -78,7 +78,7 @@ struct Real {
     skate_mm: f64,
 }
 
-/// Walks of real clips, where there are any: see `motion/tests/real/clips.rs` for the folder.
+/// Walks of real clips, if the folder has any: see `motion/tests/real/clips.rs` for the folder.
 fn real_walks(networks: &Networks) -> Option<Real> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/data/bandai-namco");
     let folder = std::env::var_os("TROUPE_DATA").map_or(default, Into::into);
@@ -109,7 +109,7 @@ fn skate_mm(motion: &WorldMotion, frames: Range<usize>, skeleton: &Skeleton) -> 
 
 /// Ten seconds of every scene. Prints a table; with `--nocapture` it is shown.
 #[test]
-fn characters_do_what_they_are_told() {
+fn characters_do_what_the_commands_ask() {
     let mut networks = Networks::load();
     // Seed 0 is the style itself, which the bars are about; others hold themselves as takes do.
     let performed = perform(&mut networks, IN_TIME_TICKS, |_| 0);

@@ -53,8 +53,8 @@ fn perform(id: &str, sequence: u64, text: &str) -> v1::Command {
     asked(id, sequence, perform)
 }
 
-/// What was told of performances: the frame, and the reason of an end.
-fn told(events: &[v1::SessionEvent]) -> Vec<(u64, &str)> {
+/// The events of performances: the frame, and the reason of an end.
+fn performances(events: &[v1::SessionEvent]) -> Vec<(u64, &str)> {
     let of = |event: &'_ v1::SessionEvent| (event.frame, event.kind.clone());
     let word = |kind: Option<Kind>| match kind {
         Some(Kind::Performing(_)) => Some("STARTED"),
@@ -66,8 +66,9 @@ fn told(events: &[v1::SessionEvent]) -> Vec<(u64, &str)> {
         }),
         _ => None,
     };
-    let told = events.iter().map(of);
-    told.filter_map(|(frame, kind)| Some((frame, word(kind)?)))
+    let kinds = events.iter().map(of);
+    kinds
+        .filter_map(|(frame, kind)| Some((frame, word(kind)?)))
         .collect()
 }
 
@@ -87,7 +88,7 @@ async fn stepped(client: &mut Client, id: &str, frames: u32) -> (Vec<f32>, Vec<v
             .unwrap()
             .into_inner();
         roots.extend(frames_of(&answer.blocks[0], 0).0);
-        events.extend(answer.events.into_iter().flat_map(|told| told.events));
+        events.extend(answer.events.into_iter().flat_map(|of| of.events));
     }
     (roots, events)
 }
@@ -97,7 +98,7 @@ async fn a_session_performs_and_walks_again_the_same_however_it_is_stepped() {
     let (server, mut client) = start().await;
     let (roots, events) = stepped(&mut client, "a", 30).await;
     // Two seconds of words from the splice frame on, of which the last frames go over to the walk.
-    assert_eq!(told(&events), [(34, "STARTED"), (34 + 60 - 8, "DONE")]);
+    assert_eq!(performances(&events), [(34, "STARTED"), (34 + 60 - 8, "DONE")]);
     match &events[0].kind {
         Some(Kind::Performing(start)) => {
             assert_eq!((start.sequence, start.pack.as_str()), (2, "tiny-vermo"));
@@ -252,8 +253,8 @@ async fn a_socket_performs_too_and_a_session_says_what_it_acts_out() {
             continue;
         };
         let said: v1::DriveResponse = serde_json::from_str(&text).unwrap();
-        if let Some(Said::Events(told)) = said.message {
-            events.extend(told.sessions.into_iter().flat_map(|told| told.events));
+        if let Some(Said::Events(happened)) = said.message {
+            events.extend(happened.sessions.into_iter().flat_map(|of| of.events));
             let session = client
                 .get_session(v1::GetSessionRequest { id: "a".into() })
                 .await
@@ -262,7 +263,10 @@ async fn a_socket_performs_too_and_a_session_says_what_it_acts_out() {
         }
     }
     assert_eq!(
-        told(&events).iter().map(|(_, word)| *word).collect::<Vec<_>>(),
+        performances(&events)
+            .iter()
+            .map(|(_, word)| *word)
+            .collect::<Vec<_>>(),
         ["STARTED", "DONE"]
     );
     let activity = activity.unwrap();
@@ -290,8 +294,8 @@ async fn some_perform_while_others_walk_without_an_underrun() {
     while ended < actors.len() || ticks_after < 60 {
         let next = tokio::time::timeout(Duration::from_secs(30), answers.message()).await;
         match next.expect("in time").unwrap().unwrap().message {
-            Some(Said::Events(told)) => {
-                events.extend(told.sessions.into_iter().flat_map(|told| told.events));
+            Some(Said::Events(happened)) => {
+                events.extend(happened.sessions.into_iter().flat_map(|of| of.events));
                 let is_end = |event: &&v1::SessionEvent| matches!(event.kind, Some(Kind::Performed(_)));
                 ended = events.iter().filter(is_end).count();
             }
@@ -299,8 +303,18 @@ async fn some_perform_while_others_walk_without_an_underrun() {
             _ => {}
         }
     }
-    let count = |word: &str| told(&events).iter().filter(|(_, told)| *told == word).count();
-    assert_eq!((count("STARTED"), count("DONE")), (20, 20), "{:?}", told(&events));
+    let count = |word: &str| {
+        performances(&events)
+            .iter()
+            .filter(|(_, other)| *other == word)
+            .count()
+    };
+    assert_eq!(
+        (count("STARTED"), count("DONE")),
+        (20, 20),
+        "{:?}",
+        performances(&events)
+    );
     let mut underruns = 0;
     for id in &all {
         let session = client

@@ -172,7 +172,7 @@ fn the_configuration_template_is_printed() {
 }
 
 #[test]
-fn nobody_has_to_listen_to_what_it_prints() {
+fn its_output_need_not_be_read() {
     for args in [["--print-config", ""].as_slice(), &["--packs", "/nowhere/models"]] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
         command.args(args.iter().filter(|arg| !arg.is_empty()));
@@ -191,7 +191,7 @@ fn nobody_has_to_listen_to_what_it_prints() {
 /// A server that writes its greeting to `stdout`. Ends when it serves.
 #[cfg(unix)]
 fn serving_unheard(stdout: std::io::PipeWriter, stderr: Stdio) -> Child {
-    // Any port would do, but nobody hears which: this one was free a moment ago.
+    // Any port would do, but the greeting that names it is lost. This one was free a moment ago.
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = free.local_addr().unwrap().to_string();
     drop(free);

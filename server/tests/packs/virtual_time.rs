@@ -152,7 +152,7 @@ pub fn percentile(mut values: Vec<f32>, share: f64) -> f32 {
 pub struct Actor {
     character: Character,
     cues: Vec<Cue>,
-    told: u64,
+    sequence: u64,
     /// Number of the plan that it asked for last.
     newest: u64,
     take: Take,
@@ -181,7 +181,7 @@ impl Actor {
             character: Character::new(Arc::clone(&networks.pack.rig), options, start, command),
             newest: 0,
             cues,
-            told: 0,
+            sequence: 0,
             take: Take::default(),
             out: FrameOut::default(),
         }
@@ -189,7 +189,7 @@ impl Actor {
 
     fn tell(&mut self, networks: &Networks, frame: u64) {
         for cue in self.cues.iter().filter(|cue| cue.frame == frame) {
-            self.told += 1;
+            self.sequence += 1;
             let command = LocomotionCommand {
                 velocity: cue.velocity,
                 facing: cue.facing,
@@ -199,7 +199,7 @@ impl Actor {
             };
             let outcome = self
                 .character
-                .give(self.told, None, Intent::Locomote(command))
+                .give(self.sequence, None, Intent::Locomote(command))
                 .unwrap();
             assert_eq!(outcome, CommandOutcome::Accepted);
         }

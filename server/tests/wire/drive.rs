@@ -93,7 +93,7 @@ async fn session(client: &mut Client, id: &str) -> v1::Session {
     client.get_session(request).await.unwrap().into_inner()
 }
 
-/// Waits until nobody advances the session.
+/// Waits until no client advances the session.
 async fn freed(client: &mut Client, id: &str) {
     for _ in 0..500 {
         if session(client, id).await.clock() == v1::Clock::Free {
@@ -151,7 +151,7 @@ async fn a_stream_of_qpos_takes_robots_alone() {
         ahead = block.qpos[0];
     }
     assert!(ahead > 0.2, "{ahead} m along MuJoCo's X");
-    // The other is in nobody's hands.
+    // No client drives the other one.
     assert_eq!(session(&mut client, "human").await.clock(), v1::Clock::Free);
 }
 
@@ -215,7 +215,7 @@ async fn a_stream_drives_its_sessions_as_commanded() {
         }))
         .await;
     let Say::Left(left) = drive.control().await else {
-        panic!("nobody left");
+        panic!("no session left");
     };
     assert_eq!((left.sessions.len(), left.sessions[0].slot), (1, 0));
     assert_eq!(left.sessions[0].problem.as_ref().unwrap().reason, "DETACHED");
@@ -235,7 +235,7 @@ async fn a_stream_drives_its_sessions_as_commanded() {
     };
     client.close_sessions(close).await.unwrap();
     let Say::Left(left) = drive.control().await else {
-        panic!("nobody left");
+        panic!("no session left");
     };
     assert_eq!(
         left.sessions[0].problem.as_ref().unwrap().reason,
@@ -281,7 +281,7 @@ async fn a_session_is_on_one_stream_at_a_time() {
     let (_first, _) = Drive::with(&mut client, v1::DriveOpen::default(), &names[..1]).await;
     let mut second = Drive::start(&mut client).await;
     second.say(Ask::Open(v1::DriveOpen::default())).await;
-    let wanted = ["d-0", "nobody", "d-1", "d-1"].map(str::to_owned);
+    let wanted = ["d-0", "unknown", "d-1", "d-1"].map(str::to_owned);
     for session_ids in [wanted[..2].to_vec(), wanted[2..].to_vec()] {
         second.say(Ask::Attach(v1::DriveAttach { session_ids })).await;
     }

@@ -78,7 +78,7 @@ async fn an_object_is_used_and_left_again() {
     let server = yard(&["a", "b"]).await;
     let mut client = server.sessions().await;
     let commands = vec![command("a", 1, interact("stool-1", ""))];
-    let mut told: Vec<v1::SessionEvent> = Vec::new();
+    let mut seen: Vec<v1::SessionEvent> = Vec::new();
     let mut next = step(&["a", "b"], 10, commands);
     for _ in 0..40 {
         let answer = client.step(next).await.unwrap().into_inner();
@@ -92,15 +92,15 @@ async fn an_object_is_used_and_left_again() {
                 (0, "a"),
                 "nothing happens to the other"
             );
-            told.extend(of.events);
+            seen.extend(of.events);
         }
         if session(&server, "a").await.activity.unwrap().kind() == v1::ActivityKind::Held {
             break;
         }
         next = step(&["a", "b"], 10, vec![]);
     }
-    assert_eq!(kinds(&told), ["started", "entered", "reached"], "{told:?}");
-    let Some(Kind::Started(started)) = &told[0].kind else {
+    assert_eq!(kinds(&seen), ["started", "entered", "reached"], "{seen:?}");
+    let Some(Kind::Started(started)) = &seen[0].kind else {
         panic!()
     };
     assert_eq!(
@@ -111,7 +111,7 @@ async fn an_object_is_used_and_left_again() {
         ),
         ("stool", "sit", "front")
     );
-    assert!(told.is_sorted_by_key(|event| event.frame));
+    assert!(seen.is_sorted_by_key(|event| event.frame));
     let scene = v1::GetSceneRequest {
         name: "yard".into(),
         ..v1::GetSceneRequest::default()
@@ -129,7 +129,7 @@ async fn an_object_is_used_and_left_again() {
         (v1::ObjectState::Reserved, "a")
     );
 
-    // Who comes second is told who has it.
+    // The answer to the second character names the holder.
     let commands = vec![
         command("b", 1, interact("stool-1", "")),
         command("b", 2, interact("stool-9", "")),
@@ -237,13 +237,13 @@ async fn a_stream_tells_what_happens() {
     ask(Ask::Command(v1::CommandRequest { commands }));
     let stream = tokio_stream::wrappers::ReceiverStream::new(asked);
     let mut said = client.drive(stream).await.unwrap().into_inner();
-    let mut told = Vec::new();
+    let mut seen = Vec::new();
     let all = async {
         while let Some(message) = said.message().await.unwrap() {
             if let Some(Say::Events(happened)) = message.message {
-                told.extend(happened.sessions.into_iter().flat_map(|of| of.events));
+                seen.extend(happened.sessions.into_iter().flat_map(|of| of.events));
             }
-            if kinds(&told).contains(&"reached") {
+            if kinds(&seen).contains(&"reached") {
                 return;
             }
         }
@@ -251,7 +251,7 @@ async fn a_stream_tells_what_happens() {
     tokio::time::timeout(std::time::Duration::from_secs(20), all)
         .await
         .unwrap();
-    assert_eq!(kinds(&told), ["started", "entered", "reached"]);
+    assert_eq!(kinds(&seen), ["started", "entered", "reached"]);
 }
 
 /// Two want one object within one step: who asks at the earlier frame gets it, whoever is first in
@@ -267,11 +267,11 @@ async fn the_earlier_frame_wins_within_a_step() {
         let commands = vec![at("a", 40), at("b", 30)];
         let answer = server.sessions().await.step(step(&ids, 60, commands)).await;
         let answer = answer.unwrap().into_inner();
-        let told = |id: &str| {
+        let seen = |id: &str| {
             let of = answer.events.iter().find(|of| of.session_id == id).unwrap();
             (kinds(&of.events)[0], of.events[0].frame)
         };
-        assert_eq!(told("b"), ("started", 30), "{answer:?}");
-        assert_eq!(told("a"), ("failed", 40), "{answer:?}");
+        assert_eq!(seen("b"), ("started", 30), "{answer:?}");
+        assert_eq!(seen("a"), ("failed", 40), "{answer:?}");
     }
 }

@@ -60,7 +60,7 @@ async fn a_drain_lets_requests_finish_and_cuts_what_stays_silent() {
     let mut client = server.grpc().await;
     let call = tokio::spawn(async move { client.in_between(request(1)).await });
     server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
-    // A connection that begins a request, is told to go on, and says no more.
+    // A connection that begins a request, gets `100 Continue`, and sends no more.
     let mut silent = TcpStream::connect(address).await.unwrap();
     let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
     silent.write_all(head.as_bytes()).await.unwrap();
@@ -223,7 +223,7 @@ async fn half_requests_get_a_short_grace_when_the_server_stops() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_request_that_does_not_finish_in_time_is_lost_and_told() {
+async fn a_request_that_does_not_finish_in_time_is_lost_and_reported() {
     let server = TestServer::start_with(|config| config.drain_timeout_ms = 300).await;
     server.gate.close();
     let mut client = server.grpc().await;

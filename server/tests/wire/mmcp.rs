@@ -128,9 +128,9 @@ async fn a_motion_in_the_place_of_words_is_put_into_words() {
     ]);
     let (status, made) = call(&server, &request(words, segments)).await;
     assert_eq!(status, 200, "{made}");
-    let told = &made["extensions"]["MMCP_motion"];
-    assert_eq!(told["samples"][0]["num_frames"], 52);
-    let notes = told["notes"].as_array().unwrap();
+    let extension = &made["extensions"]["MMCP_motion"];
+    assert_eq!(extension["samples"][0]["num_frames"], 52);
+    let notes = extension["notes"].as_array().unwrap();
     let read: Vec<&str> = notes
         .iter()
         .filter(|note| note["code"] == "motion_reference")

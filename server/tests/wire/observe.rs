@@ -264,8 +264,7 @@ async fn log_lines_show_the_request_and_attacks_show_once_a_minute() {
         .with_ansi(false)
         .with_writer(move || writer.clone())
         .finish();
-    // No other test of this program sets one; what those beside this one log is told apart by the
-    // ids.
+    // No other test of this program sets one. Tests that run beside this one log other ids.
     tracing::subscriber::set_global_default(subscriber).unwrap();
     let server = TestServer::start().await;
     for number in 0..5 {

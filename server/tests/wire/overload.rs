@@ -44,7 +44,7 @@ struct Flood {
     hints: Vec<Duration>,
 }
 
-/// Calls of one character each, `rate` a second whatever becomes of them, until told to stop.
+/// Calls of one character each, `rate` a second whatever their outcome, until `stop` is set.
 async fn flood(server: &TestServer, rate: usize, stop: Arc<AtomicBool>) -> Flood {
     let mut channels = Vec::new();
     for _ in 0..4 {

@@ -162,7 +162,7 @@ async fn bodies_of_one_pack_go_together_each_in_its_own_block() {
     let server = server_with(|_| {}).await;
     let mut client = server.sessions().await;
     let opened = create(&mut client, vec![of("p", ""), of("d", "dog"), of("q", "person")]).await;
-    let told: Vec<_> = opened
+    let names: Vec<_> = opened
         .iter()
         .map(|session| {
             (
@@ -173,7 +173,7 @@ async fn bodies_of_one_pack_go_together_each_in_its_own_block() {
         })
         .collect();
     assert_eq!(
-        told,
+        names,
         [
             (ZOO, "person", "walk"),
             (ZOO, "dog", "plain"),
@@ -189,11 +189,11 @@ async fn bodies_of_one_pack_go_together_each_in_its_own_block() {
     let commands = ["p", "d", "q"].map(|id| walk(id, 1, (0.0, 1.0))).to_vec();
     let answer = client.step(step(&["p", "d", "q"], 60, commands)).await.unwrap();
     let blocks = answer.into_inner().blocks;
-    let told: Vec<_> = blocks
+    let found: Vec<_> = blocks
         .iter()
         .map(|block| (block.pack.as_str(), block.body.as_str(), block.slots.clone()))
         .collect();
-    assert_eq!(told, [(ZOO, "person", vec![0, 2]), (ZOO, "dog", vec![1])]);
+    assert_eq!(found, [(ZOO, "person", vec![0, 2]), (ZOO, "dog", vec![1])]);
     assert_eq!(blocks[0].rotations.len(), 2 * 60 * 4 * 4);
     assert_eq!(blocks[1].rotations.len(), 60 * 3 * 4);
     for (block, index) in [(&blocks[0], 0), (&blocks[0], 1), (&blocks[1], 0)] {
@@ -489,9 +489,9 @@ async fn paths_that_cannot_be_are_refused_by_their_field() {
             .unwrap()
             .into_inner();
         let problem = answer.results[0].problem.clone().unwrap();
-        let told = (problem.field.as_str(), problem.reason.as_str());
+        let found = (problem.field.as_str(), problem.reason.as_str());
         assert_eq!(
-            told,
+            found,
             (format!("commands[0].follow_path.{field}").as_str(), reason)
         );
         assert!(!problem.allowed.is_empty(), "{problem:?}");

@@ -207,12 +207,12 @@ async fn what_a_client_cannot_have_seen_is_refused() {
         .await;
     assert_eq!(response.status(), StatusCode::OK);
     let answer: v1::ResumeSessionsResponse = response.json().await.unwrap();
-    let told: Vec<_> = (answer.problems.iter())
+    let problems: Vec<_> = (answer.problems.iter())
         .map(|of| of.problem.as_ref().unwrap())
         .map(|problem| (&*problem.field, &*problem.allowed))
         .collect();
     assert_eq!(
-        told[..3],
+        problems[..3],
         [
             ("sessions[0].pose", "at most 5 m"),
             ("sessions[1].frame", "at most 100"),
@@ -220,8 +220,8 @@ async fn what_a_client_cannot_have_seen_is_refused() {
         ]
     );
     assert!(
-        told[3].0.starts_with("sessions[3].pose.pose.rotations"),
-        "{told:?}"
+        problems[3].0.starts_with("sessions[3].pose.pose.rotations"),
+        "{problems:?}"
     );
     let empty = server
         .send(reqwest::Method::POST, "/v1/sessions/resume", &resume(vec![]))

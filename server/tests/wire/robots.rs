@@ -34,7 +34,7 @@ async fn open(client: &mut Client, sessions: Vec<v1::SessionOptions>) {
     client.create_sessions(request).await.unwrap();
 }
 
-/// A step that asks for all that can be told of the G1.
+/// A step that asks for all columns of the G1.
 fn full_step(id: &str, frames: u32, commands: Vec<v1::Command>) -> v1::StepRequest {
     v1::StepRequest {
         encoding: v1::Encoding::Qpos.into(),
@@ -45,7 +45,7 @@ fn full_step(id: &str, frames: u32, commands: Vec<v1::Command>) -> v1::StepReque
 }
 
 /// Columns of frames of the G1, one of each kind.
-struct Told<'a> {
+struct Columns<'a> {
     qpos: &'a [f32],
     positions: &'a [f32],
     six_d: &'a [f32],
@@ -53,17 +53,17 @@ struct Told<'a> {
 
 /// Checks that all columns say the same poses, in the native convention, within the limits. Gives
 /// the rotations.
-fn check(skeleton: &Skeleton, told: &Told<'_>) -> Vec<Quat> {
+fn check(skeleton: &Skeleton, columns: &Columns<'_>) -> Vec<Quat> {
     let robot = robot::robot(skeleton);
-    let frames = told.qpos.len() / QPOS;
-    assert_eq!(told.qpos.len(), frames * QPOS);
-    assert_eq!(told.positions.len(), frames * JOINTS * 3);
-    assert_eq!(told.six_d.len(), frames * JOINTS * 6);
+    let frames = columns.qpos.len() / QPOS;
+    assert_eq!(columns.qpos.len(), frames * QPOS);
+    assert_eq!(columns.positions.len(), frames * JOINTS * 3);
+    assert_eq!(columns.six_d.len(), frames * JOINTS * 6);
     let mut all = Vec::new();
     let mut pose = vec![Quat::IDENTITY; JOINTS];
     let (mut places, mut world) = (vec![Vec3::ZERO; JOINTS], pose.clone());
     for frame in 0..frames {
-        let (root, rotation, angles) = robot.read_qpos(&told.qpos[frame * QPOS..(frame + 1) * QPOS]);
+        let (root, rotation, angles) = robot.read_qpos(&columns.qpos[frame * QPOS..(frame + 1) * QPOS]);
         for (hinge, angle) in robot.hinges().iter().zip(angles) {
             let limits = hinge.lower_rad..=hinge.upper_rad;
             assert!(
@@ -75,13 +75,13 @@ fn check(skeleton: &Skeleton, told: &Told<'_>) -> Vec<Quat> {
         world_transforms(skeleton, root, &pose, &mut places, &mut world);
         for joint in 0..JOINTS {
             let at = frame * JOINTS + joint;
-            let place = Vec3::from_slice(&told.positions[at * 3..]);
+            let place = Vec3::from_slice(&columns.positions[at * 3..]);
             assert!(
                 place.distance(places[joint]) < 1e-4,
                 "frame {frame}: {place} {}",
                 places[joint]
             );
-            for (a, b) in told.six_d[at * 6..at * 6 + 6].iter().zip(six_d(world[joint])) {
+            for (a, b) in columns.six_d[at * 6..at * 6 + 6].iter().zip(six_d(world[joint])) {
                 assert!((a - b).abs() < 1e-4, "frame {frame} joint {joint}");
             }
         }
@@ -157,17 +157,17 @@ async fn fill(server: &TestServer, character: v1::Character) -> Result<v1::Frame
 }
 
 #[tokio::test]
-async fn a_gap_is_filled_on_the_hinges_and_told_as_qpos() {
+async fn a_gap_is_filled_on_the_hinges_and_returned_as_qpos() {
     let folder = Folder::new("gap");
     let server = robot::start(&folder).await;
     let skeleton = skeleton();
     let frames = fill(&server, task(&skeleton)).await.unwrap();
-    let told = Told {
+    let columns = Columns {
         qpos: &frames.qpos,
         positions: &frames.positions,
         six_d: &frames.six_d,
     };
-    let rotations = check(&skeleton, &told);
+    let rotations = check(&skeleton, &columns);
     assert_eq!(frames.rotations.len(), rotations.len() * 4);
     for (wxyz, rotation) in frames.rotations.as_chunks::<4>().0.iter().zip(&rotations) {
         assert!(angle_between(from_wxyz(*wxyz), *rotation) < 1e-4);
@@ -184,8 +184,8 @@ async fn a_gap_is_filled_on_the_hinges_and_told_as_qpos() {
         assert!(off < 1e-4, "frame {frame} is off by {off}");
         assert!(frames.hinge_residuals[frame] < 1e-4 && frames.clamped_hinges[frame] == 0);
     }
-    // What the networks made no hinge can do, and some frames bend a knee the wrong way; both are
-    // told.
+    // No hinge can make the networks' poses, and some frames bend a knee the wrong way. The answer
+    // reports both.
     assert_eq!(frames.hinge_residuals.len(), 40);
     assert!(frames.hinge_residuals[20] > 0.02, "{:?}", frames.hinge_residuals);
     assert!(frames.clamped_hinges[24] >= 1, "{:?}", frames.clamped_hinges);
@@ -346,7 +346,7 @@ async fn packs_without_a_robot_refuse_qpos() {
 }
 
 #[tokio::test]
-async fn a_robot_walks_on_its_hinges_and_is_told_the_same_in_every_form() {
+async fn a_robot_walks_on_its_hinges_the_same_in_every_form() {
     let folder = Folder::new("walk");
     let server = robot::start(&folder).await;
     let skeleton = skeleton();
@@ -355,30 +355,30 @@ async fn a_robot_walks_on_its_hinges_and_is_told_the_same_in_every_form() {
     open(&mut client, names.map(g1).into()).await;
     let go = |id: &str| vec![walk(id, 1, (0.0, 0.8))];
 
-    let told = stepped(&mut client, full_step("qpos", 75, go("qpos"))).await;
-    assert!(told.root_positions.is_empty() && told.rotations.is_empty() && told.packed_roots.is_empty());
-    assert_eq!((told.hinge_residuals.len(), told.clamped_hinges.len()), (75, 75));
-    let columns = Told {
-        qpos: &told.qpos,
-        positions: &told.positions,
-        six_d: &told.six_d,
+    let full = stepped(&mut client, full_step("qpos", 75, go("qpos"))).await;
+    assert!(full.root_positions.is_empty() && full.rotations.is_empty() && full.packed_roots.is_empty());
+    assert_eq!((full.hinge_residuals.len(), full.clamped_hinges.len()), (75, 75));
+    let columns = Columns {
+        qpos: &full.qpos,
+        positions: &full.positions,
+        six_d: &full.six_d,
     };
     let rotations = check(&skeleton, &columns);
     // It goes forward, along MuJoCo's X.
-    let (first, last) = (&told.qpos[..QPOS], &told.qpos[74 * QPOS..]);
+    let (first, last) = (&full.qpos[..QPOS], &full.qpos[74 * QPOS..]);
     assert!(
         last[0] - first[0] > 1.0 && last[1].abs() < 0.2,
         "{:?}",
         &last[..3]
     );
-    // Poses that no hinge can make are told. The knees that the networks bend the wrong way are
+    // Poses that no hinge can make are reported. The knees that the networks bend the wrong way are
     // not: feet are held, within the limits.
-    assert!(told.hinge_residuals.iter().any(|&residual| residual > 0.02));
-    assert!(told.clamped_hinges.iter().all(|&clamped| clamped == 0));
+    assert!(full.hinge_residuals.iter().any(|&residual| residual > 0.02));
+    assert!(full.clamped_hinges.iter().all(|&clamped| clamped == 0));
 
     let floats = stepped(&mut client, step(&["floats"], 75, go("floats"))).await;
     for (frame, root) in floats.root_positions.as_chunks::<3>().0.iter().enumerate() {
-        let qpos = &told.qpos[frame * QPOS..];
+        let qpos = &full.qpos[frame * QPOS..];
         assert_eq!(*root, [qpos[1], qpos[2], qpos[0]], "native axes");
     }
     for (wxyz, rotation) in floats.rotations.as_chunks::<4>().0.iter().zip(&rotations) {
@@ -392,7 +392,7 @@ async fn a_robot_walks_on_its_hinges_and_is_told_the_same_in_every_form() {
         ..step(&["compact"], 75, go("compact"))
     };
     let compact = stepped(&mut client, compact).await;
-    assert_eq!(compact.positions, told.positions, "bit for bit");
+    assert_eq!(compact.positions, full.positions, "bit for bit");
     assert_eq!(compact.packed_rotations.len(), 75 * JOINTS * 6);
 
     // In single steps, bit for bit the same.
@@ -405,7 +405,7 @@ async fn a_robot_walks_on_its_hinges_and_is_told_the_same_in_every_form() {
         };
         rows.extend(stepped(&mut client, request).await.qpos);
     }
-    assert_eq!(rows, told.qpos);
+    assert_eq!(rows, full.qpos);
 
     // Between frames too.
     let sixty = v1::StepRequest {
@@ -413,7 +413,7 @@ async fn a_robot_walks_on_its_hinges_and_is_told_the_same_in_every_form() {
         ..full_step("sixty", 120, go("sixty"))
     };
     let sixty = stepped(&mut client, sixty).await;
-    let columns = Told {
+    let columns = Columns {
         qpos: &sixty.qpos,
         positions: &sixty.positions,
         six_d: &sixty.six_d,
@@ -469,13 +469,13 @@ async fn qpos_is_mujocos_in_every_convention() {
         .zip([Convention::Native, Convention::Unreal, Convention::Ros])
     {
         let id = format!("of-{}", i32::from(*convention));
-        let told = stepped(&mut client, full_step(&id, 5, Vec::new())).await;
+        let answer = stepped(&mut client, full_step(&id, 5, Vec::new())).await;
         // The root's place beside it, in the session's convention.
-        let root = of.position_to_native(Vec3::from_slice(&told.positions));
-        let (place, _, _) = robot::robot(&skeleton).read_qpos(&told.qpos[..QPOS]);
+        let root = of.position_to_native(Vec3::from_slice(&answer.positions));
+        let (place, _, _) = robot::robot(&skeleton).read_qpos(&answer.qpos[..QPOS]);
         assert!(root.distance(place) < 1e-4, "{root} {place}");
         assert!((place.x - 0.5).abs() < 0.05 && (place.z - 1.0).abs() < 0.05 && place.y > 0.7);
-        all.push(told.qpos);
+        all.push(answer.qpos);
     }
     assert_eq!(all[0], all[1]);
     assert_eq!(all[0], all[2]);
@@ -577,7 +577,7 @@ async fn a_robot_steps_up_and_falls_within_its_limits() {
             let request = full_step(id, 40, std::mem::take(&mut commands));
             let mut answer = client.step(request).await.unwrap().into_inner();
             let block = answer.blocks.remove(0);
-            let columns = Told {
+            let columns = Columns {
                 qpos: &block.qpos,
                 positions: &block.positions,
                 six_d: &block.six_d,

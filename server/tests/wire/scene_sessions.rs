@@ -50,8 +50,8 @@ async fn sessions_live_in_a_scene_that_changes_under_them() {
     let opened = create(&server, vec![inside("a"), inside("b"), options("c")])
         .await
         .unwrap();
-    let told: Vec<&str> = opened.iter().map(|session| session.scene.as_str()).collect();
-    assert_eq!(told, ["yard", "yard", ""]);
+    let scenes_of_sessions: Vec<&str> = opened.iter().map(|session| session.scene.as_str()).collect();
+    assert_eq!(scenes_of_sessions, ["yard", "yard", ""]);
     assert_eq!(
         opened[0].activity.as_ref().unwrap().kind(),
         v1::ActivityKind::Locomotion

@@ -168,7 +168,7 @@ async fn scenes_and_definitions_come_and_go_over_http() {
     assert_eq!(answer["results"][2]["problem"]["field"], "objects[2].definition");
     let moves = json!({"convention": "unreal", "moves": [
         {"id": "two", "position": {"x": 100.0}, "heading": 1.0},
-        {"id": "nobody", "heading": 1.0},
+        {"id": "unknown", "heading": 1.0},
         {"id": "one", "position": {"x": 1e9}}]});
     let answer = server.send(Method::POST, "/v1/scenes/made/move", &moves).await;
     let answer: Value = answer.json().await.unwrap();
@@ -218,21 +218,21 @@ async fn scenes_and_definitions_come_and_go_over_http() {
 }
 
 #[tokio::test]
-async fn what_is_wrong_with_a_document_is_told_with_line_and_field() {
+async fn an_error_in_a_document_has_line_and_field() {
     let server = TestServer::start().await;
     let mut client = scenes(&server).await;
     let low = STOOL.replace("reach_m = 0.6", "reach_m = 60.0");
     let error = put_stool(&mut client, &low).await.unwrap_err();
     assert_eq!(reason(&error), (Code::InvalidArgument, "INVALID_DOCUMENT".into()));
     let info = error.get_details_error_info().unwrap();
-    let told = |key: &str| info.metadata[key].clone();
+    let detail = |key: &str| info.metadata[key].clone();
     let line = 1 + low.lines().position(|line| line.starts_with("reach_m")).unwrap();
     assert_eq!(
-        (told("line"), told("column")),
+        (detail("line"), detail("column")),
         (line.to_string(), "11".to_owned())
     );
     assert_eq!(
-        (told("field"), told("allowed")),
+        (detail("field"), detail("allowed")),
         ("trigger.reach_m".to_owned(), "0 to 10".to_owned())
     );
     let violation = &error.get_details_bad_request().unwrap().field_violations[0];
@@ -367,7 +367,7 @@ async fn requests_that_make_no_sense_name_their_field() {
         (
             &post,
             "/v1/detect",
-            json!({"session_id": "nobody"}),
+            json!({"session_id": "unknown"}),
             none,
             "UNKNOWN_SESSION",
             "session_id",
@@ -381,15 +381,15 @@ async fn requests_that_make_no_sense_name_their_field() {
             "box.scene",
         ),
     ] {
-        let told = error_of(server.send(method.clone(), path, &body).await).await;
+        let refused = error_of(server.send(method.clone(), path, &body).await).await;
         assert_eq!(
-            told,
+            refused,
             (status, reason.to_owned(), field.to_owned()),
             "{path} {body}"
         );
     }
-    let told = error_of(server.get("/v1/scenes/yard?convention=blender").await).await;
-    assert_eq!(told, (bad, "INVALID_FIELD".to_owned(), "query".to_owned()));
+    let refused = error_of(server.get("/v1/scenes/yard?convention=blender").await).await;
+    assert_eq!(refused, (bad, "INVALID_FIELD".to_owned(), "query".to_owned()));
 }
 
 #[tokio::test]

@@ -194,7 +194,7 @@ async fn a_command_is_refused_alone_with_field_and_range() {
 
 #[rustfmt::skip]
 const STEPS: &[Case<v1::StepRequest>] = &[
-    Case { name: "nobody", change: |r| r.session_ids.clear(), field: "session_ids", says: "1 to 1024" },
+    Case { name: "none", change: |r| r.session_ids.clear(), field: "session_ids", says: "1 to 1024" },
     Case { name: "too many", change: |r| r.session_ids = ids("x", 1025), field: "session_ids", says: "1 to 1024" },
     Case { name: "twice", change: |r| r.session_ids.push("a".into()), field: "session_ids[1]", says: "each session once" },
     Case { name: "frames", change: |r| r.frames = 121, field: "frames", says: "1 to 120" },

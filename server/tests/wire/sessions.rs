@@ -300,7 +300,7 @@ async fn a_priority_is_kept_and_changes_nothing_of_what_a_session_does() {
         .into_inner()
         .sessions;
     assert_eq!((opened[0].priority, opened[1].priority), (0.5, 0.0));
-    // Both walk; only one is told its priority, while another command waits for its frame.
+    // Both walk. Only one gets a new priority, while another command waits for its frame.
     let turn = |id: &str| v1::Command {
         at_frame: Some(40),
         ..walk(id, 2, (1.0, 0.0))
@@ -516,7 +516,7 @@ async fn plans_that_fail_end_a_step_with_their_error_and_the_session_recovers() 
     server.gate.set_broken(true);
     let status = client.step(step(&["a"], 60, vec![])).await.unwrap_err();
     assert_eq!(status.code(), Code::Internal, "{status:?}");
-    assert!(status.message().contains("told to fail"), "{status:?}");
+    assert!(status.message().contains("set to fail"), "{status:?}");
     server.gate.set_broken(false);
     stepped(&mut client, step(&["a"], 60, vec![])).await;
     let get = v1::GetSessionRequest { id: "a".into() };

@@ -106,7 +106,7 @@ async fn a_name_that_there_is_not_is_refused_with_those_that_there_are() {
     ];
     let request = v1::CommandRequest { commands };
     let results = client.command(request).await.unwrap().into_inner().results;
-    let told: Vec<_> = (results.iter())
+    let problems: Vec<_> = (results.iter())
         .map(|result| {
             let problem = result.problem.as_ref().unwrap();
             (
@@ -117,7 +117,7 @@ async fn a_name_that_there_is_not_is_refused_with_those_that_there_are() {
         })
         .collect();
     assert_eq!(
-        told,
+        problems,
         [
             ("UNKNOWN_SKILL", "commands[0].skill.name", "duck"),
             ("UNKNOWN_VARIANT", "commands[1].skill.variant", "low"),
@@ -152,8 +152,8 @@ async fn http_and_websocket_do_skills() {
         .text(json!({ "command": { "commands": [duck("b")] } }))
         .await;
     for _ in 0..200 {
-        if let Say::Events(told) = socket.said(true).await {
-            let first = &told.sessions[0].events[0].kind;
+        if let Say::Events(happened) = socket.said(true).await {
+            let first = &happened.sessions[0].events[0].kind;
             assert!(
                 matches!(first, Some(Kind::Started(of)) if of.variant == "low"),
                 "{first:?}"

@@ -123,7 +123,7 @@ async fn many_streams_of_one_client_get_no_more_turns_than_one() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_step_of_many_interactions_among_many_objects_holds_up_nobody() {
+async fn a_step_of_many_interactions_among_many_objects_delays_no_one() {
     let server = TestServer::start().await;
     put_pile(&server, 256, 2048).await;
     let mut attacker = server.sessions().await;
@@ -260,11 +260,11 @@ async fn streams_of_one_connection_leave_room_for_others() {
     let (mut one, mut other) = (server.sessions().await, server.sessions().await);
     let mut held = Vec::new();
     for _ in 0..2 {
-        held.push(drive(&mut one, &["nobody".to_owned()]).await);
+        held.push(drive(&mut one, &["unknown".to_owned()]).await);
     }
     let (_ask, asked) = mpsc::channel(1);
     let error = one.drive(ReceiverStream::new(asked)).await.unwrap_err();
     assert_eq!(error.code(), tonic::Code::ResourceExhausted, "{error}");
     assert!(error.message().contains("2 streams"), "{error}");
-    held.push(drive(&mut other, &["nobody".to_owned()]).await);
+    held.push(drive(&mut other, &["unknown".to_owned()]).await);
 }

@@ -28,7 +28,7 @@ struct House {
 
 const ALPHA: usize = 0;
 const BETA: usize = 1;
-const NOBODY: usize = 2;
+const NO_TENANT: usize = 2;
 
 impl House {
     /// With a file of keys in `folder`, which may be there already.
@@ -114,13 +114,13 @@ async fn sessions_of_one_tenant_do_not_exist_for_another() {
     let folder = Folder::new("tenants-sessions");
     let house = House::start(folder.path(), |_| {}).await;
     // The same id is free for each.
-    for who in [ALPHA, BETA, NOBODY] {
+    for who in [ALPHA, BETA, NO_TENANT] {
         house
             .open(who, json!({"id": "hero", "position": {"x": who, "y": 0, "z": 0}}))
             .await;
     }
     house.open(ALPHA, json!({"id": "secret"})).await;
-    for (who, total) in [(ALPHA, 2), (BETA, 1), (NOBODY, 1)] {
+    for (who, total) in [(ALPHA, 2), (BETA, 1), (NO_TENANT, 1)] {
         let (_, list) = house.get(who, "/v1/sessions").await;
         assert_eq!(list["total"], total, "{list}");
         assert_eq!(list["sessions"].as_array().unwrap().len(), total);
@@ -128,7 +128,7 @@ async fn sessions_of_one_tenant_do_not_exist_for_another() {
         let x = hero["position"]["x"].as_f64().unwrap();
         assert!((x - who as f64).abs() < 0.1, "{hero}");
     }
-    for who in [BETA, NOBODY] {
+    for who in [BETA, NO_TENANT] {
         for (method, path, body) in [
             (Method::GET, "/v1/sessions/secret", Value::Null),
             (Method::GET, "/v1/sessions/secret/peek", Value::Null),
@@ -212,7 +212,7 @@ async fn scenes_definitions_and_styles_are_a_tenants_own() {
         .open(ALPHA, json!({"id": "a", "scene": "yard", "style": "limp"}))
         .await;
 
-    for who in [BETA, NOBODY] {
+    for who in [BETA, NO_TENANT] {
         for (path, reason) in [
             ("/v1/scenes/yard", "UNKNOWN_SCENE"),
             ("/v1/objects/stool", "UNKNOWN_OBJECT_DEFINITION"),
@@ -256,9 +256,9 @@ async fn tenants_share_the_limits() {
     .await;
     house.open(ALPHA, json!({"id": "a"})).await;
     house.open(ALPHA, json!({"id": "b"})).await;
-    house.open(NOBODY, json!({"id": "a"})).await;
+    house.open(NO_TENANT, json!({"id": "a"})).await;
     let more = json!({"sessions": [{}]});
-    let reason = house.refused(NOBODY, Method::POST, "/v1/sessions", more).await;
+    let reason = house.refused(NO_TENANT, Method::POST, "/v1/sessions", more).await;
     assert_eq!(reason, "TOO_MANY_SESSIONS");
     let (status, body) = house.get(BETA, "/v1/sessions").await;
     assert_eq!(status, StatusCode::TOO_MANY_REQUESTS, "{body}");
@@ -277,7 +277,7 @@ async fn what_tenants_have_outlives_the_server() {
         })
     };
     let house = start().await;
-    for (who, frames) in [(ALPHA, 7), (BETA, 9), (NOBODY, 11)] {
+    for (who, frames) in [(ALPHA, 7), (BETA, 9), (NO_TENANT, 11)] {
         if who != BETA {
             house.put_yard(who).await;
         }
@@ -299,11 +299,11 @@ async fn what_tenants_have_outlives_the_server() {
     );
 
     let house = start().await;
-    for (who, frames) in [(ALPHA, 7), (BETA, 9), (NOBODY, 11)] {
+    for (who, frames) in [(ALPHA, 7), (BETA, 9), (NO_TENANT, 11)] {
         let (_, hero) = house.get(who, "/v1/sessions/hero").await;
         assert_eq!(hero["frame"], json!(frames.to_string()), "{hero}");
     }
-    for (who, x) in [(ALPHA, 3.0), (NOBODY, 8.0)] {
+    for (who, x) in [(ALPHA, 3.0), (NO_TENANT, 8.0)] {
         let (_, yard) = house.get(who, "/v1/scenes/yard").await;
         let stool = yard["objects"].as_array().unwrap();
         let stool = stool.iter().find(|object| object["id"] == "stool-2").unwrap();

@@ -131,14 +131,14 @@ async fn all_who_watch_read_what_its_client_reads() {
     let z = i32::from_le_bytes(roots[20..24].try_into().unwrap());
     assert!(z > 2_000, "{z} tenths of a millimetre ahead");
 
-    // Who comes and goes is told.
+    // Watchers hear of sessions that come and go.
     attach(&mut own, &names[2..]).await;
     let session_ids = vec!["w-0".to_owned()];
     own.binary(Ask::Detach(v1::DriveDetach { session_ids })).await;
     for watcher in &mut watchers {
         assert_eq!(attached(watcher).await, [("w-2".into(), 2)]);
         let Say::Left(left) = control(watcher).await else {
-            panic!("nobody left");
+            panic!("no session left");
         };
         assert_eq!(left.sessions[0].session_id, "w-0");
     }
@@ -161,7 +161,7 @@ async fn what_cannot_be_watched_is_refused_with_its_field() {
     let names = ids("w", 2);
     open(&mut client, &names).await;
     let _own = driving(&server, &names[..1]).await;
-    // Nobody; a session that no stream drives.
+    // An unknown session; a session that no stream drives.
     for id in ["ghost", "w-1"] {
         let problem = refusal(&mut watch(&server, id).await).await;
         assert_eq!(

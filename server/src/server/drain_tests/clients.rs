@@ -1,4 +1,4 @@
-//! What clients do, and what they were told.
+//! What clients do, and what they learn.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -25,7 +25,7 @@ pub(super) struct Asked {
     pub(super) torn: bool,
 }
 
-/// What a client knows of a session, each with the moment when it was told.
+/// What a client knows of a session, and when it learned that.
 #[derive(Debug, Default)]
 pub(super) struct Known {
     pub(super) created: Option<Instant>,
@@ -108,7 +108,7 @@ impl Caller {
         }
     }
 
-    /// Goes on until nobody listens.
+    /// Goes on until the server is gone.
     pub(super) async fn run(mut self) {
         loop {
             sleep(Duration::from_millis(self.random.random_range(0..150))).await;
@@ -202,16 +202,16 @@ impl Caller {
                 self.learn(kind, sequence, &body);
                 self.http = Some(http);
             }
-            Answer::None => self.start_anew(),
+            Answer::None => self.start_over(),
             Answer::Torn => {
                 self.world.log().asked[asked].torn = true;
-                self.start_anew();
+                self.start_over();
             }
         }
     }
 
-    /// Nobody knows what became of the request: the client goes on with another session.
-    fn start_anew(&mut self) {
+    /// The outcome of the request is unknown: the client goes on with another session.
+    fn start_over(&mut self) {
         self.id.push('x');
         self.open = false;
         self.sequence = 0;
@@ -238,7 +238,7 @@ impl Caller {
             Kind::Close => {
                 known.closed = Some(now);
                 drop(log);
-                self.start_anew();
+                self.start_over();
             }
             Kind::List => {}
         }

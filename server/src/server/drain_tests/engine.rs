@@ -1,8 +1,7 @@
-//! An engine that stops and goes on when it is told to, and time that stands still while it works.
+//! An engine that a test stops and resumes, and time that stands still while it works.
 //!
-//! A worker is a thread of the system, whose work takes real time. The time of a simulation goes on
-//! by itself as soon as nobody has anything to do; while a step waits for a worker that may work it
-//! must not.
+//! A worker is a thread of the system, whose work takes real time. Simulated time advances by
+//! itself as soon as all tasks are idle. It must not advance while a step waits for a worker.
 
 use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, mpsc};

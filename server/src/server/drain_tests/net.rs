@@ -24,7 +24,7 @@ pub(super) fn port() -> (Dial, Port) {
 }
 
 impl Dial {
-    /// A connection; none where nobody listens any more.
+    /// A connection. None: the port is closed.
     pub(super) fn connect(&self) -> Option<DuplexStream> {
         let (mine, theirs) = duplex(BUFFER);
         self.0.send(theirs).ok().map(|()| mine)
@@ -102,7 +102,7 @@ impl Http {
         }
     }
 
-    /// Bytes that nobody asked for.
+    /// Bytes that belong to no answer.
     pub(super) fn rest(&self) -> &[u8] {
         &self.read
     }

@@ -4,7 +4,7 @@ use v1::describe_response::Part;
 
 use super::*;
 
-async fn told(client: &Client, request: &v1::DescribeRequest) -> Vec<v1::DescribeResponse> {
+async fn described(client: &Client, request: &v1::DescribeRequest) -> Vec<v1::DescribeResponse> {
     let answer = client.clone().describe(request.clone()).await;
     let mut stream = answer.unwrap().into_inner();
     let mut parts = Vec::new();
@@ -16,7 +16,7 @@ async fn told(client: &Client, request: &v1::DescribeRequest) -> Vec<v1::Describ
     parts
 }
 
-async fn http_told(server: &ServerHandle, request: &v1::DescribeRequest) -> Vec<v1::DescribeResponse> {
+async fn http_described(server: &ServerHandle, request: &v1::DescribeRequest) -> Vec<v1::DescribeResponse> {
     let url = format!("http://{}/v1/describe", server.address());
     let call = reqwest::Client::new().post(url).json(request);
     let answer = call.send().await.unwrap();
@@ -44,15 +44,15 @@ async fn motion_becomes_words_over_both_fronts_alone_and_in_company() {
         seed: 5,
         ..v1::DescribeRequest::default()
     };
-    let alone = told(&client, &request).await;
+    let alone = described(&client, &request).await;
     assert!(!text(&alone).is_empty());
-    assert_eq!(http_told(&server, &request).await, alone);
+    assert_eq!(http_described(&server, &request).await, alone);
     let seeds = (0..12).map(|seed| v1::DescribeRequest {
         seed,
         ..request.clone()
     });
     let requests: Vec<_> = seeds.collect();
-    let company = requests.iter().map(|request| told(&client, request));
+    let company = requests.iter().map(|request| described(&client, request));
     let walks = (0..4).map(|_| parts(client.clone(), prompt("someone walks", Some(60))));
     let (company, walks) = tokio::join!(
         futures_util::future::join_all(company),
@@ -79,9 +79,9 @@ async fn motion_of_several_characters_becomes_words() {
         others: Vec::new(),
         ..two.clone()
     };
-    let told_of_two = told(&client, &two).await;
-    assert_ne!(text(&told_of_two), text(&told(&client, &alone).await));
-    assert_eq!(http_told(&server, &two).await, told_of_two);
+    let described_two = described(&client, &two).await;
+    assert_ne!(text(&described_two), text(&described(&client, &alone).await));
+    assert_eq!(http_described(&server, &two).await, described_two);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -98,7 +98,7 @@ async fn motion_becomes_audio() {
             seed: 2,
             ..v1::DescribeRequest::default()
         };
-        let parts = told(&client, &request).await;
+        let parts = described(&client, &request).await;
         let mut codes = Vec::new();
         for part in &parts {
             match &part.part {
@@ -110,10 +110,10 @@ async fn motion_becomes_audio() {
             !codes.is_empty() && codes.iter().all(|&code| code < 64),
             "{codes:?}"
         );
-        assert_eq!(told(&client, &request).await, parts, "the same seed");
-        assert_eq!(http_told(&server, &request).await, parts);
+        assert_eq!(described(&client, &request).await, parts, "the same seed");
+        assert_eq!(http_described(&server, &request).await, parts);
 
-        // What was told of a motion may be danced to.
+        // The audio of a motion can be danced to.
         let dance = v1::Prompt {
             frame_count: Some(16),
             audio: Some(v1::Audio {
@@ -169,11 +169,11 @@ async fn who_leaves_a_description_gives_up_the_rest() {
         frames: slide(&client, 40, 0.0, 0.0).await,
         ..v1::DescribeRequest::default()
     };
-    let alone = told(&client, &request).await;
+    let alone = described(&client, &request).await;
     for _ in 0..3 * troupe_engine::families::vermo::SLOTS {
         drop(client.clone().describe(request.clone()).await.unwrap());
     }
-    let again = tokio::time::timeout(Duration::from_secs(60), told(&client, &request)).await;
+    let again = tokio::time::timeout(Duration::from_secs(60), described(&client, &request)).await;
     assert_eq!(text(&again.unwrap()), text(&alone));
     drop(server);
 }

@@ -12,8 +12,8 @@ async fn call(server: &ServerHandle, body: &Value) -> (u16, Value) {
 
 async fn model(server: &ServerHandle) -> Value {
     let url = format!("http://{}/capabilities", server.address());
-    let told: Value = reqwest::get(url).await.unwrap().json().await.unwrap();
-    told["models"][0].clone()
+    let capabilities: Value = reqwest::get(url).await.unwrap().json().await.unwrap();
+    capabilities["models"][0].clone()
 }
 
 fn request(model: &Value, segments: Value) -> Value {
