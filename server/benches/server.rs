@@ -1,4 +1,4 @@
-//! How long the server's own parts take: `cargo bench -p troupe-server --bench server`.
+//! Times of the server's own parts: `cargo bench -p troupe-server --bench server`.
 #![allow(missing_docs, clippy::unwrap_used, reason = "benches")]
 
 mod common;

@@ -50,7 +50,7 @@ fn encode_a_tick(work: Work) -> Work {
     work
 }
 
-/// A scheduler in its steady state.
+/// A scheduler with a queue of constant length.
 fn waiting(characters: usize) -> Waiting {
     let mut waiting = Waiting::of(characters);
     waiting.turn();

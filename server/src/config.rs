@@ -1,5 +1,5 @@
-//! Configuration: flags win over environment variables, these over the configuration file, and this
-//! over defaults.
+//! Configuration. Flags override environment variables, these override the configuration file, and
+//! that overrides defaults.
 
 mod check;
 mod cli;
@@ -126,10 +126,10 @@ pub struct Options {
     pub allowed_origins: Vec<Origin>,
 
     /// Host headers that the server answers, with or without a port. Without one, every port fits.
-    /// A server on a loopback address always answers loopback names and addresses, and of others
-    /// only those in this list: name those that a proxy in front of it passes on. A server on
-    /// another address answers every host if this list is empty. Otherwise it answers the hosts in
-    /// the list, addresses and localhost.
+    /// A server on a loopback address always answers loopback names and addresses. It answers other
+    /// hosts only if they are in this list: name those that a proxy in front of it passes on. A
+    /// server on another address answers every host if this list is empty. Otherwise it answers the
+    /// hosts in the list, addresses and localhost.
     #[config(
         env = "TROUPE_ALLOWED_HOSTS",
         default = [],
@@ -230,8 +230,8 @@ pub struct Options {
     )]
     pub memory_limit_mib: u64,
 
-    /// Most characters in one batch. 0: 32, and 16 with openvino-bf16. On CPUs more saves hardly
-    /// any time per character, and takes memory and start-up time. On GPUs more is faster. The
+    /// Most characters in one batch. 0: 32, and 16 with openvino-bf16. On CPUs, more saves hardly
+    /// any time per character, and takes memory and start-up time. On GPUs, more is faster. The
     /// queue of a pack holds 16 such batches for each worker, and at least 1024 characters.
     #[config(
         env = "TROUPE_MAX_BATCH",
@@ -313,7 +313,7 @@ pub struct Options {
     )]
     pub transfer_memory_mib: u64,
 
-    /// Most open connections, of which one address may have half. A network of IPv6 (/64) counts as
+    /// Most open connections. One address may have half of them. A network of IPv6 (/64) counts as
     /// one address, and so do all clients behind one proxy. 16 more connections get answers on
     /// /healthz, /readyz, /metrics and gRPC's health service, and 503 for all else. Further ones
     /// are closed at once. 0: 10,000, or fewer if the system's limit of open files is lower.

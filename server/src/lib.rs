@@ -8,23 +8,23 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`traces`] | where traces go |
+//! | [`traces`] | export of traces |
 //! | [`inbetween`] | single requests: from keyframes to tasks, from motion to frames |
-//! | [`service`] | every call, apart from how it travels |
-//! | [`mmcp`] | the protocol of motion tools: requests in its form, answers as glTF |
-//! | [`api`] | gRPC, HTTP, WebSocket, and how errors look there |
+//! | [`service`] | every call, without its transport |
+//! | [`mmcp`] | the protocol of motion tools: its requests, and answers as glTF |
+//! | [`api`] | gRPC, HTTP, WebSocket, and the form of errors |
 //! | [`health`] | asks a running server whether it is ready |
-//! | [`config`], [`server`], [`doctor`] | options; what runs the rest on a port; what a machine offers |
+//! | [`config`], [`server`], [`doctor`] | options; the running server; report on a machine |
 //!
-//! Each layer has an error of its own. They become answers in one place, [`api`].
+//! Each layer has its own error type. Only [`api`] turns errors into answers.
 //!
-//! # The way of a request
+//! # How a request is served
 //! A request arrives over gRPC or HTTP. [`inbetween`] checks it and moves each character into its
 //! segment frame. The request waits in a bounded queue and shares a batch with other requests
 //! (`troupe-batch`). The networks of a pack process the batch (`troupe-engine`), and the result
 //! becomes frames.
 //!
-//! # The way of a live character
+//! # How a live character moves
 //! Commands change what a character wants (`troupe-character`). When a character needs a plan, its
 //! session asks the same batcher for one. It cross-fades the plan into the frames that a step or a
 //! stream takes (`troupe-live`).

@@ -1,5 +1,5 @@
-//! What the benches work on: the example walk as a request, as what the networks make of one, and
-//! as frames of a crowd.
+//! Input of the benches: the example walk as a request, as output of the networks, and as frames of
+//! a crowd.
 
 mod waiting;
 
@@ -26,7 +26,7 @@ const FRAMES: usize = 64;
 /// Frames of a live plan: a second, the context and the look-ahead.
 const LIVE_FRAMES: usize = 36;
 
-/// One request on the default pack and what comes after it.
+/// One request on the default pack, and the later stages of serving it.
 pub struct Work {
     pub pack: Pack,
     pub request: v1::InBetweenRequest,
@@ -71,28 +71,28 @@ impl Work {
         }
     }
 
-    /// A request's checks and its way into the segment frame.
+    /// Checks a request, and moves it into the segment frame.
     pub fn prepare(&self) -> (Vec<KeyframeTask>, Vec<Plan>) {
         prepare(&self.request, &self.pack.rig, LIMITS).unwrap()
     }
 
-    /// From what the networks made to a request's answer.
+    /// Turns output of the networks into the answer to a request.
     pub fn finish(&self) -> v1::CharacterResult {
         finish(&self.raw, &self.plan, &self.pack.rig).unwrap()
     }
 
-    /// The same with feet as the networks made them. Otherwise all four contact joints are held all
-    /// the time, which is the most.
+    /// [`finish`](Self::finish) without holding feet. With it, all four contact joints are held in
+    /// all frames, which is the worst case.
     pub fn finish_free(&self) -> v1::CharacterResult {
         finish(&self.raw, &self.free, &self.pack.rig).unwrap()
     }
 
-    /// From what the networks made to a live plan.
+    /// Turns output of the networks into a live plan.
     pub fn finish_live(&self) -> LivePlan {
         finish_live(&self.raw, &self.shape, &self.pack.rig).unwrap()
     }
 
-    /// One tick of a crowd.
+    /// Encodes one tick of a crowd.
     pub fn encode(&self, characters: usize, encoding: v1::Encoding) -> v1::FrameBlock {
         let form = Form {
             encoding,
@@ -152,7 +152,7 @@ fn position(place: Vec3) -> v1::Vec3 {
     }
 }
 
-/// The clip as the networks would have made it.
+/// The clip in the form of the networks' output.
 fn raw(clip: &Clip, skeleton: &Skeleton, frame: &SegmentFrame) -> Motion {
     let joints = skeleton.joint_count();
     let (mut places, mut world) = (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);

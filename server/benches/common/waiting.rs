@@ -7,10 +7,10 @@ use troupe_batch::{Order, OwnerId};
 
 /// Most characters in one batch.
 const BATCH: usize = 64;
-/// One in so many is an InBetween call, the others are plans of sessions.
+/// One in this many requests is an InBetween call. The others are plans of sessions.
 const REQUEST_EVERY: u64 = 5;
 
-/// A scheduler of one worker with a queue that is kept at its length.
+/// A scheduler of one worker with a queue of constant length.
 pub struct Waiting {
     scheduler: Scheduler,
     actions: Vec<Action>,
@@ -19,7 +19,7 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    /// `characters` wait, each a request of its own, with deadlines out of order.
+    /// `characters` requests of one character wait. Their deadlines are out of order.
     pub fn of(characters: usize) -> Self {
         let limits = Limits {
             workers: 1,
@@ -45,7 +45,7 @@ impl Waiting {
     fn arrive(&mut self) {
         let request = self.next;
         self.next += 1;
-        // A second's worth of deadlines, in an order without pattern.
+        // Deadlines within one second, in a scattered order.
         let deadline = self.now + Duration::from_millis(request * 7919 % 1000);
         let order = match request % REQUEST_EVERY {
             0 => Order::request(deadline),
@@ -59,8 +59,8 @@ impl Waiting {
         self.scheduler.step(self.now, event, &mut self.actions);
     }
 
-    /// One turn of a busy server: the worker is ready and takes a batch, and as many characters
-    /// arrive as left.
+    /// One turn of a busy server: the worker takes a batch, and the same number of characters
+    /// arrive.
     pub fn turn(&mut self) -> usize {
         self.actions.clear();
         self.now += Duration::from_millis(10);

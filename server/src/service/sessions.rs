@@ -21,7 +21,7 @@ impl Service {
     /// `troupe.v1.Sessions/CreateSessions`.
     ///
     /// # Errors
-    /// [`ServiceError`]; no session is open then.
+    /// [`ServiceError`] if a session cannot be opened. Then none is opened.
     pub async fn create_sessions(
         &self,
         request: v1::CreateSessionsRequest,

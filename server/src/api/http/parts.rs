@@ -19,9 +19,9 @@ const LINES: &str = "application/x-ndjson";
 
 /// Act out words, or follow a path
 ///
-/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
-/// An error after the first part is a line of its own, with the member `error`, and ends the
-/// answer. What a pack can do is in its `capabilities`.
+/// The server sends the parts of the answer while it makes them, one JSON object per line. The last
+/// one has `is_last`. An error after the first part is a separate line with the member `error`, and
+/// ends the answer. The `capabilities` of a pack list what it can do.
 #[utoipa::path(
     post,
     path = "/v1/generate",
@@ -29,7 +29,7 @@ const LINES: &str = "application/x-ndjson";
     tag = "motion",
     request_body = v1::GenerateRequest,
     responses(
-        (status = 200, description = "The parts, one a line", body = v1::GenerateResponse, content_type = "application/x-ndjson"),
+        (status = 200, description = "The parts, one per line", body = v1::GenerateResponse, content_type = "application/x-ndjson"),
         (status = 400, description = "A value that is not accepted, a pack that cannot do it, or a body that is no request"),
         (status = 404, description = "No such pack"),
         (status = 429, description = "The queue is full, or too slow; see the Retry-After header"),
@@ -42,11 +42,11 @@ pub(crate) async fn generate(
     lines(service.generate(&request)?).await
 }
 
-/// Put a motion into words, or into audio that goes with it
+/// Describe a motion in words, or as audio that goes with it
 ///
-/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
-/// An error after the first part is a line of its own, with the member `error`, and ends the
-/// answer. What a pack can do is in its `capabilities`.
+/// The server sends the parts of the answer while it makes them, one JSON object per line. The last
+/// one has `is_last`. An error after the first part is a separate line with the member `error`, and
+/// ends the answer. The `capabilities` of a pack list what it can do.
 #[utoipa::path(
     post,
     path = "/v1/describe",
@@ -54,7 +54,7 @@ pub(crate) async fn generate(
     tag = "motion",
     request_body = v1::DescribeRequest,
     responses(
-        (status = 200, description = "The parts, one a line", body = v1::DescribeResponse, content_type = "application/x-ndjson"),
+        (status = 200, description = "The parts, one per line", body = v1::DescribeResponse, content_type = "application/x-ndjson"),
         (status = 400, description = "A value that is not accepted, a pack that cannot do it, or a body that is no request"),
         (status = 404, description = "No such pack"),
         (status = 429, description = "The queue is full, or too slow; see the Retry-After header"),

@@ -235,7 +235,7 @@ pub(in crate::api) async fn step(
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct OfBody {
-    /// Name of the body, for packs of many. Empty: the pack's default one.
+    /// Name of the body, for packs with several bodies. Empty: the default body.
     body: String,
 }
 
