@@ -186,7 +186,7 @@ fn a_target_too_far_away_is_refused_with_the_distance_and_the_frames_that_would_
 }
 
 #[test]
-fn where_the_model_chooses_the_length_the_longest_counts() {
+fn the_longest_length_counts_if_the_model_chooses() {
     let near = |z: f32| standing(vec![key(2.0, 1.0 + z, Quat::IDENTITY)], None);
     assert_eq!(refused(near(2.9)), None);
     assert!(refused(near(3.2)).is_some());
@@ -254,7 +254,7 @@ fn frames_that_are_not_feasible_are_refused_with_the_frames_that_would_do() {
 }
 
 #[test]
-fn without_limits_nothing_is_said_and_nothing_can_be_asked_for() {
+fn without_limits_there_are_no_figures_and_no_strict_requests() {
     let bare = toy_rig();
     let asked = standing(vec![key(2.0, 2.0, Quat::IDENTITY)], Some(34));
     let error = plan(asked.clone(), &bare).unwrap_err();

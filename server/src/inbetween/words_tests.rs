@@ -201,7 +201,7 @@ fn what_the_pack_cannot_take_names_the_requests_field() {
 }
 
 #[test]
-fn what_the_pack_was_not_trained_for_names_the_field_that_asks_for_it() {
+fn a_task_without_training_names_the_field_that_asks_for_it() {
     use troupe_engine::pack::MessageTask;
 
     let words_only = pack_with(|table| table.tasks = vec![MessageTask::TextToMotion]);

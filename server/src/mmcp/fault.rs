@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_have_names_of_their_own() {
+    fn every_code_has_its_own_name() {
         let mut names: Vec<&str> = Code::ALL.into_iter().map(Code::name).collect();
         names.sort_unstable();
         names.dedup();

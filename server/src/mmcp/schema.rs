@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_has_a_place() {
+    fn an_error_names_the_place_in_the_request() {
         let wrong = |value, place: &str| read::<RootPath>(value, place).unwrap_err().place.field;
         let path = json!({"frames": [1], "positions_xz": [[0, "a"]]});
         assert_eq!(wrong(path, "constraints[2]"), "constraints[2].positions_xz[0][1]");

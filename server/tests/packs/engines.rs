@@ -115,7 +115,7 @@ fn the_reference_is_at_no_distance_from_itself() {
 }
 
 #[test]
-fn a_poor_engine_fails_where_it_is_poor() {
+fn a_poor_engine_fails_in_the_figures_of_its_errors() {
     let accuracy = with_noise(0.05, 0.0, 0.0);
     assert_eq!(
         over(&accuracy),

@@ -217,7 +217,7 @@ fn serving_unheard(stdout: std::io::PipeWriter, stderr: Stdio) -> Child {
 
 #[cfg(unix)]
 #[test]
-fn it_serves_and_stops_where_nobody_listens() {
+fn it_serves_and_stops_with_closed_outputs() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     let mut child = serving_unheard(writer.try_clone().unwrap(), writer.into());

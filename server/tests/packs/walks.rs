@@ -201,7 +201,7 @@ async fn past_keyframes_and_targets_are_met() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_style_cannot_follow_has_a_note_and_is_refused_where_strict() {
+async fn a_path_too_fast_for_a_style_has_a_note_and_is_refused_if_strict() {
     let (server, client) = start("human").await;
     let fast = v1::PathGoal {
         points: vec![point(0.0, 0.0, 0.0), point(0.0, 30.0, 4.0)],

@@ -395,7 +395,7 @@ async fn sampling_is_the_packs_or_the_requests() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_leaves_gives_up_the_rest() {
+async fn a_client_that_leaves_cancels_the_rest() {
     let (server, client) = start().await;
     let alone = parts(client.clone(), prompt("someone waves", Some(60))).await;
     for _ in 0..3 * troupe_engine::families::vermo::SLOTS {

@@ -232,7 +232,7 @@ async fn an_unknown_pack_is_not_found() {
 }
 
 #[tokio::test]
-async fn oversized_requests_are_told_the_limit() {
+async fn errors_of_oversized_requests_state_the_limit() {
     let server = TestServer::start_with(|config| config.fixed.max_message_bytes = 4096).await;
     let large = request(100);
     let status = server.grpc().await.in_between(large.clone()).await.unwrap_err();

@@ -461,7 +461,7 @@ async fn a_stream_that_is_not_opened_closes() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn streams_are_few_enough() {
+async fn the_number_of_streams_is_limited() {
     let server = TestServer::start_with(|config| {
         config.max_streams = 2;
         config.fixed.max_streams_per_client = Some(100);

@@ -277,7 +277,7 @@ async fn what_fails_before_the_first_part_is_an_error_of_the_call() {
 }
 
 #[tokio::test]
-async fn who_leaves_gives_up_the_rest() {
+async fn a_client_that_leaves_cancels_the_rest() {
     let server = words_server().await;
     let long = vec!["go"; 300].join(" ");
     for _ in 0..20 {

@@ -165,7 +165,7 @@ async fn an_object_is_used_and_left_again() {
 }
 
 #[tokio::test]
-async fn a_session_has_places_for_so_many_commands_that_wait() {
+async fn a_session_limits_its_waiting_commands() {
     let server = yard(&["a"]).await;
     let mut client = server.sessions().await;
     let later = |sequence| v1::Command {

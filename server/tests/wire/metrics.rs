@@ -198,7 +198,7 @@ async fn every_metric_of_the_code_is_exported() {
 }
 
 #[tokio::test]
-async fn dashboard_and_alerts_ask_for_metrics_that_there_are() {
+async fn dashboard_and_alerts_use_existing_metrics() {
     let families = exported().await;
     for path in [
         "deploy/grafana/dashboards/troupe.json",

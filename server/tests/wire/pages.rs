@@ -101,7 +101,7 @@ async fn names_that_are_not_the_servers_are_refused() {
 }
 
 #[tokio::test]
-async fn origins_that_are_listed_are_told_so() {
+async fn listed_origins_get_cors_headers() {
     let server = TestServer::start_with(|config| {
         config.allowed_origins = vec!["https://app.example".parse().unwrap()];
     })
@@ -299,7 +299,7 @@ async fn a_key_allows_what_its_role_allows() {
 }
 
 #[tokio::test]
-async fn a_server_that_others_reach_needs_keys_or_a_word() {
+async fn a_server_that_others_reach_needs_keys_or_an_option() {
     let start = |change: fn(&mut Config)| async move {
         let listener = tokio::net::TcpListener::bind("0.0.0.0:0").await.unwrap();
         let mut config = Config::local(std::path::Path::new("unused")).unwrap();

@@ -228,7 +228,7 @@ async fn a_gap_is_filled_on_the_hinges_and_returned_as_qpos() {
 }
 
 #[tokio::test]
-async fn what_is_wrong_with_a_qpos_is_told_by_place_and_range() {
+async fn errors_of_a_qpos_name_place_and_range() {
     let folder = Folder::new("wrong");
     let server = robot::start(&folder).await;
     let skeleton = skeleton();

@@ -93,7 +93,7 @@ async fn a_skill_is_held_and_left_before_it_walks() {
 }
 
 #[tokio::test]
-async fn a_name_that_there_is_not_is_refused_with_those_that_there_are() {
+async fn an_unknown_skill_is_refused_with_the_known_names() {
     let server = TestServer::start().await;
     let mut client = server.sessions().await;
     open(&mut client, &["a"]).await;

@@ -217,7 +217,7 @@ async fn bodies_that_are_held_open_take_a_bounded_share_of_memory() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_answer_that_nobody_reads_is_given_up() {
+async fn an_unread_answer_is_dropped() {
     let server =
         TestServer::start_with(|config| config.fixed.reader_timeout = Duration::from_millis(500)).await;
     let mut client = server.sessions().await;

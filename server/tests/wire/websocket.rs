@@ -318,7 +318,7 @@ async fn a_drain_ends_open_sockets() {
 }
 
 #[tokio::test]
-async fn a_request_that_is_no_socket_is_told_so() {
+async fn a_request_that_is_no_socket_gets_an_error() {
     let server = TestServer::start_with(|config| {
         config.max_streams = 1;
         config.fixed.max_streams_per_client = Some(100);

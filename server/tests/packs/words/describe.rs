@@ -163,7 +163,7 @@ async fn what_cannot_be_described_names_the_field_on_both_fronts() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_leaves_a_description_gives_up_the_rest() {
+async fn a_client_that_leaves_cancels_a_description() {
     let (server, client) = start().await;
     let request = v1::DescribeRequest {
         frames: slide(&client, 40, 0.0, 0.0).await,
