@@ -185,7 +185,7 @@ pub async fn serve_packs_at(
 struct Around {
     /// The clock for the expiry of sessions.
     time: TimeSource,
-    /// The threads that run live characters.
+    /// Runs the work of live characters.
     executor: Executor,
     /// Records that a previous server kept.
     records: OpenRecords,

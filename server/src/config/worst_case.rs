@@ -14,8 +14,8 @@ const PROGRAM_BYTES: u64 = 128 << 20;
 /// Copies of a pack's weights in the runtime, including the forms that it prepares.
 const WEIGHT_COPIES: u64 = 4;
 const WEIGHT_BYTES: u64 = 4;
-/// Factor between the decoded and the counted size. Requests and answers count by their bytes on
-/// the wire.
+/// Factor for requests and answers. The limit counts their bytes on the wire, and their decoded
+/// form comes on top.
 const TRANSFER_COPIES: u64 = 2;
 /// Buffers of a connection, bytes.
 const CONNECTION_BYTES: u64 = 32 << 10;

@@ -119,7 +119,8 @@ fn unknown(name: &str, models: &[Model]) -> Fault {
     fault.with("available_models", ids)
 }
 
-/// Rejects segment types that the model does not take, before the segments are decoded.
+/// Rejects segment types of the protocol that the model does not take, before the segments are
+/// decoded.
 fn check_types(value: &Value, model: &Model) -> Result<(), Fault> {
     let segments = value.get("segments").and_then(Value::as_array);
     let supported = model.segments();

@@ -229,7 +229,7 @@ impl Model {
         dims.max_frames() - dims.context_frames
     }
 
-    /// Options that only this model has.
+    /// Options of this model, beside those of the protocol.
     fn options(&self) -> Vec<Value> {
         let names = self.style_names();
         let mut options = Vec::new();
