@@ -52,7 +52,7 @@ const REQUEST_TARGET: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct Service {
     common: Arc<Common>,
-    /// The packs of the tenant, with its scenes and definitions. None for callers without a tenant.
+    /// The tenant's packs, sessions, scenes and definitions. None for callers without a tenant.
     space: Option<Arc<Space>>,
 }
 
@@ -172,7 +172,7 @@ impl Service {
         }
     }
 
-    /// The packs of the tenant, with its scenes and definitions.
+    /// The tenant's packs, sessions, scenes and definitions.
     pub(crate) fn space(&self) -> Result<&Arc<Space>, ServiceError> {
         match (&self.space, self.common.spaces.get()) {
             (Some(space), _) => Ok(space),

@@ -85,8 +85,8 @@ impl PartWriter {
         self.ended(messages, is_last)
     }
 
-    /// Completes the messages of a part: whether it is the last one, and its feasibility. A last part
-    /// without frames gets one message.
+    /// Completes the messages of a part: whether it is the last one, and its feasibility. A last
+    /// part without frames gets one message.
     fn ended(&mut self, mut messages: Vec<v1::GenerateResponse>, is_last: bool) -> Vec<v1::GenerateResponse> {
         if is_last && messages.is_empty() {
             messages.push(message(0, v1::Frames::default()));
