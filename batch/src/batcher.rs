@@ -19,7 +19,7 @@ use super::state::Reply;
 use super::worker::{self, GeneratorFactory};
 
 /// Parts that may wait for a reader; one that has more is too slow.
-const MAX_WAITING_PARTS: usize = 256;
+const MAX_WAITING_PIECES: usize = 256;
 
 /// The way to a pack's workers. Clones share it; the workers end when the last one is gone.
 #[derive(Debug, Clone)]
@@ -134,10 +134,10 @@ impl Batcher {
     ///
     /// # Errors
     /// As [`Batcher::enqueue`].
-    pub fn stream(&self, task: Task, order: Order) -> Result<Parts, SubmitError> {
-        let (reply, parts) = mpsc::channel(MAX_WAITING_PARTS);
-        let place = self.admit(vec![task], order, Reply::Parts(reply))?;
-        Ok(Parts {
+    pub fn stream(&self, task: Task, order: Order) -> Result<AnswerStream, SubmitError> {
+        let (reply, parts) = mpsc::channel(MAX_WAITING_PIECES);
+        let place = self.admit(vec![task], order, Reply::Stream(reply))?;
+        Ok(AnswerStream {
             parts,
             place: Some(place),
         })
@@ -190,12 +190,12 @@ impl Future for Answer {
 /// The parts of an answer, as they come.
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
-pub struct Parts {
+pub struct AnswerStream {
     parts: mpsc::Receiver<Result<Piece, SubmitError>>,
     place: Option<PendingRequest>,
 }
 
-impl Parts {
+impl AnswerStream {
     /// The next part; none after the last.
     ///
     /// # Errors

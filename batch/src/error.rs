@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use troupe_engine::EngineError;
 
-use super::scheduler::Refusal;
+use super::scheduler::QueueRefusal;
 
 /// Why a request was not served.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -34,8 +34,8 @@ pub enum SubmitError {
     Engine(#[from] EngineError),
 }
 
-impl From<Refusal> for SubmitError {
-    fn from(refusal: Refusal) -> Self {
+impl From<QueueRefusal> for SubmitError {
+    fn from(refusal: QueueRefusal) -> Self {
         Self::QueueFull {
             pending_characters: refusal.pending_characters,
             retry_after: refusal.retry_after(),

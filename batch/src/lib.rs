@@ -26,7 +26,7 @@ mod state;
 mod trace;
 mod worker;
 
-pub use batcher::{Answer, Batcher, Parts};
+pub use batcher::{Answer, Batcher, AnswerStream};
 pub use error::SubmitError;
 pub use metrics::{PackMetrics, Rejection};
 pub use order::{Class, Order, OwnerId};

@@ -43,8 +43,8 @@ use self::meter::Meter;
 use self::queue::{Queue, Take};
 use super::order::{Class, Order};
 
-pub use event::{Action, Batch, BatchReason, Event, Finished, Part, Ready, RequestId};
-pub use limits::{Limits, Refusal};
+pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId};
+pub use limits::{Limits, QueueRefusal};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
@@ -124,7 +124,7 @@ impl Scheduler {
 
     /// Why a call of so many characters is refused if it comes now, where it is: to be asked before
     /// it arrives.
-    pub fn refuse(&self, characters: usize) -> Option<Refusal> {
+    pub fn refuse(&self, characters: usize) -> Option<QueueRefusal> {
         self.refusal(Class::Request, characters, 0)
     }
 
@@ -167,7 +167,7 @@ impl Scheduler {
 
     /// Why so many characters would have no place, where `leaving` of those that wait make room for
     /// them.
-    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<Refusal> {
+    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<QueueRefusal> {
         let pending = self.queue.pending(class) - leaving;
         let taken: usize = self.workers.iter().filter_map(|worker| worker.room()).sum();
         let wait = self.meter.wait(pending);
@@ -175,7 +175,7 @@ impl Scheduler {
         let full = characters > room.saturating_sub(pending);
         let limited = class == Class::Request && !self.limits.max_wait.is_zero();
         let slow = limited && taken == 0 && wait > self.limits.max_wait;
-        (full || slow).then(|| Refusal {
+        (full || slow).then(|| QueueRefusal {
             pending_characters: self.pending_characters(),
             expected_wait: wait,
             full,
@@ -216,12 +216,12 @@ impl Scheduler {
             _ => {}
         }
         let room = room.min(self.limits.max_batch);
-        let parts = self.take(now, self.share(worker, room), actions);
-        self.workers[worker] = match parts.is_empty() && is_idle {
+        let slices = self.take(now, self.share(worker, room), actions);
+        self.workers[worker] = match slices.is_empty() && is_idle {
             true => Worker::Idle(room),
             false => Worker::Busy,
         };
-        if !parts.is_empty() {
+        if !slices.is_empty() {
             let reason = match took {
                 _ if self.queue.ready() > 0 => BatchReason::Full,
                 Some(_) => BatchReason::Backlog,
@@ -229,7 +229,7 @@ impl Scheduler {
             };
             actions.push(Action::Start(Batch {
                 worker,
-                parts,
+                slices,
                 reason,
             }));
         }
@@ -248,24 +248,24 @@ impl Scheduler {
     }
 
     /// Takes up to `wanted` characters off the queue.
-    fn take(&mut self, now: Instant, wanted: usize, actions: &mut Vec<Action>) -> Vec<Part> {
+    fn take(&mut self, now: Instant, wanted: usize, actions: &mut Vec<Action>) -> Vec<RequestSlice> {
         let (mut room, mut calls, mut own) = (wanted, 0, self.places_of_calls(wanted));
-        let mut parts: Vec<Part> = Vec::new();
+        let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
             let most = if calls_only { own } else { room };
             match self.queue.take(now, most, calls_only) {
-                Some(Take::Part(part)) => {
-                    room -= part.characters;
-                    own = own.saturating_sub(part.characters);
-                    let is_call = part.class == Class::Request;
-                    calls += if is_call { part.characters } else { 0 };
+                Some(Take::Slice(slice)) => {
+                    room -= slice.characters;
+                    own = own.saturating_sub(slice.characters);
+                    let is_call = slice.class == Class::Request;
+                    calls += if is_call { slice.characters } else { 0 };
                     // A call may get places of its own, and then more of the others. Nothing else
                     // is there twice.
-                    let mut before = parts.iter_mut().filter(|_| is_call);
-                    match before.find(|before| before.request == part.request) {
-                        Some(before) => before.characters += part.characters,
-                        None => parts.push(part),
+                    let mut before = slices.iter_mut().filter(|_| is_call);
+                    match before.find(|before| before.request == slice.request) {
+                        Some(before) => before.characters += slice.characters,
+                        None => slices.push(slice),
                     }
                 }
                 Some(Take::Expired { request, waited }) => actions.push(Action::Expire { request, waited }),
@@ -279,7 +279,7 @@ impl Scheduler {
             .min(self.limits.call_share);
         let waiting = self.queue.pending(Class::Request) > 0;
         self.meter.left(now, calls, waiting);
-        parts
+        slices
     }
 
     /// How many of so many places go to calls first.

@@ -309,7 +309,7 @@ proptest! {
             scheduler.step(now, event, &mut actions);
             for action in actions.drain(..) {
                 if let Action::Start(batch) = action {
-                    let size: usize = batch.parts.iter().map(|part| part.characters).sum();
+                    let size: usize = batch.slices.iter().map(|slice| slice.characters).sum();
                     prop_assert!((1..=limits.max_batch).contains(&size));
                     prop_assert!(batch.worker < limits.workers);
                 }

@@ -139,11 +139,11 @@ impl Setup {
             match action {
                 Action::Start(batch) => {
                     assert_eq!(batch.worker, worker);
-                    for part in batch.parts {
-                        taken.push((part.request.0, part.characters));
+                    for slice in batch.slices {
+                        taken.push((slice.request.0, slice.characters));
                         self.held[worker].push(Finished {
-                            request: part.request,
-                            characters: part.characters,
+                            request: slice.request,
+                            characters: slice.characters,
                         });
                     }
                 }

@@ -14,7 +14,7 @@ use super::error::SubmitError;
 use super::metrics::{PackMetrics, Rejection};
 use super::order::Order;
 use super::scheduler::{
-    Action, Batch, BatchReason, Event, Finished, Limits, Part, Ready, Refusal, RequestId, Scheduler,
+    Action, Batch, BatchReason, Event, Finished, Limits, Ready, QueueRefusal, RequestId, Scheduler,
 };
 use super::served::{Piece, Served, ServedStep};
 
@@ -27,7 +27,7 @@ pub(super) enum Reply {
     /// All of it, when it is there.
     Whole(WholeReply),
     /// Part by part.
-    Parts(mpsc::Sender<Result<Piece, SubmitError>>),
+    Stream(mpsc::Sender<Result<Piece, SubmitError>>),
 }
 
 /// Answers that are to be sent when the lock is free again, for a send wakes somebody.
@@ -53,7 +53,7 @@ pub(super) struct Orders {
     /// New jobs.
     pub(super) jobs: Vec<(JobId, Task)>,
     /// What they are parts of.
-    pub(super) parts: Vec<Part>,
+    pub(super) slices: Vec<RequestSlice>,
     /// Why it got them, where it did.
     pub(super) reason: Option<BatchReason>,
     /// Requests whose jobs nobody wants any more.
@@ -313,7 +313,7 @@ impl State {
                     append(slot, output);
                 }
             }
-            Reply::Parts(parts) => {
+            Reply::Stream(stream) => {
                 let piece = Piece {
                     character,
                     output,
@@ -321,7 +321,7 @@ impl State {
                     queued: job.served.queued,
                     step,
                 };
-                if let Err(error) = parts.try_send(Ok(piece)) {
+                if let Err(error) = stream.try_send(Ok(piece)) {
                     return self.stop_reading(ended, request, &error, replies);
                 }
             }
@@ -363,9 +363,9 @@ impl State {
     fn answer(&mut self, request: RequestId, error: SubmitError, replies: &mut Replies) {
         match self.jobs.remove(&request).map(|job| job.reply) {
             Some(Reply::Whole(reply)) => replies.0.push((reply, Err(error))),
-            Some(Reply::Parts(parts)) => {
+            Some(Reply::Stream(stream)) => {
                 // Where there is no room for it the channel's end tells of it.
-                let _ = parts.try_send(Err(error));
+                let _ = stream.try_send(Err(error));
             }
             None => {}
         }
@@ -408,21 +408,21 @@ impl State {
     /// Puts the orders of a worker together.
     fn hand_out(&mut self, batch: Batch) {
         let orders = &mut self.orders[batch.worker];
-        for part in &batch.parts {
-            let Some(job) = self.jobs.get_mut(&part.request) else {
+        for slice in &batch.slices {
+            let Some(job) = self.jobs.get_mut(&slice.request) else {
                 continue;
             };
-            if part.first == 0 {
-                job.served.queued = part.waited;
+            if slice.first == 0 {
+                job.served.queued = slice.waited;
             }
             job.has_started = true;
-            let ids = (part.first..part.first + part.characters).map(|character| JobId {
-                request: part.request.0,
+            let ids = (slice.first..slice.first + slice.characters).map(|character| JobId {
+                request: slice.request.0,
                 character: character as u32,
             });
             orders.jobs.extend(ids.zip(job.tasks.by_ref()));
         }
-        orders.parts = batch.parts;
+        orders.slices = batch.slices;
         orders.reason = Some(batch.reason);
     }
 }
@@ -443,8 +443,8 @@ fn append(slot: &mut Option<Output>, output: Output) {
     }
 }
 
-impl From<Refusal> for Rejection {
-    fn from(refusal: Refusal) -> Self {
+impl From<QueueRefusal> for Rejection {
+    fn from(refusal: QueueRefusal) -> Self {
         if refusal.full {
             Self::QueueFull
         } else {

@@ -183,7 +183,7 @@ fn motion(served: Served) -> Motion {
     served.into_motions().next().unwrap()
 }
 
-async fn rest(mut parts: Parts) -> Vec<Piece> {
+async fn rest(mut parts: AnswerStream) -> Vec<Piece> {
     let mut pieces = Vec::new();
     while let Some(piece) = parts.next().await {
         pieces.push(piece.unwrap());
@@ -337,7 +337,7 @@ async fn a_reader_that_is_too_slow_is_cut_off() {
     let mut setup = setup(1, usize::MAX).await;
     let mut slow = setup
         .batcher
-        .stream(prompt(MAX_WAITING_PARTS + 50, 0), soon())
+        .stream(prompt(MAX_WAITING_PIECES + 50, 0), soon())
         .unwrap();
     setup.permit_all();
     all_idle(&setup.batcher).await;
@@ -345,7 +345,7 @@ async fn a_reader_that_is_too_slow_is_cut_off() {
         setup.telemetry.render().contains("reason=\"reader_slow\"} 1")
     })
     .await;
-    for _ in 0..MAX_WAITING_PARTS {
+    for _ in 0..MAX_WAITING_PIECES {
         assert!(!slow.next().await.unwrap().unwrap().is_last);
     }
     let error = slow.next().await.unwrap().unwrap_err();
@@ -353,7 +353,7 @@ async fn a_reader_that_is_too_slow_is_cut_off() {
     assert!(slow.next().await.is_none());
     let steps = setup.steps().len();
     assert!(
-        (MAX_WAITING_PARTS + 1..MAX_WAITING_PARTS + 3).contains(&steps),
+        (MAX_WAITING_PIECES + 1..MAX_WAITING_PIECES + 3).contains(&steps),
         "{steps}"
     );
     // The worker serves on.

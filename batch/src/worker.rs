@@ -95,8 +95,8 @@ impl Worker {
                 metrics.worker_gap(ended.elapsed());
             }
         }
-        for part in orders.parts.iter().filter(|part| part.first == 0) {
-            metrics.queued(part.class, part.waited);
+        for slice in orders.slices.iter().filter(|slice| slice.first == 0) {
+            metrics.queued(slice.class, slice.waited);
         }
         for (id, task) in orders.jobs {
             self.held.push(id);

@@ -5,7 +5,7 @@ use http::{HeaderMap, Method, header};
 
 use super::EdgeError;
 use super::clients::Role;
-use super::refusals::Refusal;
+use super::refusals::RequestRefusal;
 
 /// What the edge has to know of the routes behind it.
 #[derive(Debug, Clone, Copy)]
@@ -34,7 +34,7 @@ impl Front {
     /// [`Front::turn_away`], for a caller who speaks gRPC or does not.
     pub(crate) fn turn_away_in(&self, error: &EdgeError, grpc: bool) -> Response {
         let mut response = (self.answer)(error, grpc);
-        if let Some(refusal) = Refusal::of(error) {
+        if let Some(refusal) = RequestRefusal::of(error) {
             response.extensions_mut().insert(refusal);
         }
         response

@@ -16,7 +16,7 @@ const REFUSALS: Metric = Metric::new(
 
 /// Why a request is turned away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Refusal {
+pub(super) enum RequestRefusal {
     /// A web page of another site.
     Origin,
     /// A name that is not the server's.
@@ -33,7 +33,7 @@ pub(super) enum Refusal {
     Other,
 }
 
-impl Refusal {
+impl RequestRefusal {
     /// All of them, in the order of their numbers.
     const ALL: [Self; 7] = [
         Self::Origin,
@@ -77,18 +77,18 @@ impl Refusal {
 
 /// What was turned away. Clones share it.
 #[derive(Debug, Clone)]
-pub(super) struct Refusals(Arc<[(Counter, Mutex<Seldom>); Refusal::ALL.len()]>);
+pub(super) struct Refusals(Arc<[(Counter, Mutex<Seldom>); RequestRefusal::ALL.len()]>);
 
 impl Refusals {
     pub(super) fn new(telemetry: &Telemetry) -> Self {
-        Self(Arc::new(Refusal::ALL.map(|refusal| {
+        Self(Arc::new(RequestRefusal::ALL.map(|refusal| {
             let labels = Labels::default().with("reason", refusal.label());
             (telemetry.counter(&REFUSALS, &labels), Mutex::default())
         })))
     }
 
     /// Notes one, of a client at `address`.
-    pub(super) fn note(&self, refusal: Refusal, address: Option<IpAddr>) {
+    pub(super) fn note(&self, refusal: RequestRefusal, address: Option<IpAddr>) {
         let (counter, seldom) = &self.0[refusal as usize];
         counter.increment(1);
         let next = seldom
@@ -115,12 +115,12 @@ mod tests {
     fn refusals_are_counted_by_reason() {
         let telemetry = Telemetry::new().unwrap();
         let refusals = Refusals::new(&telemetry);
-        for refusal in Refusal::ALL {
+        for refusal in RequestRefusal::ALL {
             refusals.note(refusal, None);
             refusals.note(refusal, Some(IpAddr::from([192, 0, 2, 1])));
         }
         let text = telemetry.render();
-        for refusal in Refusal::ALL {
+        for refusal in RequestRefusal::ALL {
             let line = format!("troupe_refusals_total{{reason=\"{}\"}} 2", refusal.label());
             assert!(text.contains(&line), "{line} is missing in\n{text}");
         }
@@ -128,8 +128,8 @@ mod tests {
 
     #[test]
     fn what_is_wrong_with_a_request_is_no_refusal() {
-        assert_eq!(Refusal::of(&EdgeError::NoKey), Some(Refusal::KeyMissing));
-        assert_eq!(Refusal::of(&EdgeError::NoConnection), None);
-        assert_eq!(Refusal::of(&EdgeError::NoTickets), None);
+        assert_eq!(RequestRefusal::of(&EdgeError::NoKey), Some(RequestRefusal::KeyMissing));
+        assert_eq!(RequestRefusal::of(&EdgeError::NoConnection), None);
+        assert_eq!(RequestRefusal::of(&EdgeError::NoTickets), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::limits::Refusal;
+use super::limits::QueueRefusal;
 use crate::order::{Class, Order};
 
 /// Names a request for as long as it is known to the scheduler. Never reused, and rising with the
@@ -78,7 +78,7 @@ pub enum Action {
         /// The refused request.
         request: RequestId,
         /// Why.
-        refusal: Refusal,
+        refusal: QueueRefusal,
     },
     /// A newer plan of the same owner has the place of this one, which is forgotten.
     Supersede {
@@ -139,14 +139,14 @@ pub struct Batch {
     /// The worker.
     pub worker: usize,
     /// Never empty.
-    pub parts: Vec<Part>,
+    pub slices: Vec<RequestSlice>,
     /// Why it is as it is.
     pub reason: BatchReason,
 }
 
 /// Consecutive characters of one request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part {
+pub struct RequestSlice {
     /// The request they belong to.
     pub request: RequestId,
     /// Its class.

@@ -82,7 +82,7 @@ impl Limits {
 
 /// Why a request has no place in the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Refusal {
+pub struct QueueRefusal {
     /// Characters that wait, of all classes.
     pub pending_characters: usize,
     /// How long a request of the class would wait.
@@ -91,7 +91,7 @@ pub struct Refusal {
     pub full: bool,
 }
 
-impl Refusal {
+impl QueueRefusal {
     /// When what waits now should have started.
     pub fn retry_after(&self) -> Duration {
         self.expected_wait.max(MIN_RETRY)

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
-use super::event::{Part, RequestId};
+use super::event::{RequestId, RequestSlice};
 use crate::order::{Class, Order, OwnerId};
 
 /// A request that still has characters that wait.
@@ -39,7 +39,7 @@ struct Owner {
 /// What was taken from the front of the queue.
 #[derive(Debug)]
 pub(super) enum Take {
-    Part(Part),
+    Slice(RequestSlice),
     Expired { request: RequestId, waited: Duration },
 }
 
@@ -127,17 +127,17 @@ impl Queue {
             return Some(Take::Expired { request, waited });
         }
         let Order { class, owner, .. } = waiting.order;
-        let part = Part {
+        let slice = RequestSlice {
             request,
             class,
             first: waiting.next,
             characters: waiting.left.min(room),
             waited,
         };
-        waiting.next += part.characters;
-        waiting.left -= part.characters;
-        self.pending[class as usize] -= part.characters;
-        self.ready_characters -= part.characters;
+        waiting.next += slice.characters;
+        waiting.left -= slice.characters;
+        self.pending[class as usize] -= slice.characters;
+        self.ready_characters -= slice.characters;
         if waiting.left == 0 {
             self.requests.remove(&request);
             self.ready.remove(&(due, request));
@@ -149,10 +149,10 @@ impl Queue {
                 owner.waiting = None;
             }
             owner.active = Some(request);
-            owner.running += part.characters;
+            owner.running += slice.characters;
             self.running.insert(request, id);
         }
-        Some(Take::Part(part))
+        Some(Take::Slice(slice))
     }
 
     /// Forgets what is left of a request, and answers how much that was.

@@ -17,7 +17,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, sleep, sleep_until};
 use tower::Service;
 
-use super::places::Place;
+use super::slots::ConnectionSlot;
 
 use crate::clients::Client;
 
@@ -222,23 +222,23 @@ impl<B: HttpBody + Unpin> HttpBody for CallBody<B> {
     }
 }
 
-/// A connection's bytes. Its place is taken for as long as they can flow: those of a WebSocket
+/// A connection's bytes. Its slot is taken for as long as they can flow: those of a WebSocket
 /// outlive HTTP.
 pub(super) struct Held<T> {
     stream: T,
     activity: Arc<Activity>,
     /// Whether bytes that were taken wait to be sent: those of TLS do.
     unsent: bool,
-    _place: Place,
+    _slot: ConnectionSlot,
 }
 
 impl<T> Held<T> {
-    pub(super) fn new(stream: T, activity: Arc<Activity>, place: Place) -> Self {
+    pub(super) fn new(stream: T, activity: Arc<Activity>, slot: ConnectionSlot) -> Self {
         Self {
             stream,
             activity,
             unsent: false,
-            _place: place,
+            _slot: slot,
         }
     }
 

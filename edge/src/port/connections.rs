@@ -14,7 +14,7 @@ use tokio::sync::watch;
 
 use super::activity::{Activity, Held, Watched};
 use super::listen::Listen;
-use super::places::{Place, Places};
+use super::slots::{ConnectionSlot, ConnectionSlots};
 use super::tls::Tls;
 use crate::clients::Clients;
 use troupe_base::telemetry::Seldom;
@@ -81,7 +81,7 @@ pub async fn accept<L: Listen>(
     clients: Arc<Clients>,
     tls: Option<Arc<Tls>>,
     limits: ConnectionLimits,
-    places: Arc<Places>,
+    slots: Arc<ConnectionSlots>,
     mut stopping: watch::Receiver<bool>,
 ) -> bool {
     let connections = Arc::new(Connections {
@@ -89,7 +89,7 @@ pub async fn accept<L: Listen>(
         routes,
         clients,
         tls,
-        places: places.clone(),
+        slots: slots.clone(),
         first_bytes_timeout: limits.request,
         idle_timeout: limits.idle,
         lost: AtomicUsize::new(0),
@@ -104,7 +104,7 @@ pub async fn accept<L: Listen>(
         let (stream, from) = match accepted {
             Ok(accepted) => accepted,
             Err(error) => {
-                places.not_accepted();
+                slots.not_accepted();
                 if let Some(held_back) = not_accepted.next(Instant::now()) {
                     tracing::warn!(%error, held_back, "cannot accept a connection");
                 }
@@ -112,10 +112,10 @@ pub async fn accept<L: Listen>(
                 continue;
             }
         };
-        match places.take(from.ip()) {
-            Ok(place) => {
+        match slots.take(from.ip()) {
+            Ok(slot) => {
                 let (connections, watcher) = (connections.clone(), watcher.clone());
-                tokio::spawn(async move { connections.serve::<L>(stream, place, watcher).await });
+                tokio::spawn(async move { connections.serve::<L>(stream, slot, watcher).await });
             }
             Err(reason) => {
                 if let Some(held_back) = refused.next(Instant::now()) {
@@ -166,7 +166,7 @@ struct Connections {
     routes: Routes,
     clients: Arc<Clients>,
     tls: Option<Arc<Tls>>,
-    places: Arc<Places>,
+    slots: Arc<ConnectionSlots>,
     first_bytes_timeout: Duration,
     idle_timeout: Duration,
     /// Connections that were cut while they served a request.
@@ -175,14 +175,14 @@ struct Connections {
 
 impl Connections {
     /// Serves one connection to its end.
-    async fn serve<L: Listen>(&self, stream: L::Stream, place: Place, phase: watch::Receiver<Phase>) {
-        if !place.is_reserved() {
+    async fn serve<L: Listen>(&self, stream: L::Stream, slot: ConnectionSlot, phase: watch::Receiver<Phase>) {
+        if !slot.is_reserved() {
             let (first, idle) = (self.first_bytes_timeout, self.idle_timeout);
-            return self.serve_within::<L>(stream, place, phase, first, idle).await;
+            return self.serve_within::<L>(stream, slot, phase, first, idle).await;
         }
-        // Whoever has one of these few places leaves it soon.
+        // Whoever has one of these few slots leaves it soon.
         let (first, idle) = (RESERVE_TIMEOUT, RESERVE_IDLE_TIMEOUT);
-        let serving = self.serve_within::<L>(stream, place, phase, first, idle);
+        let serving = self.serve_within::<L>(stream, slot, phase, first, idle);
         if tokio::time::timeout(RESERVE_TIMEOUT, serving).await.is_err() {
             tracing::debug!("a connection beyond the limit took too long");
         }
@@ -191,7 +191,7 @@ impl Connections {
     async fn serve_within<L: Listen>(
         &self,
         stream: L::Stream,
-        place: Place,
+        slot: ConnectionSlot,
         mut phase: watch::Receiver<Phase>,
         first_bytes_timeout: Duration,
         idle_timeout: Duration,
@@ -199,7 +199,7 @@ impl Connections {
         let Some(tls) = &self.tls else {
             let (read, write) = L::halves(stream);
             let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
-            return self.serve_begun(begun, place, phase, idle_timeout).await;
+            return self.serve_begun(begun, slot, phase, idle_timeout).await;
         };
         let handshake = tokio::time::timeout(
             HANDSHAKE_TIMEOUT.min(first_bytes_timeout),
@@ -213,12 +213,12 @@ impl Connections {
             Ok(Ok(stream)) => {
                 let (read, write) = tokio::io::split(stream);
                 let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
-                return self.serve_begun(begun, place, phase, idle_timeout).await;
+                return self.serve_begun(begun, slot, phase, idle_timeout).await;
             }
             Ok(Err(error)) => error,
             Err(_) => io::ErrorKind::TimedOut.into(),
         };
-        self.places.handshake_failed();
+        self.slots.handshake_failed();
         tracing::debug!(%error, "a TLS handshake failed");
     }
 
@@ -226,19 +226,19 @@ impl Connections {
     async fn serve_begun(
         &self,
         begun: Option<impl AsyncRead + AsyncWrite + Unpin + Send + 'static>,
-        place: Place,
+        slot: ConnectionSlot,
         mut phase: watch::Receiver<Phase>,
         idle_timeout: Duration,
     ) {
         let Some(stream) = begun else { return };
         let activity = Activity::new();
-        let router = match place.is_reserved() {
+        let router = match slot.is_reserved() {
             true => &self.routes.reserve,
             false => &self.routes.all,
         };
-        let client = self.clients.connected(place.address());
+        let client = self.clients.connected(slot.address());
         let service = TowerToHyperService::new(Watched::new(router.clone(), activity.clone(), client));
-        let stream = TokioIo::new(Held::new(stream, activity.clone(), place));
+        let stream = TokioIo::new(Held::new(stream, activity.clone(), slot));
         let connection = self.builder.serve_connection_with_upgrades(stream, service);
         tokio::pin!(connection);
         tokio::select! {

@@ -1,6 +1,6 @@
 //! How many connections the system's limit of open files leaves room for.
 
-use super::places::RESERVE;
+use super::slots::RESERVE;
 
 /// Most connections where nothing is said.
 const USUAL_CONNECTIONS: usize = 10_000;

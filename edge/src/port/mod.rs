@@ -4,11 +4,11 @@ mod activity;
 mod connections;
 mod files;
 mod listen;
-mod places;
+mod slots;
 mod tls;
 
 pub use connections::{ConnectionLimits, Routes, accept};
 pub use files::{TooFewFiles, max_connections};
 pub use listen::Listen;
-pub use places::Places;
+pub use slots::ConnectionSlots;
 pub use tls::{Tls, TlsError, TlsFiles};
