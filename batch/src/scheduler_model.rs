@@ -1,4 +1,4 @@
-//! The model: everything in one list, looked through for each question.
+//! A simple model of the scheduler: one list, searched for each question.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -227,7 +227,7 @@ impl Model {
         rounded.map(|cap| (cap as usize).max(1)).to_vec()
     }
 
-    /// A worker is between two steps: gives what it is to be told.
+    /// A worker is between two steps: the actions that the scheduler must give.
     pub(super) fn boundary(&mut self, worker: usize, took: Option<Duration>, time_cap: usize) -> Vec<Action> {
         let room = self.room(worker).min(self.limits.max_batch);
         let others = self.at_hand().iter().filter(|&&other| other != worker).count();
@@ -322,8 +322,8 @@ impl Model {
         self.slots - held
     }
 
-    /// Notes who is woken. Then nobody sleeps while something is ready, and one at most is on the
-    /// way.
+    /// Notes woken workers. After that at most one is on its way, and none sleeps while something
+    /// is ready.
     pub(super) fn wake(&mut self, woken: &[usize]) {
         for &worker in woken {
             assert!(!self.ready().is_empty(), "woken for nothing");

@@ -152,7 +152,7 @@ impl Pair {
     fn leave(&mut self, request: RequestId) {
         let woken = self.woken.len();
         let actions = self.step(Event::Gone { request });
-        assert_eq!(self.woken.len(), woken, "whoever leaves wakes nobody");
+        assert_eq!(self.woken.len(), woken, "a request that leaves wakes no worker");
         self.model.leave(request, &actions);
     }
 

@@ -128,7 +128,10 @@ mod tests {
 
     #[test]
     fn what_is_wrong_with_a_request_is_no_refusal() {
-        assert_eq!(RequestRefusal::of(&EdgeError::NoKey), Some(RequestRefusal::KeyMissing));
+        assert_eq!(
+            RequestRefusal::of(&EdgeError::NoKey),
+            Some(RequestRefusal::KeyMissing)
+        );
         assert_eq!(RequestRefusal::of(&EdgeError::NoConnection), None);
         assert_eq!(RequestRefusal::of(&EdgeError::NoTickets), None);
     }
