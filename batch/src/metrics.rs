@@ -13,8 +13,8 @@ use troupe_engine::pack::Stage;
 
 const QUEUE_DURATION: Metric = Metric::new(
     "troupe_queue_duration_seconds",
-    "Time from a request's arrival at the batcher until its first batch is formed, by class: plans shown by the clock \
-         (live), plans of Step calls (step), or other calls (request)",
+    "Time from a request's arrival at the batcher until its first batch is formed, by class: plans shown \
+     by the clock (live), plans of Step calls (step), or other calls (request)",
 );
 const ASSEMBLE_DURATION: Metric = Metric::new(
     "troupe_assemble_duration_seconds",
@@ -26,23 +26,24 @@ const INFERENCE_DURATION: Metric = Metric::new(
 );
 const SCATTER_DURATION: Metric = Metric::new(
     "troupe_scatter_duration_seconds",
-    "Time to copy a batch out of its tensors, and time to make a request's frames from it: one sample for each",
+    "Time to copy a batch out of its tensors, and time to make a request's frames from it: one sample for \
+     each",
 );
 const BATCH_SIZE: Metric = Metric::new("troupe_batch_size", "Characters in a batch, without padding");
 const PADDING_RATIO: Metric = Metric::new("troupe_batch_padding_ratio", "Share of padding rows in a batch");
 const DISPATCHES: Metric = Metric::new(
     "troupe_dispatch_total",
-    "Batches formed, by reason: the worker was idle (idle), it took all waiting work after a step (backlog), or more \
-         work waited than fits (full)",
+    "Batches formed, by reason: the worker was idle (idle), it took all waiting work after a step \
+     (backlog), or more work waited than fits (full)",
 );
 const PENDING_REQUESTS: Metric = Metric::new("troupe_pending_requests", "Requests that wait for a batch");
 const PENDING_CHARACTERS: Metric =
     Metric::new("troupe_pending_characters", "Characters that wait for a batch");
 const REJECTIONS: Metric = Metric::new(
     "troupe_rejections_total",
-    "Requests refused or dropped, by reason: the queue was full (queue_full) or too slow (queue_slow), the caller was \
-         gone (client_gone), a newer plan replaced it (superseded), it waited for too long (expired), or its reader was \
-         too slow (reader_slow)",
+    "Requests refused or dropped, by reason: the queue was full (queue_full) or too slow (queue_slow), \
+     the caller was gone (client_gone), a newer plan replaced it (superseded), it waited for too long \
+     (expired), or its reader was too slow (reader_slow)",
 );
 const WORKERS: Metric = Metric::new("troupe_engine_workers", "Workers of the engine that are alive");
 const WORKER_GAP: Metric = Metric::new(
@@ -60,8 +61,8 @@ const ENGINE_INFO: Metric = Metric::new(
 );
 const ENGINE_DIFFERENCE: Metric = Metric::new(
     "troupe_engine_difference",
-    "Difference between a checked engine and f32 on the CPU, by figure. Each figure's name ends in its unit; shares \
-         are from 0 to 1",
+    "Difference between a checked engine and f32 on the CPU, by figure. Each figure's name ends in its \
+     unit; shares are from 0 to 1",
 );
 
 /// Why a request was refused or dropped.

@@ -1,5 +1,4 @@
-//! Requests that are turned away before they are served: counted by reason, and logged once a
-//! minute.
+//! Counts requests that the edge refuses, by reason, and logs each reason at most once a minute.
 
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,11 +9,12 @@ use troupe_base::telemetry::{Counter, Labels, Metric, Seldom, Telemetry};
 
 const REFUSALS: Metric = Metric::new(
     "troupe_refusals_total",
-    "Requests turned away before they were served, by reason: a foreign Origin or Host, a key that is missing, not known or of \
-         too low a role, headers that are too large, or another",
+    "Requests refused before they were served, by reason: a foreign Origin (origin) or Host (host), no \
+     key (key_missing), an unknown key (key_unknown), too low a role (role), too large headers (headers), \
+     or an invalid token or ticket (other)",
 );
 
-/// Why a request is turned away.
+/// Why a request is refused, as a metric's label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum RequestRefusal {
     /// A web page of another site.
@@ -25,16 +25,16 @@ pub(super) enum RequestRefusal {
     KeyMissing,
     /// A key that the server does not know.
     KeyUnknown,
-    /// A key that allows less.
+    /// A key whose role does not allow the call.
     Role,
-    /// Headers that are too large.
+    /// Too large headers.
     Headers,
-    /// Something else about who asks.
+    /// An invalid token or ticket.
     Other,
 }
 
 impl RequestRefusal {
-    /// All of them, in the order of their numbers.
+    /// In the order of the discriminants.
     const ALL: [Self; 7] = [
         Self::Origin,
         Self::Host,
@@ -57,7 +57,7 @@ impl RequestRefusal {
         }
     }
 
-    /// What it is that an error turns away; nothing where it is about what was asked for.
+    /// The reason of an error; none for limits, which other metrics count.
     pub(super) fn of(error: &EdgeError) -> Option<Self> {
         match error {
             EdgeError::NotAllowed { header: "Origin", .. } => Some(Self::Origin),
@@ -75,7 +75,7 @@ impl RequestRefusal {
     }
 }
 
-/// What was turned away. Clones share it.
+/// The counters of refused requests. Clones share them.
 #[derive(Debug, Clone)]
 pub(super) struct Refusals(Arc<[(Counter, Mutex<Seldom>); RequestRefusal::ALL.len()]>);
 
@@ -87,7 +87,7 @@ impl Refusals {
         })))
     }
 
-    /// Notes one, of a client at `address`.
+    /// Counts and logs a refused request of a client at `address`.
     pub(super) fn note(&self, refusal: RequestRefusal, address: Option<IpAddr>) {
         let (counter, seldom) = &self.0[refusal as usize];
         counter.increment(1);
@@ -101,7 +101,7 @@ impl Refusals {
                 reason = refusal.label(),
                 address,
                 held_back,
-                "a request is turned away"
+                "a request is refused"
             );
         }
     }
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_a_request_is_no_refusal() {
+    fn limits_are_not_counted_as_refusals() {
         assert_eq!(
             RequestRefusal::of(&EdgeError::NoKey),
             Some(RequestRefusal::KeyMissing)

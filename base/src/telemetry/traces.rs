@@ -25,7 +25,8 @@ use super::{Counter, Labels, Metric, Seldom, Telemetry};
 
 const SPANS: Metric = Metric::new(
     "troupe_trace_spans_total",
-    "Spans of traces, by outcome: the collector took them (exported) or did not (failed), or too many waited for it (dropped)",
+    "Spans of traces, by outcome: the collector took them (exported) or did not (failed), or too many \
+     waited for it (dropped)",
 );
 
 /// Spans that may wait for the collector. Further spans are dropped, so that no request ever waits

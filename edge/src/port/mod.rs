@@ -1,4 +1,4 @@
-//! The port: connections, from their first byte to their last.
+//! The server's port, and its connections from the first byte to the last.
 
 mod activity;
 mod connections;

@@ -1,4 +1,4 @@
-//! How many connections there may be: in all, of one address, and a reserve for health checks.
+//! Limits the number of connections, in all and of each address, with a reserve for health checks.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
@@ -8,28 +8,29 @@ use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
 
 /// Connections beyond the limit on which health checks and metrics are still answered.
 pub(super) const RESERVE: usize = 16;
-/// The part of an IPv6 address that is one customer's; the rest is his to choose.
+/// The first 64 bits of an IPv6 address. A provider assigns them to a customer, who chooses the
+/// other bits.
 const IPV6_NETWORK: u128 = !0 << 64;
 
 const ACTIVE: Metric = Metric::new("troupe_connections_active", "Open connections");
 const REFUSED: Metric = Metric::new(
     "troupe_connections_refused_total",
-    "Connections that got no slot, by reason: closed at the limit of all (limit) or of their address (address), answered \
-         from the reserve (reserve), or not accepted by the system (accept)",
+    "Connections without a regular slot, by reason: closed at max_connections (limit) or at the limit of \
+     their address (address), answered from the reserve (reserve), or not accepted by the system (accept)",
 );
 
 const HANDSHAKES_FAILED: Metric = Metric::new(
     "troupe_tls_handshakes_failed_total",
-    "TLS handshakes that failed: not in time, no TLS, or no certificate of a client that the server accepts",
+    "TLS handshakes that failed: too slow, not TLS, or without an accepted client certificate",
 );
 
-/// Why a connection gets no slot.
+/// Why a connection gets no slot and is closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum ConnectionRefusal {
-    /// There are as many as there may be.
+    /// All slots and the reserve are taken.
     #[error("max_connections are open")]
     Full,
-    /// There are as many of this address as there may be.
+    /// All slots of this address are taken.
     #[error("half of max_connections are open from one address")]
     Address,
 }
@@ -66,7 +67,7 @@ struct Taken {
     addresses: HashMap<IpAddr, usize>,
 }
 
-/// The slots of a server's connections.
+/// The slots for a server's connections.
 #[derive(Debug)]
 pub struct ConnectionSlots {
     limit: usize,
@@ -76,7 +77,7 @@ pub struct ConnectionSlots {
 }
 
 impl ConnectionSlots {
-    /// ConnectionSlots for `limit` connections, and for `per_address` of one address.
+    /// `limit` slots, of which one address may have `per_address`.
     pub fn new(limit: usize, per_address: usize, telemetry: &Telemetry) -> Arc<Self> {
         Arc::new(Self {
             limit,
@@ -90,7 +91,7 @@ impl ConnectionSlots {
         self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A slot for a connection from `address`.
+    /// Takes a slot for a connection from `address`.
     pub(super) fn take(self: &Arc<Self>, address: IpAddr) -> Result<ConnectionSlot, ConnectionRefusal> {
         let address = network(address);
         let mut taken = self.taken();
@@ -118,18 +119,18 @@ impl ConnectionSlots {
         })
     }
 
-    /// Notes a connection that did not come to speak TLS.
+    /// Counts a connection whose TLS handshake failed.
     pub(super) fn handshake_failed(&self) {
         self.metrics.handshakes_failed.increment(1);
     }
 
-    /// Notes a connection that the system did not hand over.
+    /// Counts a connection that the system did not accept.
     pub(super) fn not_accepted(&self) {
         self.metrics.accept.increment(1);
     }
 }
 
-/// The addresses that count as one.
+/// The address that a connection counts for: for IPv6 its /64 network.
 fn network(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() & IPV6_NETWORK).into(),
@@ -137,7 +138,7 @@ fn network(address: IpAddr) -> IpAddr {
     }
 }
 
-/// A connection's slot, free again when it is dropped.
+/// A connection's slot. Dropping it frees the slot.
 #[derive(Debug)]
 pub(super) struct ConnectionSlot {
     slots: Arc<ConnectionSlots>,
@@ -146,12 +147,12 @@ pub(super) struct ConnectionSlot {
 }
 
 impl ConnectionSlot {
-    /// The address that it counts for; of IPv6 the network.
+    /// The address that the connection counts for; for IPv6 its /64 network.
     pub(super) fn address(&self) -> IpAddr {
         self.address
     }
 
-    /// Whether it is one of the reserve.
+    /// Whether it is a slot of the reserve.
     pub(super) fn is_reserved(&self) -> bool {
         self.reserved
     }
