@@ -1,4 +1,4 @@
-//! Clients, and limits on what they may use at a time: memory for requests and answers in transit,
+//! Clients, and limits on what they may use at a time: memory for requests and answers in transfer,
 //! streams, and sessions.
 //!
 //! A client is a key; without keys, a connection. Its usage counts three times: for the client, for
@@ -20,7 +20,7 @@ pub use identity::{Identity, Quota, Role};
 
 const TRANSFER: Metric = Metric::new(
     "troupe_transfer_memory_bytes",
-    "Memory of requests and answers in transit",
+    "Memory of requests and answers in transfer",
 );
 const REFUSED: Metric = Metric::new(
     "troupe_client_refusals_total",
@@ -36,7 +36,7 @@ const PIECE: usize = 1024;
 /// Limits on usage at a time.
 #[derive(Debug, Clone, Copy)]
 pub struct Share {
-    /// Bytes of requests and answers in transit.
+    /// Bytes of requests and answers in transfer.
     pub bytes: usize,
     /// Open streams.
     pub streams: usize,
@@ -447,7 +447,7 @@ impl Memory {
                         what: "no memory left for this request and its answer",
                         whose: level.whose,
                         allowed: level.allowed(
-                            format!("{} bytes on their way", level.share.bytes),
+                            format!("{} bytes in transfer", level.share.bytes),
                             level.quota.bytes,
                             "transfer_memory_mib",
                         ),

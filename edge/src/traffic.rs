@@ -1,4 +1,4 @@
-//! Memory of requests and answers in transit. It counts for their client. An answer that its client
+//! Memory of requests and answers in transfer. It counts for their client. An answer that its client
 //! does not read is dropped after a while.
 
 use std::pin::Pin;

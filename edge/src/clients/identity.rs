@@ -67,7 +67,7 @@ pub struct Quota {
     pub sessions: Option<usize>,
     /// Most open streams.
     pub streams: Option<usize>,
-    /// Most bytes of requests and answers in transit.
+    /// Most bytes of requests and answers in transfer.
     pub bytes: Option<usize>,
 }
 
