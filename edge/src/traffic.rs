@@ -1,5 +1,5 @@
-//! Memory of requests and answers in transfer. It counts for their client. An answer that its client
-//! does not read is dropped after a while.
+//! Memory of requests and answers in transfer. It counts for their client. An answer that its
+//! client does not read is dropped after a while.
 
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
