@@ -39,6 +39,7 @@ lint: python-env
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	scripts/tool.sh cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
+	python3 scripts/check-prose.py
 	.venv/bin/ruff format --check
 	.venv/bin/ruff check
 	.venv/bin/mypy

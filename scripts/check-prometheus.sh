@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Checks deploy/ with Prometheus' own promtool: the configuration, the rules, their tests, and the queries of the dashboard.
-# Without promtool it takes Debian's, where there is apt and root; else it says loudly that nothing was checked.
+# Without promtool it downloads Debian's, which needs apt and root. If that fails, it says loudly that nothing was checked.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

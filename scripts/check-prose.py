@@ -19,7 +19,6 @@ LEFT_OUT = re.compile(
 # Each phrase with what to write instead.
 PHRASES = {
     r"\bwhere (it|there|they|that|this|one|he|she) (is|are|was|were|has|have|had)\b": "if …, or name the case",
-    r"\bin the stead of\b": "instead of",
     r"\bas good as\b": "almost, or say how much",
     r"\bthere (is|are) (one|none):": "say what there is",
     r"\bso (many|much) (that|as)\b": "say how many",

@@ -60,7 +60,7 @@ class Case:
     possible: str
     # Generated poses of the two strips.
     poses: tuple[int, int]
-    # Poses this many metres apart where they do not stand where they are.
+    # Distance between poses in metres; none to draw them at their own places.
     spread: tuple[float | None, float | None]
 
     def most(self) -> float:
@@ -232,17 +232,17 @@ def draw(out: Path) -> None:
         found = asked["feasibility"]
         worst = found[found["worst"]]
         unit = next((unit for end, unit in UNITS.items() if found["worst"].endswith(end)), " rad")
-        told = f"{found['worst']} is {worst['value']:.3g}{unit}, {found['ratio']:.1f} times its limit"
-        text(40, top + 58, f"Without strict this comes, and the answer says that it is not feasible: {told}")
+        excess = f"{found['worst']} is {worst['value']:.3g}{unit}, {found['ratio']:.1f} times its limit"
+        text(40, top + 58, f"Without strict this comes, and the answer says that it is not feasible: {excess}")
         text(POSSIBLE_X, top + 58, "is the most that strict accepts")
         text(POSSIBLE_X, top + 32, case.possible.format(most), ACCEPTED, 14.5, bold=True)
         for x, end in ((ASKED_X, POSSIBLE_X - 40), (POSSIBLE_X, WIDTH - 40)):
             axes.plot([x, end], [ground, ground], color=RULE, lw=1, zorder=1)
         strip(figures, asked, case, 0, ASKED_X, ground)
         strip(figures, ask(case.request(most)), case, 1, POSSIBLE_X, ground)
-        told = textwrap.wrap(f"{refusal['message']}", 150)
+        lines = textwrap.wrap(f"{refusal['message']}", 150)
         text(40, ground + 64, "Strict refuses it:", REFUSED, 11.5, bold=True)
-        for row, line in enumerate(told):
+        for row, line in enumerate(lines):
             text(190, ground + 64 + 22 * row, line, DARK)
         print(f"{case.title}: {refusal['message']}\n  accepted: {case.possible.format(most)}")
     figure.savefig(out)

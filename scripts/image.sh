@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Builds the image of the Dockerfile, runs it and checks what docs/docker.md promises. Prints a table of what it proved, and
-# exits with 1 where a check fails. RUNTIME=cpu|openvino|gpu chooses the runtime. `image.sh --prepare` only gets what it needs, and
-# fails where that is not to be had.
+# Builds the image of the Dockerfile, runs it and checks the promises of docs/docker.md. Prints a table of the checks, and
+# exits with 1 if one fails. RUNTIME=cpu|openvino|gpu chooses the runtime. `image.sh --prepare` only gets the tools and packages
+# that it needs, and fails if it cannot get them.
 #
 # It needs no container engine and pulls no image: buildah builds and runs in a chroot, on stand-ins that have the names of the
 # Dockerfile's base images. They are made from Debian's packages and the Rust toolchain at hand. Root and Debian's apt are

@@ -148,8 +148,8 @@ def skills(client: troupe.Client, pack: troupe.Pack, of_clips: dict[tuple[str, s
             beside = f" ({clip[name]:.{digits}f})" if clip else ""
             cells.append(f"{mean[name]:.{digits}f}{beside}")
         seconds = np.mean([len(positions) for positions, _ in runs]) / FPS
-        told = (f"{sum(done)} of {len(done)}", f"{sum(met)} of {len(met)}", f"{seconds:.1f}")
-        row((f"`{skill[0]}` {skill[1]}", *told, f"{before[0]:.0f}, {before[1]:.0f}", *cells))
+        results = (f"{sum(done)} of {len(done)}", f"{sum(met)} of {len(met)}", f"{seconds:.1f}")
+        row((f"`{skill[0]}` {skill[1]}", *results, f"{before[0]:.0f}, {before[1]:.0f}", *cells))
 
 
 def styles(client: troupe.Client, pack: troupe.Pack) -> None:

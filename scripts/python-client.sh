@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the wheel of clients/python, installs it into target/python-client, checks its types and runs its tests against a real
-# server where one is built. Arguments go to pytest.
+# server, if one is built. Arguments go to pytest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

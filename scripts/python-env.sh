@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes .venv with the training package and its development tools, as scripts/python-lock.txt pins them by hash. Does nothing
-# where it is up to date. `make python-lock` renews the lock.
+# if it is up to date. `make python-lock` renews the lock.
 #
 # On Linux the PyTorch of PyPI brings CUDA, 5 GB of it. TROUPE_TORCH_INDEX=https://download.pytorch.org/whl/cpu takes the locked
 # version from that index instead, without CUDA. The lock has no hashes of that build, so it is pinned by its version alone.

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs a tool of tools.txt: tool.sh NAME ARGUMENTS. Where it is not installed, says so loudly; in CI that is a failure.
+# Runs a tool of tools.txt: tool.sh NAME ARGUMENTS. If the tool is not installed, it says so loudly; in CI that is a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

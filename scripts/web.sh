@@ -2,7 +2,7 @@
 # The viewer in web/: `check` lints and tests its sources, `build` makes web/dist and checks that the committed one is the same
 # (WEB_DIST=any: does not compare), `e2e` runs the browser tests against a built troupe-server, `pictures` makes the pictures of
 # docs/pictures, `measure` prints what a crowd costs a browser.
-# It installs what it needs: the npm packages of the lock file, and for the browser Debian's Chromium where there is apt and root.
+# It installs what it needs: the npm packages of the lock file, and Debian's Chromium if it has apt and root.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -5,8 +5,7 @@ pub const MAX_MESSAGE: usize = 512;
 /// Most characters of a field's path that may echo the request.
 pub const MAX_PATH: usize = 256;
 
-/// What an error echoes of a request: at most `limit` characters of it, and an ellipsis where there
-/// is more.
+/// The first `limit` characters of `text`, with an ellipsis if some were cut off.
 pub fn cut(text: &str, limit: usize) -> String {
     match text.char_indices().nth(limit) {
         Some((end, _)) => format!("{}…", &text[..end]),
@@ -19,7 +18,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_echoed_is_cut_between_characters() {
+    fn an_echo_is_cut_between_characters() {
         assert_eq!(cut("naïve", 3), "naï…");
         assert_eq!(cut("naïve", 5), "naïve");
         assert_eq!(cut("", 0), "");

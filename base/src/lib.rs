@@ -1,11 +1,11 @@
-//! What the crates of the server share. Nothing here knows a pack, a session or a protocol.
+//! Code that the server's crates share. Nothing here depends on packs, sessions or protocols.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`telemetry`] | the registry of metrics, of which each crate owns its handles; request ids and traces |
-//! | [`offload`] | CPU work of a request, off the task that received it |
-//! | [`turns`] | fair turns at work that many clients share |
-//! | [`tenant`] | what a tenant may be called |
+//! | [`telemetry`] | the registry of metrics (each crate owns its handles), request ids and traces |
+//! | [`offload`] | moves a request's CPU work to the blocking pool |
+//! | [`turns`] | fair turns for clients that share the runtime's threads |
+//! | [`tenant`] | allowed names of tenants |
 //! | [`echo`] | how much of a request an error may repeat |
 
 pub mod echo;

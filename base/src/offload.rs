@@ -1,15 +1,15 @@
-//! CPU work of a request, off the task that received it where it is much.
+//! Moves heavy CPU work of a request to the runtime's blocking pool.
 
-/// The work did not come to its end: it panicked, or the runtime goes down.
+/// The work did not finish: it panicked, or the runtime is shutting down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a worker stopped before it was done")]
 pub struct WorkerStopped;
 
-/// Runs CPU work for a request: here where it is for at most `inline` things, on the blocking pool
-/// where it is for more.
+/// Runs CPU work for a request. Work on at most `inline` things runs on this task, larger work on
+/// the blocking pool.
 ///
 /// # Errors
-/// [`WorkerStopped`].
+/// [`WorkerStopped`] if the work panicked or the runtime is shutting down.
 pub async fn offload<T: Send + 'static>(
     things: usize,
     inline: usize,

@@ -1,7 +1,7 @@
-//! The registry of metrics, behind names of our own: nothing else in the server speaks to a metrics
-//! library. Every server has its own registry, so several can live in one process.
+//! The registry of metrics. Only this module uses the metrics library. Every server has its own
+//! registry, so one process can run several servers.
 //!
-//! Each crate names its metrics ([`Metric`]) and owns their handles.
+//! Each crate defines its metrics ([`Metric`]) and owns their handles.
 
 mod request;
 mod traces;
@@ -18,9 +18,9 @@ pub use opentelemetry::KeyValue;
 pub use request::{RequestContext, RequestId};
 pub use traces::{EXPORT_TIMEOUT, Trace, Traces};
 
-/// Upper bounds of a histogram's buckets, by the unit that its name ends in.
+/// Upper bounds of a histogram's buckets, by the suffix of its name.
 const BUCKETS: [(&str, &[f64]); 4] = [
-    // They end on frame budgets (90, 60, 30 and 15 Hz among them).
+    // Frame budgets are among the bounds: 90, 60, 30 and 15 Hz.
     (
         "_seconds",
         &[
@@ -43,10 +43,10 @@ const BUCKETS: [(&str, &[f64]); 4] = [
 
 static METADATA: Metadata<'static> = Metadata::new(module_path!(), Level::INFO, Some(module_path!()));
 
-/// How often a log line of one kind is written at most.
+/// Shortest time between two log lines of one kind.
 const LOG_INTERVAL: Duration = Duration::from_secs(60);
 
-/// Holds back log lines that would come too often.
+/// Limits log lines of one kind to one a minute.
 #[derive(Debug, Default)]
 pub struct Seldom {
     last: Option<Instant>,
@@ -54,7 +54,8 @@ pub struct Seldom {
 }
 
 impl Seldom {
-    /// How many were held back since the last one, if it is time for the next.
+    /// If the next line is due: how many were held back since the last one. Otherwise counts one
+    /// more as held back.
     pub fn next(&mut self, now: Instant) -> Option<u64> {
         let early = self.last.is_some_and(|last| now < last + LOG_INTERVAL);
         if early {
@@ -69,15 +70,15 @@ impl Seldom {
 /// A metric of one or more labelled series.
 #[derive(Debug, Clone, Copy)]
 pub struct Metric {
-    /// Its name. The name of a histogram ends in a unit that has buckets: `_seconds`, `_size`,
-    /// `_ratio` or `_frames`.
+    /// A histogram's name ends in a unit that has buckets: `_seconds`, `_size`, `_ratio` or
+    /// `_frames`.
     pub name: &'static str,
-    /// What it says, for people.
+    /// The description that `/metrics` shows.
     pub help: &'static str,
 }
 
 impl Metric {
-    /// A metric of that name.
+    /// Usable in constants.
     pub const fn new(name: &'static str, help: &'static str) -> Self {
         Self { name, help }
     }
@@ -88,7 +89,7 @@ impl Metric {
 pub struct Labels(Vec<Label>);
 
 impl Labels {
-    /// Those of what belongs to one pack.
+    /// The labels of one pack's series: its name and version.
     pub fn of_pack(model: &str, version: &str) -> Self {
         Self::default()
             .with("model", model.to_owned())
@@ -116,10 +117,10 @@ pub struct Telemetry {
 }
 
 impl Telemetry {
-    /// A registry with the metrics of the process alone.
+    /// A registry that only has the metrics of the process.
     ///
     /// # Errors
-    /// Never for the buckets above; the library cannot know that.
+    /// None in practice: the library only rejects empty bucket lists, and `BUCKETS` has none.
     pub fn new() -> Result<Self, BuildError> {
         let mut builder = PrometheusBuilder::new();
         for (unit, bounds) in BUCKETS {
@@ -135,13 +136,13 @@ impl Telemetry {
         })
     }
 
-    /// The same, with traces: see [`Traces::new`]. To be called on a tokio runtime.
+    /// Turns on traces: see [`Traces::new`]. Call it on a tokio runtime.
     pub fn traced(mut self, exporter: impl SpanExporter + 'static, sample_ratio: f64) -> Self {
         self.traces = Some(Traces::new(exporter, sample_ratio, &self));
         self
     }
 
-    /// What makes traces, where they are on.
+    /// Makes traces; none if they are off.
     pub fn traces(&self) -> Option<&Traces> {
         self.traces.as_ref()
     }
@@ -152,27 +153,27 @@ impl Telemetry {
         self.recorder.handle().render()
     }
 
-    /// Folds recorded samples into their buckets; to be called every few seconds, or samples pile
-    /// up where nobody scrapes.
+    /// Folds recorded samples into their buckets. Call it every few seconds: otherwise samples pile
+    /// up if no scraper reads the metrics.
     pub fn run_upkeep(&self) {
         self.recorder.handle().run_upkeep();
     }
 
-    /// The handle of a series. To be kept: each call describes the metric once more.
+    /// The handle of a series. Keep it, because each call registers the metric's description again.
     pub fn counter(&self, metric: &Metric, labels: &Labels) -> Counter {
         self.recorder
             .describe_counter(metric.name.into(), None, metric.help.into());
         self.recorder.register_counter(&labels.key(metric), &METADATA)
     }
 
-    /// [`counter`](Self::counter), of a gauge.
+    /// As [`counter`](Self::counter), for a gauge.
     pub fn gauge(&self, metric: &Metric, labels: &Labels) -> Gauge {
         self.recorder
             .describe_gauge(metric.name.into(), None, metric.help.into());
         self.recorder.register_gauge(&labels.key(metric), &METADATA)
     }
 
-    /// [`counter`](Self::counter), of a histogram.
+    /// As [`counter`](Self::counter), for a histogram.
     pub fn histogram(&self, metric: &Metric, labels: &Labels) -> Histogram {
         self.recorder
             .describe_histogram(metric.name.into(), None, metric.help.into());

@@ -1,15 +1,15 @@
-//! Tenants: callers whose sessions, scenes and styles are apart from those of others.
+//! Tenants: groups of callers with their own sessions, scenes and styles.
 
 use std::sync::Arc;
 
-/// Whose sessions, scenes, definitions and added styles are meant: each tenant has its own, and so
-/// have all callers without one together.
+/// The owner of sessions, scenes, definitions and added styles. Each tenant has its own. Callers
+/// without a tenant (`None`) share theirs.
 pub type Tenant = Option<Arc<str>>;
 
-/// What a tenant may be called, for messages.
+/// Allowed names of tenants, for messages.
 pub const TENANT_NAMES: &str = "1 to 64 letters, digits, '-', '_' or '.', not '.' first";
 
-/// Whether a tenant may be called that: its name is that of a folder, too.
+/// Whether a tenant may have this name. It is the name of a folder, too.
 pub fn names_a_tenant(name: &str) -> bool {
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     (1..=64).contains(&name.len()) && !name.starts_with('.') && name.chars().all(fits)
@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tenant_is_called_as_a_folder_may_be() {
+    fn a_tenant_name_is_a_valid_folder_name() {
         for (name, fits) in [
             ("a", true),
             ("studio-1_b.c", true),

@@ -1,8 +1,9 @@
-//! Turns at work that many share: a client with many tasks gets no more of them than one with few.
+//! Fair turns on the runtime's threads: a client with many tasks gets no more of them than a client
+//! with few.
 //!
-//! All tasks that can go on wait in one queue of the runtime. In each round of that queue a client
-//! has a few turns; its other tasks wait in a line of their own. So others wait for a few of its
-//! tasks at most, however many it has. The clients of an address share such a line as well.
+//! All tasks that are ready to run wait in one queue of the runtime. In each round of that queue a
+//! client has a few turns. Its other tasks wait in a line of their own, so other clients wait for
+//! at most a few of its tasks. The clients of one address share such a line as well.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -13,27 +14,27 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::futures::TaskLocalFuture;
 use tokio_util::sync::PollSemaphore;
 
-/// Turns of a line in a round, for each core.
+/// A line's turns in a round, for each core.
 const TURNS_PER_CORE: usize = 2;
 
-/// Plans of steps that a client, or all of an address, have with the batchers at a time, for each
-/// core: enough to keep all workers busy. Others wait in a line of their own.
+/// Plans of `Step` calls that a client, or an address, may have with the batchers at a time, for
+/// each core. This is enough to keep all workers busy.
 const STEP_PLANS_PER_CORE: usize = 64;
 
-/// A line that tasks wait in.
+/// A line of waiting tasks.
 #[derive(Debug)]
 pub struct Line {
     turns: Arc<Semaphore>,
-    /// Places for plans of steps.
+    /// Permits for plans of `Step` calls.
     plans: Arc<Semaphore>,
-    /// Turns of this round that were taken. They come back in the next.
+    /// Turns of this round that were taken. They come back in the next round.
     taken: AtomicUsize,
-    /// Whether somebody gives them back.
+    /// Whether a task is running that gives them back.
     returning: AtomicBool,
 }
 
 impl Line {
-    /// A line whose tasks have a few turns in a round.
+    /// A line whose number of turns follows from the number of cores.
     pub fn new() -> Arc<Self> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self::with(cores * TURNS_PER_CORE, cores * STEP_PLANS_PER_CORE)
@@ -56,14 +57,14 @@ impl Line {
         }
     }
 
-    /// Gives turns back after all that waited in the runtime's queue before.
+    /// Gives turns back once the tasks that were in the runtime's queue before have run.
     async fn give_back(self: Arc<Self>) {
         loop {
             tokio::task::yield_now().await;
             match self.taken.swap(0, Ordering::AcqRel) {
                 0 => {
                     self.returning.store(false, Ordering::Release);
-                    // One that was taken just now found somebody returning.
+                    // A turn that was taken just now saw `returning` set and spawned no task.
                     let more = self.taken.load(Ordering::Acquire) > 0;
                     if !more || self.returning.swap(true, Ordering::AcqRel) {
                         return;
@@ -84,32 +85,33 @@ tokio::task_local! {
 }
 
 impl Turns {
-    /// The turns of a client whose tasks wait in all of `lines`: its own, and those it shares.
+    /// The turns of a client whose tasks wait in all of `lines`: its own and those it shares.
     pub fn new<const N: usize>(lines: [&Arc<Line>; N]) -> Self {
         Self(lines.into_iter().cloned().collect())
     }
 
-    /// Those of nobody: as many as it wants.
+    /// Turns without a limit.
     pub fn endless() -> Self {
         Self::default()
     }
 
-    /// Those that the work at hand goes on in; endless ones outside of such work.
+    /// The turns of the current task, as [`Turns::take`] set them; endless outside of it.
     pub fn current() -> Self {
         CURRENT.try_with(Self::clone).unwrap_or_default()
     }
 
-    /// A place for a plan of a step, until it is dropped.
+    /// Waits until a plan of a `Step` call may go to the batcher. Dropping the permits lets the
+    /// next one go.
     pub async fn plan(&self) -> Vec<OwnedSemaphorePermit> {
-        let mut places = Vec::with_capacity(self.0.len());
+        let mut permits = Vec::with_capacity(self.0.len());
         for line in self.0.iter() {
             // The lines are never closed.
-            places.extend(line.plans.clone().acquire_owned().await);
+            permits.extend(line.plans.clone().acquire_owned().await);
         }
-        places
+        permits
     }
 
-    /// `work` in turns: each time that it goes on it waits for one first.
+    /// Runs `work` in turns: it waits for a turn before each poll.
     pub fn take<F: Future>(self, work: F) -> InTurns<F> {
         let waiting = self.0.iter().map(|line| PollSemaphore::new(line.turns.clone()));
         InTurns {
@@ -155,7 +157,7 @@ mod tests {
 
     use super::*;
 
-    /// Puts its name into a list, and lets others go on, 20 times.
+    /// Writes its name into a list and yields, 20 times.
     fn writer(name: char, order: &Arc<Mutex<String>>) -> impl Future<Output = ()> + Send + use<> {
         let order = order.clone();
         async move {
@@ -166,7 +168,7 @@ mod tests {
         }
     }
 
-    /// What 50 tasks of one client and one of another write, which share a thread.
+    /// The names that 50 tasks of one client and one task of another write on one thread.
     async fn written(lines: [&[Arc<Line>]; 2]) -> String {
         let order = Arc::new(Mutex::new(String::new()));
         let turns = lines.map(|lines| Turns(lines.to_vec().into()));
@@ -192,7 +194,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn work_that_is_given_up_keeps_no_turn() {
+    async fn cancelled_work_keeps_no_turn() {
         let line = Line::with(1, 1);
         let stuck = tokio::spawn(Turns::new([&line]).take(std::future::pending::<()>()));
         tokio::task::yield_now().await;

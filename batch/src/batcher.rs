@@ -1,4 +1,4 @@
-//! The way to a pack's workers: callers put requests in, workers take jobs out.
+//! The callers' interface to a pack's workers.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -18,14 +18,16 @@ use super::shared::Shared;
 use super::state::Reply;
 use super::worker::{self, GeneratorFactory};
 
-/// Parts that may wait for a reader; one that has more is too slow.
-const MAX_WAITING_PARTS: usize = 256;
+/// Pieces of an answer that may wait for their reader. With one more, the reader is too slow and
+/// its request is cancelled.
+const MAX_WAITING_PIECES: usize = 256;
 
-/// The way to a pack's workers. Clones share it; the workers end when the last one is gone.
+/// The callers' interface to a pack's workers. Clones share them. When the last clone is dropped,
+/// the workers finish the waiting requests and end.
 #[derive(Debug, Clone)]
 pub struct Batcher(Arc<Owner>);
 
-/// Ends the workers when it is dropped, once they have done what waits.
+/// Ends the workers when it is dropped.
 #[derive(Debug)]
 struct Owner(Arc<Shared>);
 
@@ -36,11 +38,12 @@ impl Drop for Owner {
 }
 
 impl Batcher {
-    /// Starts the workers, and answers when `factory` has made (and warmed up) all their
-    /// generators. An idle worker spins for `spin` before it parks.
+    /// Starts the workers, and returns once `factory` has made and warmed up all their generators.
+    /// An idle worker spins for `spin` before it parks.
     ///
     /// # Errors
-    /// What `factory` fails with, or [`EngineError::Stopped`] where a thread ends without a word.
+    /// Those of `factory`, [`EngineError::Library`] if a thread cannot be started, or
+    /// [`EngineError::Stopped`] if a thread ends without a result.
     pub async fn start(
         name: &str,
         limits: Limits,
@@ -54,7 +57,7 @@ impl Batcher {
             ..limits
         };
         let shared = Arc::new(Shared::new(limits, spin, metrics));
-        // Dropped on the way out where a worker does not start, so that the others end.
+        // If a worker does not start, dropping this ends the others.
         let batcher = Self(Arc::new(Owner(shared.clone())));
         let mut starting = Vec::with_capacity(limits.workers);
         for number in 0..limits.workers {
@@ -84,7 +87,7 @@ impl Batcher {
         })
     }
 
-    /// Workers that are alive. One that is lost costs speed; the rest serve everything.
+    /// Number of workers that are alive. A lost worker costs speed; the others serve all requests.
     pub fn workers(&self) -> usize {
         self.shared().workers()
     }
@@ -94,31 +97,31 @@ impl Batcher {
         self.workers() > 0
     }
 
-    /// Why a call of so many characters is refused if it comes now, where it is: to be asked before
-    /// any work is put into it.
+    /// Why a call of so many characters would be refused now; none if it would be accepted. Lets a
+    /// caller refuse early, before it prepares the call.
     pub fn refuse(&self, characters: usize) -> Option<SubmitError> {
         self.shared().refuse(characters)
     }
 
-    /// Has `tasks` served, alone or together with what other callers ask for. A caller that drops
-    /// the future gives up its place: what has not started is not run.
+    /// Serves `tasks`, possibly in batches with tasks of other callers. Dropping the future cancels
+    /// the request: tasks that have not started are not run.
     ///
     /// # Errors
-    /// [`SubmitError`], for the whole request.
+    /// [`SubmitError`] for the whole request.
     pub async fn submit(&self, tasks: Vec<Task>, order: Order) -> Result<Served, SubmitError> {
         self.enqueue(tasks, order)?.await
     }
 
-    /// [`Batcher::submit`] for a caller who must not wait: `tasks` have a place when this returns,
-    /// or do not. The future that it gives is the answer; dropping it gives up the place.
+    /// As [`Batcher::submit`], in two steps: when this returns, `tasks` are in the queue. The
+    /// returned future is the answer. Dropping it cancels the request.
     ///
     /// # Errors
-    /// [`SubmitError::QueueFull`] where there is no place, [`EngineError::Stopped`] where there is
-    /// no worker.
+    /// [`SubmitError::QueueFull`] if the queue is full or too slow, [`EngineError::Stopped`] if no
+    /// worker is alive.
     pub fn enqueue(&self, tasks: Vec<Task>, order: Order) -> Result<Answer, SubmitError> {
         let (reply, answer) = oneshot::channel();
         if tasks.is_empty() {
-            // Nothing to do, and nothing that a worker would ever finish.
+            // No worker would ever finish a request without tasks.
             let _ = reply.send(Ok(Served::default()));
             return Ok(Answer { answer, place: None });
         }
@@ -129,31 +132,31 @@ impl Batcher {
         })
     }
 
-    /// Has one task served, and its answer part by part as it comes. Dropping the parts gives up
-    /// the place.
+    /// Serves one task and streams its answer piece by piece. Dropping the stream cancels the
+    /// request.
     ///
     /// # Errors
     /// As [`Batcher::enqueue`].
-    pub fn stream(&self, task: Task, order: Order) -> Result<Parts, SubmitError> {
-        let (reply, parts) = mpsc::channel(MAX_WAITING_PARTS);
-        let place = self.admit(vec![task], order, Reply::Parts(reply))?;
-        Ok(Parts {
-            parts,
+    pub fn stream(&self, task: Task, order: Order) -> Result<AnswerStream, SubmitError> {
+        let (reply, pieces) = mpsc::channel(MAX_WAITING_PIECES);
+        let place = self.admit(vec![task], order, Reply::Stream(reply))?;
+        Ok(AnswerStream {
+            pieces,
             place: Some(place),
         })
     }
 }
 
-/// A request's place. Dropping it gives up the place.
+/// A request without a whole answer yet. Dropping it cancels the request.
 #[derive(Debug)]
 struct PendingRequest {
-    /// None where there is nothing to give up any more.
+    /// None once the request is answered.
     shared: Option<Arc<Shared>>,
     request: RequestId,
 }
 
 impl PendingRequest {
-    /// The request is answered.
+    /// The request is answered: dropping this no longer cancels it.
     fn settle(mut self) {
         self.shared = None;
     }
@@ -167,9 +170,9 @@ impl Drop for PendingRequest {
     }
 }
 
-/// The answer to a request, to be awaited. Dropping it gives up the request's place in the queue.
+/// A future of the answer to a request. Dropping it cancels the request.
 #[derive(Debug)]
-#[must_use = "dropping it gives up the request"]
+#[must_use = "dropping it cancels the request"]
 pub struct Answer {
     answer: oneshot::Receiver<Result<Served, SubmitError>>,
     place: Option<PendingRequest>,
@@ -187,28 +190,28 @@ impl Future for Answer {
     }
 }
 
-/// The parts of an answer, as they come.
+/// The pieces of an answer, as workers make them. Dropping it cancels the request.
 #[derive(Debug)]
-#[must_use = "dropping it gives up the request"]
-pub struct Parts {
-    parts: mpsc::Receiver<Result<Piece, SubmitError>>,
+#[must_use = "dropping it cancels the request"]
+pub struct AnswerStream {
+    pieces: mpsc::Receiver<Result<Piece, SubmitError>>,
     place: Option<PendingRequest>,
 }
 
-impl Parts {
-    /// The next part; none after the last.
+impl AnswerStream {
+    /// The next piece; none after the last piece or an error.
     ///
     /// # Errors
-    /// [`SubmitError`], after which nothing comes.
+    /// [`SubmitError`] if the request failed or its reader was too slow.
     pub async fn next(&mut self) -> Option<Result<Piece, SubmitError>> {
         self.place.as_ref()?;
-        let part = self.parts.recv().await.unwrap_or(Err(SubmitError::ReaderSlow));
-        if part.as_ref().map_or(true, |piece| piece.is_last)
+        let piece = self.pieces.recv().await.unwrap_or(Err(SubmitError::ReaderSlow));
+        if piece.as_ref().map_or(true, |piece| piece.is_last)
             && let Some(place) = self.place.take()
         {
             place.settle();
         }
-        Some(part)
+        Some(piece)
     }
 }
 

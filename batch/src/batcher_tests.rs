@@ -23,7 +23,7 @@ pub(super) const DIMS: Dims = Dims {
 };
 
 /// Stages that wait for a permit before each batch, note batch sizes, and mark rows by their seed.
-/// They wait no more once nobody can give a permit.
+/// They do not wait once all givers of permits are gone.
 pub(super) struct Gate {
     pub(super) permits: blocking::Receiver<()>,
     pub(super) sizes: Arc<Mutex<Vec<usize>>>,
@@ -47,7 +47,7 @@ struct PanicsOnDrop;
 
 impl Drop for PanicsOnDrop {
     fn drop(&mut self) {
-        panic!("told to die");
+        panic!("ordered to die");
     }
 }
 
@@ -57,7 +57,7 @@ impl Stages for Gate {
         match self.trouble {
             Trouble::PanicOnce => {
                 self.trouble = Trouble::None;
-                panic!("told to");
+                panic!("on purpose");
             }
             Trouble::Die => std::panic::panic_any(PanicsOnDrop),
             _ => {}
@@ -84,7 +84,7 @@ impl Stages for Gate {
         match self.trouble {
             Trouble::Fail => Err(EngineError::Run {
                 stage: Stage::Decoder,
-                reason: "told to".into(),
+                reason: "on purpose".into(),
             }),
             _ => Ok(()),
         }
@@ -291,7 +291,7 @@ async fn a_full_queue_refuses_at_once_with_a_hint() {
 }
 
 #[tokio::test]
-async fn what_is_enqueued_waits_in_the_order_of_the_calls() {
+async fn requests_wait_in_the_order_in_which_they_were_enqueued() {
     let setup = setup(limits(1), [Trouble::None]).await;
     let first = setup.enqueue(0..1);
     setup.dispatched(1).await;
@@ -334,11 +334,11 @@ async fn a_failing_batch_fails_its_requests_whole_and_the_next_one_runs() {
     let setup = setup(limits(1), [Trouble::Fail]).await;
     setup.permit(0);
     let failed = setup.submit(0..6).await.unwrap_err().to_string();
-    assert!(failed.contains("decoder stage failed: told to"), "{failed}");
+    assert!(failed.contains("decoder stage failed: on purpose"), "{failed}");
     // What was left of it has not run.
     setup.permit(0);
     let again = setup.submit(0..1).await.unwrap_err().to_string();
-    assert!(again.contains("told to"), "{again}");
+    assert!(again.contains("on purpose"), "{again}");
     assert_eq!(setup.sizes(0), [4, 1]);
     assert!(setup.batcher.is_running());
 }
@@ -388,7 +388,7 @@ async fn a_panic_fails_its_batch_and_service_goes_on() {
     setup.permit(0);
     setup.permit(0);
     let error = setup.submit(0..1).await.unwrap_err();
-    assert_eq!(error.to_string(), "the engine panicked: told to");
+    assert_eq!(error.to_string(), "the engine panicked: on purpose");
     assert_eq!(marks(setup.submit(3..4).await.unwrap()), [3.0]);
     assert!(setup.batcher.is_running());
 }
@@ -410,7 +410,7 @@ async fn a_dead_engine_is_reported_not_waited_for() {
 }
 
 #[tokio::test]
-async fn an_engine_that_does_not_start_says_why() {
+async fn an_engine_that_does_not_start_gives_the_reason() {
     let telemetry = Telemetry::new().unwrap();
     let factory: GeneratorFactory = Arc::new(|_| Err(EngineError::Library("not here".into())));
     let metrics = PackMetrics::new(&telemetry, "test", "1");

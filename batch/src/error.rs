@@ -4,29 +4,29 @@ use std::time::Duration;
 
 use troupe_engine::EngineError;
 
-use super::scheduler::Refusal;
+use super::scheduler::QueueRefusal;
 
 /// Why a request was not served.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum SubmitError {
-    /// The queue has no room for the request, or is so slow that it would wait for too long.
+    /// The queue has no room for the request, or the request would wait for longer than allowed.
     #[error("the queue is full: {pending_characters} characters are waiting; retry later")]
     QueueFull {
-        /// Characters already waiting.
+        /// Characters that already wait.
         pending_characters: usize,
-        /// When it is worth to try again.
+        /// How long the caller should wait before it tries again.
         retry_after: Duration,
     },
-    /// A newer plan of the same owner took its place.
+    /// A newer plan of the same owner replaced it.
     #[error("a newer plan of the same character replaced this one")]
     Superseded,
-    /// It had not started at the moment from which on nobody would want the answer.
+    /// It had not started when its [`expires`](super::Order::expires) passed.
     #[error("the request timed out after {} ms in the queue", waited.as_millis())]
     DeadlinePassed {
-        /// How long it waited.
+        /// Time in the queue.
         waited: Duration,
     },
-    /// Its reader left too many parts of its answer waiting.
+    /// Too many pieces of the answer waited for their reader.
     #[error("the answer was cancelled: its parts were not read in time")]
     ReaderSlow,
     /// Inference failed.
@@ -34,8 +34,8 @@ pub enum SubmitError {
     Engine(#[from] EngineError),
 }
 
-impl From<Refusal> for SubmitError {
-    fn from(refusal: Refusal) -> Self {
+impl From<QueueRefusal> for SubmitError {
+    fn from(refusal: QueueRefusal) -> Self {
         Self::QueueFull {
             pending_characters: refusal.pending_characters,
             retry_after: refusal.retry_after(),

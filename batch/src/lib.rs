@@ -1,18 +1,17 @@
 //! Batching: concurrent requests share network calls.
 //!
-//! [`scheduler`] decides (a pure state machine), [`Batcher`] drives it. A pack has workers:
-//! threads, each with a generator of its own. No thread or task stands between callers and workers.
-//! The scheduler and the waiting work are behind one lock, which is held for a few microseconds: by
-//! a caller to put its request in, and by a worker between two steps to hand out what the last one
-//! made and to take what comes next. An idle worker [spins](parker) for a moment and then parks; a
-//! request that finds one wakes it.
+//! The [`scheduler`] is a pure state machine that decides, and [`Batcher`] drives it. A pack has
+//! workers: threads, each with its own generator. The scheduler and the waiting work are behind one
+//! lock, which is held for a few microseconds. A caller takes it to add its request. A worker takes
+//! it between two steps, to deliver the results of the last step and to get its next jobs. An idle
+//! worker [spins](parker) for a moment and then parks. A new request wakes an idle worker.
 //!
-//! Why not a task with channels: where inference keeps all cores busy, whoever is to form the next
-//! batch first waits for a core, and the worker with it. Measured in four pairs of runs with 64
-//! callers, an engine that spins for 20 ms a batch, and a load average of 13 on two cores: a worker
-//! stood idle for 7.2 to 9.3 ms between two batches (mean) where a task formed them, and for 0.7 to
-//! 1.2 ms where it does so itself. `troupe_worker_gap_duration_seconds` shows it in a running
-//! server.
+//! Why there is no batching task between callers and workers: if inference keeps all cores busy,
+//! such a task first waits for a core, and the worker waits for the task. Measured in four pairs of
+//! runs with 64 callers, an engine that spins for 20 ms per batch, and a load average of 13 on two
+//! cores: with a batching task a worker was idle for 7.2 to 9.3 ms between two batches (mean). When
+//! workers form their batches themselves, it was idle for 0.7 to 1.2 ms. In a running server
+//! `troupe_worker_gap_duration_seconds` shows this time.
 
 mod batcher;
 mod error;
@@ -26,7 +25,7 @@ mod state;
 mod trace;
 mod worker;
 
-pub use batcher::{Answer, Batcher, Parts};
+pub use batcher::{Answer, AnswerStream, Batcher};
 pub use error::SubmitError;
 pub use metrics::{PackMetrics, Rejection};
 pub use order::{Class, Order, OwnerId};

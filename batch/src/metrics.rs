@@ -13,74 +13,77 @@ use troupe_engine::pack::Stage;
 
 const QUEUE_DURATION: Metric = Metric::new(
     "troupe_queue_duration_seconds",
-    "From a request's arrival at the batcher to the cut of its first batch, by class: plans of live characters, or \
-         InBetween calls",
+    "Time from a request's arrival at the batcher until its first batch is formed, by class: plans shown \
+     by the clock (live), plans of Step calls (step), or other calls (request)",
 );
 const ASSEMBLE_DURATION: Metric = Metric::new(
     "troupe_assemble_duration_seconds",
-    "Filling a batch's input tensors, the choice of tokens included",
+    "Time to fill a batch's input tensors, including the choice of tokens",
 );
 const INFERENCE_DURATION: Metric = Metric::new(
     "troupe_inference_duration_seconds",
-    "One stage over one batch, all its passes",
+    "Time of all passes of one network over one batch, by stage",
 );
 const SCATTER_DURATION: Metric = Metric::new(
     "troupe_scatter_duration_seconds",
-    "Copying a batch out of its tensors, and making a request's frames from that: a sample each",
+    "Time to copy a batch out of its tensors, and time to make a request's frames from it: one sample for \
+     each",
 );
 const BATCH_SIZE: Metric = Metric::new("troupe_batch_size", "Characters in a batch, without padding");
 const PADDING_RATIO: Metric = Metric::new("troupe_batch_padding_ratio", "Share of padding rows in a batch");
 const DISPATCHES: Metric = Metric::new(
     "troupe_dispatch_total",
-    "Batches formed, by reason: the worker was idle, it took what had waited, or more waited than fits",
+    "Batches formed, by reason: the worker was idle (idle), it took all waiting work after a step \
+     (backlog), or more work waited than fits (full)",
 );
 const PENDING_REQUESTS: Metric = Metric::new("troupe_pending_requests", "Requests that wait for a batch");
 const PENDING_CHARACTERS: Metric =
     Metric::new("troupe_pending_characters", "Characters that wait for a batch");
 const REJECTIONS: Metric = Metric::new(
     "troupe_rejections_total",
-    "Requests turned away or dropped before they ran, by reason: the queue was full or too slow, the caller had \
-         gone, a newer plan of the character took the place, it had waited until nobody wanted the answer, or its reader \
-         was too slow",
+    "Requests refused or dropped, by reason: the queue was full (queue_full) or too slow (queue_slow), \
+     the caller was gone (client_gone), a newer plan replaced it (superseded), it waited for too long \
+     (expired), or its reader was too slow (reader_slow)",
 );
-const WORKERS: Metric = Metric::new("troupe_engine_workers", "Workers of the engine that serve");
+const WORKERS: Metric = Metric::new("troupe_engine_workers", "Workers of the engine that are alive");
 const WORKER_GAP: Metric = Metric::new(
     "troupe_worker_gap_duration_seconds",
-    "From a batch's end to the start of the next on the same worker, where work waited",
+    "Time from the end of a batch to the start of the next on the same worker, if work was waiting",
 );
 const FRAMES: Metric = Metric::new("troupe_frames_generated_total", "Frames generated");
 const LOAD_SECONDS: Metric = Metric::new(
     "troupe_model_load_seconds",
-    "Time to load a pack, its first runs included",
+    "Time to load a pack, including its first runs",
 );
 const ENGINE_INFO: Metric = Metric::new(
     "troupe_engine_info",
-    "1; the labels say what runs a pack's networks",
+    "Always 1; the labels name the engine that runs a pack's networks, and its workers and threads",
 );
 const ENGINE_DIFFERENCE: Metric = Metric::new(
     "troupe_engine_difference",
-    "How far a checked engine is from f32 on the CPU, by figure: units are in the figure's name, shares go up to 1",
+    "Difference between a checked engine and f32 on the CPU, by figure. Each figure's name ends in its \
+     unit; shares are from 0 to 1",
 );
 
-/// Why a request was turned away, or dropped before it ran.
+/// Why a request was refused or dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rejection {
     /// The queue had no room.
     QueueFull,
-    /// The queue was so slow that the request would have waited for too long.
+    /// The request would have waited for longer than allowed.
     QueueSlow,
-    /// Its caller had gone.
+    /// The caller no longer waited for the answer.
     ClientGone,
-    /// A newer plan of the same character took its place.
+    /// A newer plan of the same character replaced it.
     Superseded,
-    /// It had waited until nobody wanted the answer.
+    /// It had not started in time.
     Expired,
-    /// Its reader left too many parts of the answer waiting.
+    /// Too many pieces of the answer waited for their reader.
     ReaderSlow,
 }
 
 impl Rejection {
-    /// All of them, in the order of their numbers.
+    /// In the order of the discriminants.
     const ALL: [Self; 6] = [
         Self::QueueFull,
         Self::QueueSlow,
@@ -124,7 +127,7 @@ pub struct PackMetrics {
 }
 
 impl PackMetrics {
-    /// The metrics of that pack.
+    /// The metrics of the pack with this name and version.
     pub fn new(telemetry: &Telemetry, model: &str, version: &str) -> Self {
         let labels = Labels::of_pack(model, version);
         let counter = |metric, reason| telemetry.counter(metric, &labels.with("reason", reason));
@@ -159,17 +162,17 @@ impl PackMetrics {
         self.queue[class as usize].record(waited);
     }
 
-    /// A worker stood idle for so long between two batches, though work waited.
+    /// A worker was idle for `gap` between two batches although work was waiting.
     pub fn worker_gap(&self, gap: Duration) {
         self.worker_gap.record(gap);
     }
 
-    /// So many workers serve.
+    /// Sets how many workers are alive.
     pub fn workers(&self, workers: usize) {
         self.workers.set(workers as f64);
     }
 
-    /// What waits now.
+    /// Sets how much waits in the queue.
     pub fn pending(&self, requests: usize, characters: usize) {
         self.pending_requests.set(requests as f64);
         self.pending_characters.set(characters as f64);
@@ -188,7 +191,7 @@ impl PackMetrics {
         for (name, took) in &step.networks {
             match self.inference.iter().find(|(known, _)| known == name) {
                 Some((_, histogram)) => histogram.record(*took),
-                // A network of another family.
+                // A network that is no stage of this family.
                 None => {
                     let labels = self.labels.with("stage", *name);
                     self.telemetry
@@ -203,7 +206,7 @@ impl PackMetrics {
         }
     }
 
-    /// A request's frames were made from what was copied out of the tensors.
+    /// A request's frames were made from the network's output.
     pub fn scattered(&self, took: Duration, frames: usize) {
         self.scatter.record(took);
         self.frames.increment(frames as u64);
@@ -214,7 +217,7 @@ impl PackMetrics {
         self.frames.increment(frames as u64);
     }
 
-    /// A plan that was asked for at `asked` is there. A share of plans has a trace each.
+    /// Traces a plan that was asked for at `asked`, if it is sampled.
     pub fn trace_plan(&self, asked: Instant, served: &Served) {
         let trace = (self.telemetry.traces()).and_then(|traces| traces.root("plan", asked));
         if let Some(trace) = trace {
@@ -222,7 +225,7 @@ impl PackMetrics {
         }
     }
 
-    /// A request was turned away, or dropped before it ran.
+    /// Counts a refused or dropped request.
     pub fn rejected(&self, reason: Rejection) {
         self.rejections[reason as usize].increment(1);
     }

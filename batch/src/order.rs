@@ -1,22 +1,22 @@
-//! Who goes first.
+//! A request's class, deadline and owner, which decide when it is served.
 
 use std::time::Instant;
 
-/// What kind of work a request is. Inside a class, the earliest deadline goes first; between
-/// classes, each class's [offset](super::scheduler::Limits::class_offset) is added to the deadline,
-/// so that what waits long enough goes first whatever its class.
+/// The kind of a request. Within a class, the earliest deadline goes first. To compare requests of
+/// different classes, the class's [offset](super::scheduler::Limits::class_offset) is added to the
+/// deadline. So a request that has waited for long enough goes first, whatever its class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
     /// Plans of live characters whose frames are shown by the clock.
     Live,
-    /// Plans of characters whose caller waits for their frames.
+    /// Plans of characters whose caller waits for the frames of a `Step` call.
     Step,
-    /// InBetween calls.
+    /// Calls that are no plans of a session: InBetween, Generate, Describe.
     Request,
 }
 
 impl Class {
-    /// All classes, in the order of their numbers.
+    /// In the order of the discriminants.
     pub const ALL: [Self; 3] = [Self::Live, Self::Step, Self::Request];
 
     /// The class as a metric label.
@@ -29,27 +29,27 @@ impl Class {
     }
 }
 
-/// Names a session to the scheduler. At most one plan of an owner is with a worker at a time, and
-/// at most one waits.
+/// Identifies a session to the scheduler. At most one plan of an owner is with a worker at a time,
+/// and at most one waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct OwnerId(pub u64);
 
-/// A request's claim on its place in the queue.
+/// Decides a request's position in the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Order {
-    /// What kind of work it is.
+    /// Moves the deadline by the class's offset.
     pub class: Class,
-    /// When the answer should be there. It orders the queue; work whose deadline has passed is done
-    /// all the same.
+    /// When the answer should be ready. It only orders the queue: work is also done after its
+    /// deadline.
     pub deadline: Instant,
-    /// When nobody wants the answer any more: what has not started by then is not run.
+    /// From then on the answer is useless: characters that have not started are not run.
     pub expires: Option<Instant>,
-    /// Whose plan it is, where it is one.
+    /// The session whose plan it is; none for calls.
     pub owner: Option<OwnerId>,
 }
 
 impl Order {
-    /// An InBetween call.
+    /// A call that is no plan of a session.
     pub fn request(deadline: Instant) -> Self {
         Self {
             class: Class::Request,
@@ -59,7 +59,7 @@ impl Order {
         }
     }
 
-    /// A plan of a live character, which is to take over at `deadline`.
+    /// A plan of a live character whose first frame is needed at `deadline`.
     pub fn live(owner: OwnerId, deadline: Instant) -> Self {
         Self {
             class: Class::Live,
@@ -69,7 +69,7 @@ impl Order {
         }
     }
 
-    /// A plan of a character whose caller waits for it.
+    /// A plan of a character whose caller waits for it in a `Step` call.
     pub fn step(owner: OwnerId, deadline: Instant) -> Self {
         Self {
             class: Class::Step,
@@ -77,7 +77,7 @@ impl Order {
         }
     }
 
-    /// The same, not to be run any more from `at` on.
+    /// The same order, but work that has not started at `at` is dropped.
     pub fn expiring(self, at: Instant) -> Self {
         Self {
             expires: Some(at),

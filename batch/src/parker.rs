@@ -1,23 +1,24 @@
-//! How a worker without work waits: it spins for a moment, then it parks.
+//! How an idle worker waits: it spins for a moment, then it parks.
 //!
-//! A core that sleeps is slow to wake. On a virtual machine a lone caller, whose next request comes
-//! half a millisecond after an answer, would find worker and core asleep each time. So the first
-//! idle worker spins for a while after its last step, and lets every thread go first that wants its
-//! core. An idle server sleeps.
+//! A sleeping core is slow to wake. On a virtual machine, a single caller whose next request comes
+//! half a millisecond after an answer would find worker and core asleep each time. So the first
+//! idle worker spins for a while after its last step, and yields its core to any other thread. An
+//! idle server sleeps.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Looks at the clock and lets others go first once in so many turns, each a few nanoseconds long.
+/// Spins, of a few nanoseconds each, between two looks at the clock. The worker also yields its
+/// core then.
 const TURNS: usize = 20;
 
-/// A worker's own.
+/// The parker of one worker.
 #[derive(Debug, Default)]
 struct Parker {
-    /// Where it is parked.
+    /// A parked worker waits for it.
     parked: Condvar,
-    /// Unparked since it last began to spin.
+    /// Whether the worker was unparked since it last began to spin.
     unparked: AtomicBool,
 }
 
@@ -25,7 +26,7 @@ struct Parker {
 #[derive(Debug)]
 pub(super) struct Parkers {
     parkers: Box<[Parker]>,
-    /// How long a worker spins.
+    /// Time from a worker's last step until it stops spinning.
     spin: Duration,
 }
 
@@ -49,14 +50,14 @@ impl Parkers {
         }
     }
 
-    /// Until when a worker spins that has just become idle.
+    /// When a worker that becomes idle at `now` stops spinning.
     pub(super) fn spin_until(&self, now: Instant) -> Instant {
         now + self.spin
     }
 
-    /// Waits awake, without the lock, until the worker is unparked or it is `until`. Who unparks it
-    /// for what came while the caller had the lock does so later than this begins; what came before
-    /// the caller has seen.
+    /// Releases the lock and spins until the worker is unparked, or until `until`. No wake is lost.
+    /// The caller has seen all work from before it took the lock. Later work can only come after
+    /// this function has cleared the flag and released the lock.
     pub(super) fn spin<T>(&self, worker: usize, guard: MutexGuard<'_, T>, until: Instant) {
         let unparked = &self.parkers[worker].unparked;
         unparked.store(false, Ordering::Relaxed);
@@ -84,7 +85,7 @@ mod tests {
 
     const LONG: Duration = Duration::from_secs(60);
 
-    /// What a worker does until it sees work: spins until `until`, then parks.
+    /// Waits for work as a worker does: spins until `until`, then parks.
     fn wait_for_work(parkers: &Parkers, worker: usize, work: &Mutex<bool>, until: Instant) {
         let mut guard = work.lock().unwrap();
         while !*guard {
@@ -99,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_spins_or_is_parked_is_woken() {
+    fn a_spinning_or_parked_worker_is_woken() {
         for spin in [LONG, Duration::ZERO] {
             for delay in [Duration::ZERO, Duration::from_millis(5)] {
                 let parkers = Arc::new(Parkers::new(2, spin));
@@ -122,11 +123,11 @@ mod tests {
     }
 
     #[test]
-    fn whoever_is_not_woken_spins_for_its_time_and_no_longer() {
+    fn a_worker_that_is_not_woken_spins_for_its_time_and_no_longer() {
         let spin = Duration::from_millis(5);
         let parkers = Parkers::new(1, spin);
         let work = Mutex::new(());
-        // Unparked before: that was for something seen.
+        // A wake from before the spin does not count.
         parkers.unpark(0);
         let began = Instant::now();
         parkers.spin(0, work.lock().unwrap(), parkers.spin_until(began));

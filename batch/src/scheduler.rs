@@ -1,36 +1,38 @@
-//! The scheduler as a pure state machine: [`Scheduler::step`] takes what happened and answers what
-//! to do. It reads no clock, holds no work and does no I/O, so every rule below is tested without
-//! threads or time.
+//! The scheduler as a pure state machine: [`Scheduler::step`] takes an event and returns actions.
+//! It reads no clock, holds no work and does no I/O, so every rule below is tested without threads
+//! or time.
+//!
+//! A *call* is a request of [`Class::Request`]; all other requests are plans of sessions.
 //!
 //! # Order
-//! Earliest deadline first. A request's virtual deadline is its [`Order::deadline`], or its arrival
-//! where that is later, plus the [offset](Limits::class_offset) of its class. Of equal ones the
-//! first that came goes first. **Nothing starves**: what comes after a request's virtual deadline
-//! has a later one, so from then on only what already waits can go before it, and
-//! [`Limits::max_queued`] and [`Limits::max_live`] bound that.
+//! The earliest virtual deadline goes first. A request's virtual deadline is the later of its
+//! [`Order::deadline`] and its arrival, plus the [offset](Limits::class_offset) of its class. If
+//! two are equal, the earlier arrival goes first. **Nothing starves**: a request that arrives after
+//! the virtual deadline of another has a later one itself. So from then on only requests that
+//! already wait can go first, and [`Limits::max_queued`] and [`Limits::max_live`] bound those.
 //!
-//! **Calls beside a crowd**: one of [`Limits::call_share`] places goes to the most urgent call
-//! first, whatever its deadline. What a batch is too small for is carried over to the next, so that
-//! the share holds for batches of one too.
+//! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the most
+//! urgent call, whatever its deadline. If a batch is too small for that, the fraction is carried
+//! over to the next batch. So the share also holds for batches of one.
 //!
 //! # Batches
-//! A worker that is at the end of a step says how many more jobs it has room for, and gets up to so
-//! many characters: a batch of a family with one step, new jobs beside those that go on of a family
-//! with several. A batch is capped at [`Limits::max_batch`], and at what a worker does in
-//! [`Limits::max_batch_time`]. Idle workers share what waits evenly. What is more than a call of
-//! the engine is taken in [whole calls](Limits::call_rows). A request may be split, over workers as
-//! well.
+//! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
+//! many characters. In a family with one step they are its next batch. In a family with several
+//! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
+//! to the characters that a worker does in [`Limits::max_batch_time`]. Idle workers share the
+//! waiting characters evenly. More characters than one engine call takes are given out in
+//! [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
 //! # Owners
-//! At most one plan of an owner is with a worker. One more may wait. A newer one replaces it and
-//! inherits its virtual deadline where that is earlier, so that a stream of plans does not push
-//! itself back.
+//! At most one plan of an owner is with a worker, and one more may wait. A newer plan replaces the
+//! waiting one. It inherits the older plan's virtual deadline if that is earlier, so that a stream
+//! of plans does not push itself back.
 //!
 //! # Limits
-//! A request that does not fit is refused whole, at once. So is a call that would wait for longer
-//! than [`Limits::max_wait`] by the rate at which calls left the queue lately. What idle workers
-//! are about to take does not count as waiting. Work that was given up, was replaced or has expired
-//! is dropped before it starts.
+//! A request that does not fit is refused as a whole, at once. A call is also refused if it would
+//! wait for longer than [`Limits::max_wait`], judged by the rate at which calls left the queue
+//! lately. Characters that idle workers are about to take do not count as waiting. Cancelled,
+//! replaced and expired work is dropped before it starts.
 
 mod event;
 mod limits;
@@ -43,22 +45,22 @@ use self::meter::Meter;
 use self::queue::{Queue, Take};
 use super::order::{Class, Order};
 
-pub use event::{Action, Batch, BatchReason, Event, Finished, Part, Ready, RequestId};
-pub use limits::{Limits, Refusal};
+pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
+pub use limits::{Limits, QueueRefusal};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
     /// It has not reported yet, or has jobs.
     Busy,
-    /// It waits to be woken, with so much room.
+    /// It waits to be woken; holds its room, in characters.
     Idle(usize),
-    /// It was woken and has not reported yet.
+    /// It was woken and has not reported yet; holds its room, in characters.
     Woken(usize),
     Lost,
 }
 
 impl Worker {
-    /// The room of one that takes work at once.
+    /// The room of an idle or woken worker, in characters.
     fn room(self) -> Option<usize> {
         match self {
             Self::Idle(room) | Self::Woken(room) => Some(room),
@@ -67,14 +69,15 @@ impl Worker {
     }
 }
 
-/// The state machine. See the module's text for its rules.
+/// The state machine. The module's documentation has its rules.
 #[derive(Debug)]
 pub struct Scheduler {
     limits: Limits,
     queue: Queue,
     workers: Vec<Worker>,
     meter: Meter,
-    /// Places that went to anybody since a call had one of its own, at most [`Limits::call_share`].
+    /// Places given out since the last place that was kept for calls; at most
+    /// [`Limits::call_share`].
     call_credit: usize,
 }
 
@@ -90,18 +93,18 @@ impl Scheduler {
         }
     }
 
-    /// Characters that wait.
+    /// Waiting characters of all classes.
     pub fn pending_characters(&self) -> usize {
         let classes = Class::ALL.into_iter();
         classes.map(|class| self.queue.pending(class)).sum()
     }
 
-    /// Requests that wait with at least one character.
+    /// Requests with at least one waiting character.
     pub(crate) fn pending_requests(&self) -> usize {
         self.queue.len()
     }
 
-    /// Workers that are not lost.
+    /// Number of workers that are not lost.
     pub fn workers(&self) -> usize {
         let alive = self.workers.iter().filter(|&&worker| worker != Worker::Lost);
         alive.count()
@@ -112,23 +115,22 @@ impl Scheduler {
         self.workers.get(worker) == Some(&Worker::Busy)
     }
 
-    /// Whether it is the worker that the next arrival wakes.
+    /// Whether the next arrival wakes this worker.
     pub(crate) fn wakes_next(&self, worker: usize) -> bool {
         self.first_idle() == Some(worker)
     }
 
-    /// A worker's time for one character, over the latest steps.
+    /// A worker's mean time for one character, over the latest steps.
     pub(crate) fn character_time(&self) -> Duration {
         self.meter.character_time()
     }
 
-    /// Why a call of so many characters is refused if it comes now, where it is: to be asked before
-    /// it arrives.
-    pub fn refuse(&self, characters: usize) -> Option<Refusal> {
+    /// Why a call of so many characters would be refused now; none if it would be accepted.
+    pub fn refuse(&self, characters: usize) -> Option<QueueRefusal> {
         self.refusal(Class::Request, characters, 0)
     }
 
-    /// Takes one event, and adds what to do about it to `actions`.
+    /// Handles one event, and adds the resulting actions to `actions`.
     pub fn step(&mut self, now: Instant, event: Event<'_>, actions: &mut Vec<Action>) {
         match event {
             Event::Arrived {
@@ -165,9 +167,9 @@ impl Scheduler {
         actions.extend(older.map(|request| Action::Supersede { request }));
     }
 
-    /// Why so many characters would have no place, where `leaving` of those that wait make room for
+    /// Why so many more characters would be refused if `leaving` waiting ones were replaced by
     /// them.
-    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<Refusal> {
+    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<QueueRefusal> {
         let pending = self.queue.pending(class) - leaving;
         let taken: usize = self.workers.iter().filter_map(|worker| worker.room()).sum();
         let wait = self.meter.wait(pending);
@@ -175,7 +177,7 @@ impl Scheduler {
         let full = characters > room.saturating_sub(pending);
         let limited = class == Class::Request && !self.limits.max_wait.is_zero();
         let slow = limited && taken == 0 && wait > self.limits.max_wait;
-        (full || slow).then(|| Refusal {
+        (full || slow).then(|| QueueRefusal {
             pending_characters: self.pending_characters(),
             expected_wait: wait,
             full,
@@ -216,12 +218,12 @@ impl Scheduler {
             _ => {}
         }
         let room = room.min(self.limits.max_batch);
-        let parts = self.take(now, self.share(worker, room), actions);
-        self.workers[worker] = match parts.is_empty() && is_idle {
+        let slices = self.take(now, self.share(worker, room), actions);
+        self.workers[worker] = match slices.is_empty() && is_idle {
             true => Worker::Idle(room),
             false => Worker::Busy,
         };
-        if !parts.is_empty() {
+        if !slices.is_empty() {
             let reason = match took {
                 _ if self.queue.ready() > 0 => BatchReason::Full,
                 Some(_) => BatchReason::Backlog,
@@ -229,13 +231,13 @@ impl Scheduler {
             };
             actions.push(Action::Start(Batch {
                 worker,
-                parts,
+                slices,
                 reason,
             }));
         }
     }
 
-    /// How many characters a worker with so much room takes of what is ready.
+    /// How many of the ready characters a worker with so much room takes.
     fn share(&self, worker: usize, room: usize) -> usize {
         let cap = match self.limits.max_batch_time {
             Duration::ZERO => usize::MAX,
@@ -248,24 +250,24 @@ impl Scheduler {
     }
 
     /// Takes up to `wanted` characters off the queue.
-    fn take(&mut self, now: Instant, wanted: usize, actions: &mut Vec<Action>) -> Vec<Part> {
+    fn take(&mut self, now: Instant, wanted: usize, actions: &mut Vec<Action>) -> Vec<RequestSlice> {
         let (mut room, mut calls, mut own) = (wanted, 0, self.places_of_calls(wanted));
-        let mut parts: Vec<Part> = Vec::new();
+        let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
             let most = if calls_only { own } else { room };
             match self.queue.take(now, most, calls_only) {
-                Some(Take::Part(part)) => {
-                    room -= part.characters;
-                    own = own.saturating_sub(part.characters);
-                    let is_call = part.class == Class::Request;
-                    calls += if is_call { part.characters } else { 0 };
-                    // A call may get places of its own, and then more of the others. Nothing else
-                    // is there twice.
-                    let mut before = parts.iter_mut().filter(|_| is_call);
-                    match before.find(|before| before.request == part.request) {
-                        Some(before) => before.characters += part.characters,
-                        None => parts.push(part),
+                Some(Take::Slice(slice)) => {
+                    room -= slice.characters;
+                    own = own.saturating_sub(slice.characters);
+                    let is_call = slice.class == Class::Request;
+                    calls += if is_call { slice.characters } else { 0 };
+                    // A call may get places that are kept for calls, and then further ones. Any
+                    // other request comes up only once.
+                    let mut before = slices.iter_mut().filter(|_| is_call);
+                    match before.find(|before| before.request == slice.request) {
+                        Some(before) => before.characters += slice.characters,
+                        None => slices.push(slice),
                     }
                 }
                 Some(Take::Expired { request, waited }) => actions.push(Action::Expire { request, waited }),
@@ -279,10 +281,10 @@ impl Scheduler {
             .min(self.limits.call_share);
         let waiting = self.queue.pending(Class::Request) > 0;
         self.meter.left(now, calls, waiting);
-        parts
+        slices
     }
 
-    /// How many of so many places go to calls first.
+    /// How many of the `wanted` places are kept for calls.
     fn places_of_calls(&self, wanted: usize) -> usize {
         (self.call_credit + wanted)
             .checked_div(self.limits.call_share)
@@ -290,7 +292,7 @@ impl Scheduler {
             .min(wanted)
     }
 
-    /// Wakes an idle worker where something is ready and none is awake already.
+    /// Wakes an idle worker if characters are ready and no woken worker is on its way.
     fn wake(&mut self, actions: &mut Vec<Action>) {
         let woken = |worker: &Worker| matches!(worker, Worker::Woken(_));
         if self.queue.ready() == 0 || self.workers.iter().any(woken) {

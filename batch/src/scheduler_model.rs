@@ -1,9 +1,9 @@
-//! The model: everything in one list, looked through for each question.
+//! A simple model of the scheduler: one list, searched for each question.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use super::super::{Action, Batch, BatchReason, Finished, Limits, Part, RequestId};
+use super::super::{Action, Batch, BatchReason, Finished, Limits, RequestId, RequestSlice};
 use crate::order::{Class, Order, OwnerId};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,7 +106,7 @@ impl Model {
 
     fn is_with_a_worker(&self, request: RequestId) -> bool {
         let mut held = self.workers.iter().flat_map(|worker| &worker.held);
-        held.any(|part| part.request == request)
+        held.any(|held| held.request == request)
     }
 
     /// Whether the rule of owners lets a request start.
@@ -195,10 +195,10 @@ impl Model {
     pub(super) fn finish(&mut self, worker: usize, finished: &[Finished]) {
         for done in finished {
             let mut held = self.workers[worker].held.iter_mut();
-            let part = held.find(|part| part.request == done.request);
-            part.expect("it has some of it").characters -= done.characters;
+            let held = held.find(|held| held.request == done.request);
+            held.expect("it has some of it").characters -= done.characters;
         }
-        self.workers[worker].held.retain(|part| part.characters > 0);
+        self.workers[worker].held.retain(|held| held.characters > 0);
     }
 
     pub(super) fn measure(&mut self, took: Option<Duration>, finished: &[Finished]) {
@@ -227,7 +227,7 @@ impl Model {
         rounded.map(|cap| (cap as usize).max(1)).to_vec()
     }
 
-    /// A worker is between two steps: gives what it is to be told.
+    /// A worker is between two steps: the actions that the scheduler must give.
     pub(super) fn boundary(&mut self, worker: usize, took: Option<Duration>, time_cap: usize) -> Vec<Action> {
         let room = self.room(worker).min(self.limits.max_batch);
         let others = self.at_hand().iter().filter(|&&other| other != worker).count();
@@ -237,7 +237,7 @@ impl Model {
         while rows > 0 && wanted > rows && !wanted.is_multiple_of(rows) {
             wanted -= 1;
         }
-        let (mut actions, mut parts) = (Vec::new(), Vec::<Part>::new());
+        let (mut actions, mut slices) = (Vec::new(), Vec::<RequestSlice>::new());
         let (mut expires, mut calls) = (false, 0);
         let share = self.limits.call_share;
         self.call_credit += wanted;
@@ -274,9 +274,9 @@ impl Model {
             if known.order.class == Class::Request {
                 calls += characters;
             }
-            match parts.iter_mut().find(|part| part.request == request) {
-                Some(part) => part.characters += characters,
-                None => parts.push(Part {
+            match slices.iter_mut().find(|slice| slice.request == request) {
+                Some(slice) => slice.characters += characters,
+                None => slices.push(RequestSlice {
                     request,
                     class: known.order.class,
                     first: known.next,
@@ -289,8 +289,8 @@ impl Model {
                 known.fate = Fate::Served;
             }
             let held = &mut self.workers[worker].held;
-            match held.iter_mut().find(|part| part.request == request) {
-                Some(part) => part.characters += characters,
+            match held.iter_mut().find(|held| held.request == request) {
+                Some(held) => held.characters += characters,
                 None => held.push(Finished { request, characters }),
             }
         }
@@ -302,10 +302,10 @@ impl Model {
             Some(_) => BatchReason::Backlog,
             None => BatchReason::Idle,
         };
-        if !parts.is_empty() {
+        if !slices.is_empty() {
             actions.push(Action::Start(Batch {
                 worker,
-                parts,
+                slices,
                 reason,
             }));
         } else {
@@ -318,12 +318,12 @@ impl Model {
     }
 
     pub(super) fn room(&self, worker: usize) -> usize {
-        let held: usize = self.workers[worker].held.iter().map(|part| part.characters).sum();
+        let held: usize = self.workers[worker].held.iter().map(|held| held.characters).sum();
         self.slots - held
     }
 
-    /// Notes who is woken. Then nobody sleeps while something is ready, and one at most is on the
-    /// way.
+    /// Notes woken workers. After that at most one is on its way, and none sleeps while something
+    /// is ready.
     pub(super) fn wake(&mut self, woken: &[usize]) {
         for &worker in woken {
             assert!(!self.ready().is_empty(), "woken for nothing");
@@ -341,10 +341,10 @@ impl Model {
     /// At most one plan of an owner is with workers.
     pub(super) fn check_owners(&self) {
         let mut plans: BTreeMap<OwnerId, RequestId> = BTreeMap::new();
-        for part in self.workers.iter().flat_map(|worker| &worker.held) {
-            if let Some(owner) = self.requests[&part.request].order.owner {
-                let first = *plans.entry(owner).or_insert(part.request);
-                assert_eq!(first, part.request, "two plans of {owner:?}");
+        for held in self.workers.iter().flat_map(|worker| &worker.held) {
+            if let Some(owner) = self.requests[&held.request].order.owner {
+                let first = *plans.entry(owner).or_insert(held.request);
+                assert_eq!(first, held.request, "two plans of {owner:?}");
             }
         }
     }

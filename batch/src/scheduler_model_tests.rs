@@ -152,7 +152,7 @@ impl Pair {
     fn leave(&mut self, request: RequestId) {
         let woken = self.woken.len();
         let actions = self.step(Event::Gone { request });
-        assert_eq!(self.woken.len(), woken, "whoever leaves wakes nobody");
+        assert_eq!(self.woken.len(), woken, "a request that leaves wakes no worker");
         self.model.leave(request, &actions);
     }
 
@@ -309,7 +309,7 @@ proptest! {
             scheduler.step(now, event, &mut actions);
             for action in actions.drain(..) {
                 if let Action::Start(batch) = action {
-                    let size: usize = batch.parts.iter().map(|part| part.characters).sum();
+                    let size: usize = batch.slices.iter().map(|slice| slice.characters).sum();
                     prop_assert!((1..=limits.max_batch).contains(&size));
                     prop_assert!(batch.worker < limits.workers);
                 }

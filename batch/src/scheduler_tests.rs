@@ -139,11 +139,11 @@ impl Setup {
             match action {
                 Action::Start(batch) => {
                     assert_eq!(batch.worker, worker);
-                    for part in batch.parts {
-                        taken.push((part.request.0, part.characters));
+                    for slice in batch.slices {
+                        taken.push((slice.request.0, slice.characters));
                         self.held[worker].push(Finished {
-                            request: part.request,
-                            characters: part.characters,
+                            request: slice.request,
+                            characters: slice.characters,
                         });
                     }
                 }
@@ -160,11 +160,11 @@ fn a_lone_request_wakes_one_worker_and_starts_at_once() {
     let call = setup.call(1);
     assert_eq!(setup.woken, [0]);
     assert_eq!(setup.ready(0), [(call, 1)]);
-    assert_eq!(setup.woken, [0], "nobody else is needed");
+    assert_eq!(setup.woken, [0], "one worker is enough");
 }
 
 #[test]
-fn what_waits_while_a_worker_is_busy_starts_together() {
+fn requests_that_wait_for_a_busy_worker_start_together() {
     let mut setup = Setup::idle(limits(1, 8));
     let first = setup.call(1);
     assert_eq!(setup.ready(0), [(first, 1)]);
@@ -183,7 +183,7 @@ fn a_large_request_is_split_and_shares_its_last_batch() {
 }
 
 #[test]
-fn idle_workers_share_what_waits_evenly_and_are_woken_one_after_another() {
+fn idle_workers_share_waiting_work_evenly_and_are_woken_one_after_another() {
     let mut setup = Setup::idle(limits(3, 8));
     let call = setup.call(9);
     assert_eq!(setup.woken, [0], "one at a time");
@@ -200,7 +200,7 @@ fn idle_workers_share_what_waits_evenly_and_are_woken_one_after_another() {
 }
 
 #[test]
-fn an_arrival_while_a_woken_worker_has_not_reported_wakes_nobody_else() {
+fn an_arrival_wakes_no_second_worker_before_the_first_has_reported() {
     let mut setup = Setup::idle(limits(2, 1));
     let (a, b) = (setup.call(1), setup.call(1));
     assert_eq!(setup.woken, [0]);
@@ -223,7 +223,7 @@ fn the_earliest_deadline_goes_first_and_calls_stay_behind_plans_until_they_age()
 }
 
 #[test]
-fn one_of_so_many_places_goes_to_a_call_first() {
+fn calls_get_their_share_of_places_first() {
     let shared = |max_batch| Limits {
         call_share: 4,
         ..limits(1, max_batch)
@@ -252,7 +252,7 @@ fn one_of_so_many_places_goes_to_a_call_first() {
 }
 
 #[test]
-fn a_deadline_long_past_does_not_jump_the_queue_of_those_that_came_before() {
+fn a_deadline_long_past_does_not_go_before_earlier_arrivals() {
     let mut setup = Setup::busy(limits(1, 1));
     let (first, _) = setup.plan(1, 0);
     setup.pass(50);
@@ -262,7 +262,7 @@ fn a_deadline_long_past_does_not_jump_the_queue_of_those_that_came_before() {
 }
 
 #[test]
-fn a_newer_plan_replaces_the_one_that_waits_and_keeps_its_place() {
+fn a_newer_plan_replaces_the_waiting_one_and_keeps_its_place() {
     let mut setup = Setup::busy(limits(1, 1));
     let (old, _) = setup.plan(1, 100);
     let (other, _) = setup.plan(2, 200);
@@ -407,7 +407,7 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
 }
 
 #[test]
-fn what_has_expired_is_not_run() {
+fn expired_work_is_not_run() {
     let mut setup = Setup::busy(limits(1, 4));
     let order = Order::request(setup.now).expiring(setup.at(20));
     let (stale, _) = setup.arrive(1, order);
@@ -422,7 +422,7 @@ fn what_has_expired_is_not_run() {
 }
 
 #[test]
-fn a_batch_ends_in_time_by_measure() {
+fn a_batch_is_limited_by_measured_time() {
     for (character_ms, taken) in [(5, 13), (10, 6), (40, 1)] {
         let mut setup = Setup::busy(Limits {
             max_batch_time: MS * 66,
@@ -440,7 +440,7 @@ fn a_batch_ends_in_time_by_measure() {
 }
 
 #[test]
-fn reasons_say_why_a_batch_is_as_it_is() {
+fn batches_have_the_right_reason() {
     let mut setup = Setup::idle(limits(1, 2));
     let reason = |setup: &mut Setup, took: Option<Duration>| {
         let finished = std::mem::take(&mut setup.held[0]);
@@ -490,7 +490,7 @@ fn the_loss_of_a_worker_lets_the_next_plan_of_an_owner_in() {
 }
 
 #[test]
-fn more_than_a_call_is_taken_in_whole_calls() {
+fn batches_larger_than_a_call_are_whole_calls() {
     let limits = Limits {
         call_rows: 8,
         ..limits(1, 16)

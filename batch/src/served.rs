@@ -1,68 +1,68 @@
-//! What a caller gets: an answer as a whole, or piece by piece.
+//! Answers: as a whole, or piece by piece.
 
 use std::time::{Duration, Instant};
 
 use troupe_motion::model::{Motion, Output};
 
-/// A served request.
+/// The whole answer to a request. Its steps are those that made some of the answer.
 #[derive(Debug, Default)]
 pub struct Served {
-    /// One answer a character, in the request's order.
+    /// One output for each character, in the request's order.
     pub outputs: Vec<Output>,
-    /// From the arrival to the start of its first character.
+    /// From the arrival until the first character was given to a worker.
     pub queued: Duration,
-    /// From the arrival to the start of the first step that gave some of the answer.
+    /// From the arrival to the start of the first step.
     pub started: Duration,
-    /// From the arrival to the end of the last step that gave some of the answer.
+    /// From the arrival to the end of the last step.
     pub finished: Duration,
-    /// Filling inputs, over the steps that gave some of the answer. Workers work side by side, so
-    /// these sums may be longer than the time from start to finish.
+    /// Time to fill input tensors, summed over the steps. Workers run in parallel, so this sum and
+    /// the next two may be longer than the time from `started` to `finished`.
     pub assemble: Duration,
-    /// The networks, over the same.
+    /// Time of the networks, summed over the steps.
     pub inference: Duration,
-    /// Copying out of the output tensors, over the same.
+    /// Time to copy the output tensors, summed over the steps.
     pub scatter: Duration,
-    /// What its characters take of the workers' time, on average.
+    /// Worker time of the characters, estimated from the mean time for one character.
     pub work: Duration,
-    /// Jobs of the largest of these steps.
+    /// Jobs of the largest step.
     pub batch_size: usize,
-    /// These steps.
+    /// In the order in which workers delivered them.
     pub steps: Vec<ServedStep>,
 }
 
-/// A step that gave some of an answer. Other requests may have been in it.
+/// A step that made some of an answer. Jobs of other requests may have been in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ServedStep {
-    /// When it started.
+    /// Start of the step on its worker.
     pub started: Instant,
-    /// When it ended.
+    /// End of the step on its worker.
     pub ended: Instant,
-    /// Jobs in it.
+    /// Jobs of all requests in it.
     pub jobs: usize,
-    /// Rows of its network calls, padding included; 0 where there is no such number.
+    /// Rows of its network calls, including padding; 0 if the generator does not count them.
     pub rows: usize,
-    /// The networks.
+    /// Time of its networks.
     pub inference: Duration,
 }
 
 impl Served {
-    /// The answers as motions; what is none is left out.
+    /// The outputs that are motions, in order.
     pub fn into_motions(self) -> impl Iterator<Item = Motion> {
         self.outputs.into_iter().filter_map(Output::into_motion)
     }
 }
 
-/// A part of a streamed answer.
+/// A piece of a streamed answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Piece {
-    /// The character that it is of.
+    /// Index of the character in the request.
     pub character: usize,
-    /// What follows the character's parts before.
+    /// Continues the character's previous piece.
     pub output: Output,
-    /// Whether it is the character's last.
+    /// Whether it is the character's last piece.
     pub is_last: bool,
-    /// From the request's arrival to the start of its first character.
+    /// From the request's arrival until its first character was given to a worker.
     pub queued: Duration,
-    /// The step that made it.
+    /// The step that made this piece.
     pub step: ServedStep,
 }

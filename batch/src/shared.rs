@@ -1,4 +1,4 @@
-//! What callers and workers share: the state behind its lock, and what wakes a worker.
+//! Data that callers and workers share: the locked state, and the parkers that wake workers.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -15,7 +15,7 @@ use super::parker::Parkers;
 use super::scheduler::{Limits, RequestId};
 use super::state::{Orders, Replies, Reply, State, Step};
 
-/// What callers and workers share.
+/// See the module.
 #[derive(Debug)]
 pub(super) struct Shared {
     state: Mutex<State>,
@@ -25,7 +25,7 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// A state without requests. An idle worker spins for `spin` before it parks.
+    /// Starts without requests. An idle worker spins for `spin` before it parks.
     pub(super) fn new(limits: Limits, spin: Duration, metrics: PackMetrics) -> Self {
         metrics.workers(limits.workers);
         Self {
@@ -37,11 +37,11 @@ impl Shared {
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
-        // Whoever panicked under the lock has lost its own request at most.
+        // A panic under the lock loses at most the request of the thread that panicked.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts a request in, and wakes a worker where one is idle.
+    /// Adds a request, and wakes an idle worker if there is one.
     pub(super) fn admit(
         &self,
         tasks: Vec<Task>,
@@ -56,7 +56,7 @@ impl Shared {
         admitted
     }
 
-    /// Gives up a request's place.
+    /// Cancels a request whose caller is gone.
     pub(super) fn forget(&self, request: RequestId) {
         let mut state = self.state();
         state.forget(Instant::now(), request);
@@ -70,19 +70,18 @@ impl Shared {
         Some(refusal.into())
     }
 
-    /// No more requests come: workers end once they have done what waits.
+    /// No more requests come: workers finish the waiting ones and end.
     pub(super) fn close(&self) {
         self.state().closed = true;
         self.parkers.unpark_all();
     }
 
-    /// Workers that are alive.
+    /// Number of workers that are alive.
     pub(super) fn workers(&self) -> usize {
         self.alive.load(Ordering::Relaxed)
     }
 
-    /// Shows what waits, lets go of the lock, wakes who is to be woken and sends what is to be
-    /// sent.
+    /// Updates the metrics, releases the lock, wakes workers and sends answers.
     fn release(&self, mut state: MutexGuard<'_, State>, replies: &mut Replies) {
         self.show(&state);
         let wake = state.take_wake();
@@ -93,14 +92,14 @@ impl Shared {
         replies.send();
     }
 
-    /// A worker that is about to start tried how fast it is: that tells how long calls will wait
-    /// until others are measured.
+    /// Notes the speed that a starting worker measured. It is the first estimate of how long calls
+    /// will wait.
     pub(super) fn tried(&self, TrialRun { rows, took }: TrialRun) {
         self.state().tried(Instant::now(), rows, took);
     }
 
-    /// Hands out what a worker's last step made, and gives it its next orders. Waits for them where
-    /// the worker `is_idle`. None when there will be no more.
+    /// Delivers the results of a worker's last step and gives the worker its next orders. If the
+    /// worker `is_idle`, waits for orders. None if the worker must end.
     pub(super) fn next(
         &self,
         worker: usize,
@@ -121,7 +120,7 @@ impl Shared {
                 match (is_idle && orders.is_empty(), is_over) {
                     (false, _) => return Some(orders),
                     (true, true) => {
-                        // Whoever is parked for work that will not come any more ends too.
+                        // Workers that are parked must end too.
                         self.parkers.unpark_all();
                         return None;
                     }
@@ -137,7 +136,7 @@ impl Shared {
         }
     }
 
-    /// A worker's thread ends in a panic, with `held` unserved.
+    /// A worker's thread panicked; the jobs in `held` are not done.
     pub(super) fn worker_lost(&self, worker: usize, held: &[JobId]) {
         let mut replies = Replies::default();
         let mut state = self.state();
@@ -146,8 +145,7 @@ impl Shared {
         self.alive.store(left, Ordering::Relaxed);
         self.metrics.workers(left);
         self.release(state, &mut replies);
-        // It may have been the last with work, after the last batcher: those that are parked look
-        // whether they may end.
+        // If the batcher is gone and this worker had the last work, the parked workers must end.
         self.parkers.unpark_all();
         tracing::error!(worker, left, "a worker is lost");
     }

@@ -1,6 +1,6 @@
-//! What callers and workers share: the scheduler, and the work behind its requests. Everything here
-//! is done under the lock, and nothing here takes long: what can wait (answers, log lines) goes
-//! into the [`Replies`].
+//! The locked state that callers and workers share: the scheduler, and the tasks and answers of its
+//! requests. All of this runs under the lock and is short. Answers are collected in [`Replies`] and
+//! sent later.
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -14,23 +14,24 @@ use super::error::SubmitError;
 use super::metrics::{PackMetrics, Rejection};
 use super::order::Order;
 use super::scheduler::{
-    Action, Batch, BatchReason, Event, Finished, Limits, Part, Ready, Refusal, RequestId, Scheduler,
+    Action, Batch, BatchReason, Event, Finished, Limits, QueueRefusal, Ready, RequestId, RequestSlice,
+    Scheduler,
 };
 use super::served::{Piece, Served, ServedStep};
 
-/// Where an answer that is sent whole goes.
+/// The caller's channel for a whole answer.
 type WholeReply = oneshot::Sender<Result<Served, SubmitError>>;
 
-/// Where a request's answer goes.
+/// The caller's channel for an answer.
 #[derive(Debug)]
 pub(super) enum Reply {
-    /// All of it, when it is there.
+    /// One message with the whole answer.
     Whole(WholeReply),
-    /// Part by part.
-    Parts(mpsc::Sender<Result<Piece, SubmitError>>),
+    /// A message for each piece.
+    Stream(mpsc::Sender<Result<Piece, SubmitError>>),
 }
 
-/// Answers that are to be sent when the lock is free again, for a send wakes somebody.
+/// Answers to send after the lock is released, because a send wakes a task.
 #[derive(Debug, Default)]
 pub(super) struct Replies(Vec<(WholeReply, Result<Served, SubmitError>)>);
 
@@ -41,22 +42,22 @@ impl Replies {
 
     pub(super) fn send(&mut self) {
         for (reply, answer) in self.0.drain(..) {
-            // The caller may have gone meanwhile.
+            // The caller may be gone by now.
             let _ = reply.send(answer);
         }
     }
 }
 
-/// What a worker is to do before its next step.
+/// A worker's orders for its next step.
 #[derive(Debug, Default)]
 pub(super) struct Orders {
     /// New jobs.
     pub(super) jobs: Vec<(JobId, Task)>,
-    /// What they are parts of.
-    pub(super) parts: Vec<Part>,
-    /// Why it got them, where it did.
+    /// The slices of requests that the jobs belong to, for the metrics.
+    pub(super) slices: Vec<RequestSlice>,
+    /// None if there are no new jobs.
     pub(super) reason: Option<BatchReason>,
-    /// Requests whose jobs nobody wants any more.
+    /// Requests whose jobs the worker must drop.
     pub(super) cancelled: Vec<RequestId>,
 }
 
@@ -66,7 +67,7 @@ impl Orders {
     }
 }
 
-/// A step that a worker has done.
+/// A worker's finished step.
 #[derive(Debug)]
 pub(super) struct Step {
     pub(super) started: Instant,
@@ -78,19 +79,19 @@ pub(super) struct Step {
 /// A request that has not been answered.
 #[derive(Debug)]
 struct Job {
-    /// What waits; taken from the front, in step with the scheduler's parts.
+    /// The waiting tasks. The scheduler's slices take them from the front.
     tasks: std::vec::IntoIter<Task>,
     arrived: Instant,
     served: Served,
-    /// What there is of each character's answer.
+    /// The answer so far, by character.
     outputs: Vec<Option<Output>>,
-    /// Characters whose answer is not whole.
+    /// Number of characters whose answer is not whole yet.
     open: usize,
-    /// Some of it went to a worker.
+    /// Whether a worker has got any of its tasks.
     has_started: bool,
-    /// Some of the answer is there.
+    /// Whether a worker has made any of its answer.
     has_output: bool,
-    /// Start and end of the last step whose times are counted.
+    /// Start and end of the last step whose times `served` includes.
     counted: Option<(Instant, Instant)>,
     reply: Reply,
 }
@@ -101,11 +102,11 @@ pub(super) struct State {
     scheduler: Scheduler,
     jobs: HashMap<RequestId, Job>,
     next_id: u64,
-    /// What each worker is to do.
+    /// Orders by worker, for its next step.
     orders: Vec<Orders>,
-    /// Workers that are to be woken.
+    /// Workers to wake.
     wake: Vec<usize>,
-    /// Nobody can ask for anything any more.
+    /// Whether the last [`Batcher`](super::Batcher) is gone, so that no more requests can come.
     pub(super) closed: bool,
     actions: Vec<Action>,
     finished: Vec<Finished>,
@@ -131,7 +132,7 @@ impl State {
         &self.scheduler
     }
 
-    /// Puts a request in.
+    /// Adds a request.
     pub(super) fn admit(
         &mut self,
         now: Instant,
@@ -168,14 +169,14 @@ impl State {
 
     /// Forgets a request whose caller has gone, and has workers drop its jobs.
     pub(super) fn forget(&mut self, now: Instant, request: RequestId) {
-        // It has no answer to send: nobody would get it.
+        // The caller is gone, so no answer is sent.
         self.step(now, Event::Gone { request }, &mut Replies::default());
         if self.jobs.remove(&request).is_some_and(|job| job.has_started) {
             self.cancel(request);
         }
     }
 
-    /// Has workers that have jobs drop those of a request.
+    /// Orders all busy workers to drop the jobs of a request.
     fn cancel(&mut self, request: RequestId) {
         for (worker, orders) in self.orders.iter_mut().enumerate() {
             if self.scheduler.is_busy(worker) {
@@ -184,13 +185,13 @@ impl State {
         }
     }
 
-    /// Tells the scheduler how long a worker took for a batch of nobody's.
+    /// Gives the scheduler the time of a worker's trial batch.
     pub(super) fn tried(&mut self, now: Instant, characters: usize, took: Duration) {
         self.step(now, Event::Tried { characters, took }, &mut Replies::default());
     }
 
-    /// A worker is between two steps: hands out what the last one made, and gives it new orders.
-    /// `dropped` are jobs that it has dropped since.
+    /// A worker is between two steps: delivers the results of the last one, and returns new orders.
+    /// `dropped` are the jobs that the worker has dropped since its last call.
     pub(super) fn ready(
         &mut self,
         worker: usize,
@@ -224,7 +225,7 @@ impl State {
         std::mem::take(&mut self.orders[worker])
     }
 
-    /// Workers that are to be woken, which the caller now does.
+    /// Workers that the caller must wake.
     pub(super) fn take_wake(&mut self) -> Vec<usize> {
         std::mem::take(&mut self.wake)
     }
@@ -234,7 +235,7 @@ impl State {
         self.closed && self.scheduler.pending_requests() == 0
     }
 
-    /// A worker will step no more; `held` were with it.
+    /// A worker panicked; `held` are its jobs.
     pub(super) fn lose(&mut self, now: Instant, worker: usize, held: &[JobId], replies: &mut Replies) {
         let ordered = std::mem::take(&mut self.orders[worker]);
         let ordered = ordered.jobs.iter().map(|(id, _)| id);
@@ -255,7 +256,7 @@ impl State {
         }
     }
 
-    /// Notes what a step made of a job, and answers its request where that was the last of it.
+    /// Delivers a step's result for a job. If it was the request's last, sends the answer.
     fn deliver(
         &mut self,
         id: JobId,
@@ -296,7 +297,7 @@ impl State {
             served.assemble += report.assemble;
             served.inference += step.inference;
             served.scatter += report.scatter;
-            // The reader of parts gets each with its step.
+            // In a stream each piece carries its step.
             if matches!(job.reply, Reply::Whole(_)) {
                 served.steps.push(step);
             }
@@ -313,7 +314,7 @@ impl State {
                     append(slot, output);
                 }
             }
-            Reply::Parts(parts) => {
+            Reply::Stream(stream) => {
                 let piece = Piece {
                     character,
                     output,
@@ -321,7 +322,7 @@ impl State {
                     queued: job.served.queued,
                     step,
                 };
-                if let Err(error) = parts.try_send(Ok(piece)) {
+                if let Err(error) = stream.try_send(Ok(piece)) {
                     return self.stop_reading(ended, request, &error, replies);
                 }
             }
@@ -335,7 +336,7 @@ impl State {
         }
     }
 
-    /// A reader takes its parts too slowly, or is gone.
+    /// The reader of a stream is too slow or gone.
     fn stop_reading<T>(
         &mut self,
         now: Instant,
@@ -347,14 +348,14 @@ impl State {
             self.metrics.rejected(Rejection::ReaderSlow);
         }
         self.step(now, Event::Gone { request }, replies);
-        // The channel ends without a last part, which tells the reader.
+        // The reader sees that the channel ends without a last piece.
         self.jobs.remove(&request);
         self.cancel(request);
     }
 
-    /// Fails a request, and forgets what of it still waits or runs.
+    /// Fails a request, and drops its waiting and running jobs.
     fn fail(&mut self, now: Instant, request: RequestId, error: SubmitError, replies: &mut Replies) {
-        // Its answer comes before that of the event, and is the only one.
+        // This removes the job first, so the event below does not count the caller as gone.
         self.answer(request, error, replies);
         self.step(now, Event::Gone { request }, replies);
         self.cancel(request);
@@ -363,16 +364,16 @@ impl State {
     fn answer(&mut self, request: RequestId, error: SubmitError, replies: &mut Replies) {
         match self.jobs.remove(&request).map(|job| job.reply) {
             Some(Reply::Whole(reply)) => replies.0.push((reply, Err(error))),
-            Some(Reply::Parts(parts)) => {
-                // Where there is no room for it the channel's end tells of it.
-                let _ = parts.try_send(Err(error));
+            Some(Reply::Stream(stream)) => {
+                // If the channel is full, its end tells the reader.
+                let _ = stream.try_send(Err(error));
             }
             None => {}
         }
     }
 
-    /// Tells the scheduler what happened, and does what it says. Gives the error where it refuses a
-    /// request.
+    /// Gives the scheduler an event and carries out its actions. Returns the error if the scheduler
+    /// refuses a request.
     fn step(&mut self, now: Instant, event: Event<'_>, replies: &mut Replies) -> Option<SubmitError> {
         let mut actions = std::mem::take(&mut self.actions);
         self.scheduler.step(now, event, &mut actions);
@@ -394,7 +395,7 @@ impl State {
                     self.metrics.rejected(Rejection::Expired);
                     self.answer(request, SubmitError::DeadlinePassed { waited }, replies);
                 }
-                // One that failed is answered already, and its caller is still there.
+                // A failed request has been answered already, and its caller is not gone.
                 Action::Drop { request, .. } if self.jobs.contains_key(&request) => {
                     self.metrics.rejected(Rejection::ClientGone);
                 }
@@ -405,29 +406,29 @@ impl State {
         refused
     }
 
-    /// Puts the orders of a worker together.
+    /// Adds a batch to the orders of its worker.
     fn hand_out(&mut self, batch: Batch) {
         let orders = &mut self.orders[batch.worker];
-        for part in &batch.parts {
-            let Some(job) = self.jobs.get_mut(&part.request) else {
+        for slice in &batch.slices {
+            let Some(job) = self.jobs.get_mut(&slice.request) else {
                 continue;
             };
-            if part.first == 0 {
-                job.served.queued = part.waited;
+            if slice.first == 0 {
+                job.served.queued = slice.waited;
             }
             job.has_started = true;
-            let ids = (part.first..part.first + part.characters).map(|character| JobId {
-                request: part.request.0,
+            let ids = (slice.first..slice.first + slice.characters).map(|character| JobId {
+                request: slice.request.0,
                 character: character as u32,
             });
             orders.jobs.extend(ids.zip(job.tasks.by_ref()));
         }
-        orders.parts = batch.parts;
+        orders.slices = batch.slices;
         orders.reason = Some(batch.reason);
     }
 }
 
-/// A job is with its worker no more.
+/// A job that has left its worker.
 fn done(id: &JobId) -> Finished {
     Finished {
         request: RequestId(id.request),
@@ -435,7 +436,7 @@ fn done(id: &JobId) -> Finished {
     }
 }
 
-/// Adds the next part of a character's answer.
+/// Appends to a character's answer.
 fn append(slot: &mut Option<Output>, output: Output) {
     match slot {
         Some(whole) => whole.append(output),
@@ -443,8 +444,8 @@ fn append(slot: &mut Option<Output>, output: Output) {
     }
 }
 
-impl From<Refusal> for Rejection {
-    fn from(refusal: Refusal) -> Self {
+impl From<QueueRefusal> for Rejection {
+    fn from(refusal: QueueRefusal) -> Self {
         if refusal.full {
             Self::QueueFull
         } else {

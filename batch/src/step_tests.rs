@@ -15,13 +15,13 @@ use super::*;
 use troupe_base::telemetry::Telemetry;
 
 /// A toy that waits for a permit before each step, and notes which requests take part in it. It
-/// waits no more once nobody can give a permit.
+/// does not wait once all givers of permits are gone.
 struct Stepped {
     toy: Toy,
     permits: blocking::Receiver<()>,
     held: Vec<u64>,
     steps: Arc<Mutex<Vec<Vec<u64>>>>,
-    /// Fails from this step on, after it has told the result of its jobs.
+    /// Fails from this step on, after it has reported the results of its jobs.
     fails_at: usize,
 }
 
@@ -56,7 +56,7 @@ impl Generator for Stepped {
             out(id, progress);
         })?;
         match steps.len() > self.fails_at {
-            true => Err(EngineError::Panicked("told to".to_owned())),
+            true => Err(EngineError::Panicked("on purpose".to_owned())),
             false => Ok(report),
         }
     }
@@ -183,16 +183,16 @@ fn motion(served: Served) -> Motion {
     served.into_motions().next().unwrap()
 }
 
-async fn rest(mut parts: Parts) -> Vec<Piece> {
+async fn rest(mut stream: AnswerStream) -> Vec<Piece> {
     let mut pieces = Vec::new();
-    while let Some(piece) = parts.next().await {
+    while let Some(piece) = stream.next().await {
         pieces.push(piece.unwrap());
     }
     pieces
 }
 
 #[tokio::test]
-async fn a_job_takes_its_steps_and_says_where_its_time_went() {
+async fn a_job_takes_its_steps_and_reports_its_times() {
     let setup = setup(4, usize::MAX).await;
     let keyframes = tasks(3..4).remove(0);
     let answer = setup.enqueue(keyframes.clone());
@@ -251,9 +251,9 @@ async fn random_jobs_of_many_callers_give_what_they_give_alone() {
         };
         let order = soon();
         if rng.random_bool(0.5) {
-            let parts = setup.batcher.stream(task.clone(), order);
+            let stream = setup.batcher.stream(task.clone(), order);
             callers.spawn(async move {
-                let pieces = rest(parts.unwrap()).await;
+                let pieces = rest(stream.unwrap()).await;
                 let parts: Vec<Output> = pieces.into_iter().map(|piece| piece.output).collect();
                 assert_eq!(parts, parts_alone(task));
             });
@@ -276,14 +276,14 @@ async fn random_jobs_of_many_callers_give_what_they_give_alone() {
 }
 
 #[tokio::test]
-async fn parts_come_one_by_one_in_order_and_end_with_the_last() {
+async fn pieces_come_one_by_one_in_order_and_end_with_the_last() {
     let setup = setup(2, usize::MAX).await;
-    let mut parts = setup.batcher.stream(prompt(3, 5), soon()).unwrap();
+    let mut stream = setup.batcher.stream(prompt(3, 5), soon()).unwrap();
     for (number, output) in parts_alone(prompt(3, 5)).into_iter().enumerate() {
-        let early = tokio::time::timeout(Duration::from_millis(5), parts.next()).await;
+        let early = tokio::time::timeout(Duration::from_millis(5), stream.next()).await;
         assert!(early.is_err(), "a part before its step");
         setup.permit(1).await;
-        let piece = parts.next().await.unwrap().unwrap();
+        let piece = stream.next().await.unwrap().unwrap();
         let is_last = number == 2;
         assert_eq!(
             (piece.character, &piece.output, piece.is_last),
@@ -293,12 +293,12 @@ async fn parts_come_one_by_one_in_order_and_end_with_the_last() {
         assert!(piece.step.started < piece.step.ended);
         assert_eq!(piece.output.into_motion().unwrap().frames(), PART_FRAMES);
     }
-    assert_eq!(parts.next().await.map(Result::unwrap), None);
+    assert_eq!(stream.next().await.map(Result::unwrap), None);
     assert_eq!(setup.steps().len(), 3);
 }
 
 #[tokio::test]
-async fn words_are_an_answer_whole_and_in_parts() {
+async fn words_are_answered_whole_and_in_pieces() {
     let mut setup = setup(2, usize::MAX).await;
     setup.permit_all();
     let served = setup.enqueue(describe()).await.unwrap();
@@ -312,7 +312,7 @@ async fn words_are_an_answer_whole_and_in_parts() {
 }
 
 #[tokio::test]
-async fn whoever_drops_the_parts_frees_the_slot_between_two_steps() {
+async fn dropping_a_stream_frees_its_slot_between_two_steps() {
     let setup = setup(1, usize::MAX).await;
     let mut leaver = setup.batcher.stream(prompt(100, 0), soon()).unwrap();
     setup.permit(1).await;
@@ -323,7 +323,7 @@ async fn whoever_drops_the_parts_frees_the_slot_between_two_steps() {
     setup.permit(3).await;
     assert_eq!(motion(next.await.unwrap()), alone(prompt(2, 1)));
     assert_eq!(setup.steps(), [vec![0], vec![0], vec![1], vec![1]]);
-    // The same for an answer that is awaited whole, and nobody is next.
+    // The same for an answer that is awaited whole, with no other request behind it.
     let leaver = setup.enqueue(prompt(100, 2));
     setup.permit(1).await;
     drop(leaver);
@@ -333,11 +333,11 @@ async fn whoever_drops_the_parts_frees_the_slot_between_two_steps() {
 }
 
 #[tokio::test]
-async fn a_reader_that_is_too_slow_is_cut_off() {
+async fn a_slow_reader_is_cut_off() {
     let mut setup = setup(1, usize::MAX).await;
     let mut slow = setup
         .batcher
-        .stream(prompt(MAX_WAITING_PARTS + 50, 0), soon())
+        .stream(prompt(MAX_WAITING_PIECES + 50, 0), soon())
         .unwrap();
     setup.permit_all();
     all_idle(&setup.batcher).await;
@@ -345,7 +345,7 @@ async fn a_reader_that_is_too_slow_is_cut_off() {
         setup.telemetry.render().contains("reason=\"reader_slow\"} 1")
     })
     .await;
-    for _ in 0..MAX_WAITING_PARTS {
+    for _ in 0..MAX_WAITING_PIECES {
         assert!(!slow.next().await.unwrap().unwrap().is_last);
     }
     let error = slow.next().await.unwrap().unwrap_err();
@@ -353,7 +353,7 @@ async fn a_reader_that_is_too_slow_is_cut_off() {
     assert!(slow.next().await.is_none());
     let steps = setup.steps().len();
     assert!(
-        (MAX_WAITING_PARTS + 1..MAX_WAITING_PARTS + 3).contains(&steps),
+        (MAX_WAITING_PIECES + 1..MAX_WAITING_PIECES + 3).contains(&steps),
         "{steps}"
     );
     // The worker serves on.
@@ -386,7 +386,7 @@ async fn a_job_that_fails_leaves_the_others_alone() {
 }
 
 #[tokio::test]
-async fn a_step_that_fails_fails_all_its_jobs_those_with_a_part_in_it_too() {
+async fn a_failed_step_fails_all_its_jobs_even_those_with_a_piece_in_it() {
     let mut setup = setup(2, 1).await;
     let mut streamed = setup.batcher.stream(prompt(9, 0), soon()).unwrap();
     setup.permit(1).await;
@@ -399,7 +399,7 @@ async fn a_step_that_fails_fails_all_its_jobs_those_with_a_part_in_it_too() {
                 break error;
             }
         };
-        assert!(error.to_string().contains("told to"), "{error}");
+        assert!(error.to_string().contains("on purpose"), "{error}");
         assert!(whole.await.is_err());
     };
     let answers = tokio::time::timeout(Duration::from_secs(5), answers).await;

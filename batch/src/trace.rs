@@ -1,4 +1,4 @@
-//! A request's time in the queue and in steps, as parts of its trace.
+//! Spans for a request's time in the queue and in steps.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +7,7 @@ use troupe_base::telemetry::KeyValue;
 use super::served::{Served, ServedStep};
 use troupe_base::telemetry::Trace;
 
-/// Adds what became of a request that came to the batcher at `arrived`.
+/// Adds the spans of a served request that came to the batcher at `arrived`.
 pub fn trace_served(trace: &Trace, arrived: Instant, served: &Served) {
     trace_queue(trace, arrived, served.queued);
     for step in &served.steps {
@@ -15,12 +15,12 @@ pub fn trace_served(trace: &Trace, arrived: Instant, served: &Served) {
     }
 }
 
-/// Adds a request's wait.
+/// Adds the span of a request's wait in the queue.
 pub fn trace_queue(trace: &Trace, arrived: Instant, queued: Duration) {
     trace.part("queue", arrived, arrived + queued, Vec::new());
 }
 
-/// Adds a step. Others share it, so it says how many jobs there were in all.
+/// Adds the span of a step. `batch.jobs` counts the jobs of all requests that shared the step.
 pub fn trace_step(trace: &Trace, step: &ServedStep) {
     let attributes = vec![
         KeyValue::new("batch.jobs", step.jobs as i64),

@@ -12,11 +12,12 @@ use troupe_engine::generator::{Generator, JobId, Progress, StepReport};
 use super::shared::Shared;
 use super::state::{Orders, Replies, Step};
 
-/// Makes the generator of a worker, of which it gets the number from 0 on. Called once for each
-/// worker, on the thread that will own it; all at the same time.
+/// Makes the generator of a worker. Its argument is the worker's number, from 0. It is called once
+/// for each worker, in parallel, on the threads that will own the generators.
 pub type GeneratorFactory = Arc<dyn Fn(usize) -> Result<Box<dyn Generator>, EngineError> + Send + Sync>;
 
-/// Makes the worker's generator, and steps it until there is nobody left to ask for anything.
+/// Makes the worker's generator, and steps it until the last batcher is gone and all requests are
+/// done.
 pub(super) fn run(
     shared: Arc<Shared>,
     number: usize,
@@ -26,7 +27,7 @@ pub(super) fn run(
     let generator = match factory(number) {
         Ok(generator) => generator,
         Err(error) => {
-            // Nobody to tell: the start was given up.
+            // The send fails if the start was cancelled.
             let _ = started.send(Err(error));
             return;
         }
@@ -48,15 +49,14 @@ pub(super) fn run(
     worker.serve();
 }
 
-/// A worker that runs. Where it is dropped by a panic, what it had fails, and the other workers
-/// serve on.
+/// A running worker. If a panic drops it, its jobs fail, and the other workers continue.
 struct Worker {
     shared: Arc<Shared>,
     number: usize,
     generator: Box<dyn Generator>,
-    /// Jobs that the generator has.
+    /// Jobs in the generator.
     held: Vec<JobId>,
-    /// Jobs that were dropped since the last step, for nobody wants their answers.
+    /// Jobs that were cancelled since the last step.
     dropped: Vec<JobId>,
     replies: Replies,
 }
@@ -79,8 +79,8 @@ impl Worker {
         }
     }
 
-    /// Drops what is cancelled and takes what is new. `ended` is when the last step ended, where
-    /// this comes right after it.
+    /// Drops cancelled jobs and takes new ones. `ended` is the end of the last step, if the worker
+    /// was not idle since.
     fn follow(&mut self, orders: Orders, ended: Option<Instant>) {
         for request in orders.cancelled {
             for id in self.held.extract_if(.., |id| id.request == request.0) {
@@ -95,8 +95,8 @@ impl Worker {
                 metrics.worker_gap(ended.elapsed());
             }
         }
-        for part in orders.parts.iter().filter(|part| part.first == 0) {
-            metrics.queued(part.class, part.waited);
+        for slice in orders.slices.iter().filter(|slice| slice.first == 0) {
+            metrics.queued(slice.class, slice.waited);
         }
         for (id, task) in orders.jobs {
             self.held.push(id);
@@ -121,7 +121,7 @@ impl Worker {
             Err(error) => {
                 tracing::error!(%error, "a batch failed");
                 self.generator.clear();
-                // One with a part in this step is cleared too.
+                // A job that gave a part in this step is cleared too, so it also fails.
                 let open = self.held.iter().filter(|id| !is_over(&progress, id));
                 let failed = open.map(|&id| (id, Progress::Failed(error.clone())));
                 let failed: Vec<_> = failed.collect();
@@ -142,14 +142,14 @@ impl Worker {
 impl Drop for Worker {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            // What it has dropped is not reported yet.
+            // The cancelled jobs have not been reported yet.
             self.held.append(&mut self.dropped);
             self.shared.worker_lost(self.number, &self.held);
         }
     }
 }
 
-/// Whether a step has ended a job.
+/// Whether a step has finished a job.
 fn is_over(progress: &[(JobId, Progress)], id: &JobId) -> bool {
     let mut became = progress.iter().filter(|(other, _)| other == id);
     became.any(|(_, became)| !matches!(became, Progress::Part(_)))

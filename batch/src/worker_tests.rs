@@ -53,7 +53,7 @@ async fn a_step_for_several_characters_counts_once() {
 }
 
 #[tokio::test]
-async fn a_worker_that_dies_takes_its_batch_along_and_the_other_serves_on() {
+async fn a_dying_worker_fails_its_batch_and_the_other_continues() {
     let setup = setup(limits(2), [Trouble::Die, Trouble::None]).await;
     let mut answers = setup.fill().await;
     let waiting = setup.enqueue(0..6);
@@ -93,7 +93,7 @@ async fn a_panic_of_one_worker_fails_its_batch_only() {
     let mut answers = setup.fill().await;
     setup.permit(1);
     let error = answers.remove(1).await.unwrap_err();
-    assert_eq!(error.to_string(), "the engine panicked: told to");
+    assert_eq!(error.to_string(), "the engine panicked: on purpose");
     // The worker that panicked takes the next batch, the other is still busy.
     let next = setup.enqueue(5..6);
     setup.permit(1);
@@ -104,7 +104,7 @@ async fn a_panic_of_one_worker_fails_its_batch_only() {
 }
 
 #[tokio::test]
-async fn a_newer_plan_of_an_owner_answers_for_the_older() {
+async fn a_newer_plan_of_an_owner_supersedes_the_older() {
     let setup = setup(limits(2), TWO).await;
     let busy = setup.fill().await;
     let (older, newer) = (setup.plan(1), setup.plan(2));
@@ -122,7 +122,7 @@ async fn a_newer_plan_of_an_owner_answers_for_the_older() {
 }
 
 #[tokio::test]
-async fn what_waits_too_long_is_not_run() {
+async fn requests_that_wait_too_long_are_not_run() {
     let setup = setup(limits(2), TWO).await;
     let busy = setup.fill().await;
     let order = soon().expiring(Instant::now());
@@ -139,7 +139,7 @@ async fn what_waits_too_long_is_not_run() {
 }
 
 #[tokio::test]
-async fn a_queue_that_is_too_slow_is_known_before_any_work() {
+async fn a_slow_queue_refuses_before_any_work() {
     let limits = Limits {
         max_wait: Duration::from_millis(100),
         ..limits(2)
@@ -197,7 +197,7 @@ impl Stages for Ending {
 }
 
 #[tokio::test]
-async fn workers_end_with_the_last_batcher_and_where_one_of_them_does_not_start() {
+async fn workers_end_with_the_last_batcher_or_if_one_of_them_does_not_start() {
     for (is_broken, spin_ms) in [(false, 0), (false, 5), (true, 0)] {
         let (ends, ended) = blocking::channel();
         let factory: GeneratorFactory = Arc::new(move |worker| {

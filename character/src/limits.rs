@@ -1,6 +1,7 @@
 //! Limits of values that both requests and documents have.
 
-/// Largest distance between two places that belong together, such as a place and the origin, metres.
+/// Largest distance between two places that belong together, such as a place and the origin,
+/// metres.
 pub const MAX_DISTANCE_M: f32 = 1e4;
 /// Largest height over the ground that may be given, metres.
 pub const MAX_HEIGHT_M: f32 = 100.0;

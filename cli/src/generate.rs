@@ -20,8 +20,8 @@ use crate::path::Path;
 const SAMPLING: &str = "Style and sampling";
 /// Have a body follow a path.
 ///
-/// The network of a pack with the capability `path` moves many bodies. Other packs, such as g1, walk
-/// along the path in one of their styles. The path is a file as for `drive`. Its start and its
+/// The network of a pack with the capability `path` moves many bodies. Other packs, such as g1,
+/// walk along the path in one of their styles. The path is a file as for `drive`. Its start and its
 /// waypoints count, with their speeds, waits and headings. Its commands and styles do not.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\

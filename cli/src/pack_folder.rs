@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_is_no_pack_is_told() {
+    fn a_folder_that_is_no_pack_is_reported() {
         let failure = read(Path::new("no/such")).err().unwrap().to_string();
         assert!(failure.contains("no/such/pack.toml"), "{failure}");
     }

@@ -258,7 +258,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_robot_is_told_with_its_limits() {
+    fn a_robot_is_shown_with_its_limits() {
         let message = crate::testing::hopper();
         let pack = Pack::try_from(message.clone()).unwrap();
         let words = robot_in_words(message.robot.as_ref().unwrap());
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn skills_are_told_with_their_ways() {
+    fn skills_are_shown_with_their_ways() {
         let lie = v1::PackSkill {
             name: "lie-down".to_owned(),
             description: "Lies down.".to_owned(),

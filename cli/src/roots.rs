@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn errors_name_their_line() {
         let early = parse("[[root]]\nframe = 26\nat = [0, 0]", 30).unwrap_err();
         assert_eq!(
             early,

@@ -4,8 +4,8 @@ use clap::{CommandFactory as _, Parser as _};
 
 use crate::args::Arguments;
 
-/// Holds the long help of a command and of all below it to snapshots. docs/references/commands.md is
-/// made of them. Options that every command has are in the help of `troupe` alone.
+/// Holds the long help of a command and of all below it to snapshots. docs/references/commands.md
+/// is made of them. Options that every command has are in the help of `troupe` alone.
 fn check_help(command: &clap::Command, name: &str) {
     let all_have = |arg: clap::Arg| {
         let hidden = name != "troupe" && arg.is_global_set();

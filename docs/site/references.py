@@ -33,7 +33,7 @@ def cell(text: str) -> str:
 
 
 def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    """A table, or nothing where it has no rows."""
+    """A table, or nothing if there are no rows."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *lines]) + "\n" if lines else ""
 
@@ -216,7 +216,8 @@ def configuration() -> str:
         MADE.format("`server/config.toml`, which is what `troupe-server --print-config` prints"),
     ]
     parts.append(
-        "The option `max_batch` is `--max-batch` as a flag, `TROUPE_MAX_BATCH` in the environment and `max_batch` in the file. [Running a server](../running.md)\n"
+        "The option `max_batch` is `--max-batch` as a flag, `TROUPE_MAX_BATCH` in the environment and `max_batch` in the file. "
+        "[Running a server](../running.md)\n"
         "has them by topic.\n"
     )
     blocks = (ROOT / "server/config.toml").read_text().split("\n\n")

@@ -1,4 +1,4 @@
-//! Keys and tickets of calls, and whether they allow what is asked for.
+//! Checks the key, token or ticket of each call, and whether its role allows the call.
 
 use std::sync::Arc;
 
@@ -13,10 +13,10 @@ use super::clients::{Client, Clients};
 use super::credentials::Credentials;
 use super::{EdgeError, Front};
 
-/// The parameter that a ticket comes in.
+/// Start of the query parameter with a ticket.
 const TICKET: &str = "ticket=";
 
-/// The key of a request.
+/// The key or token in a request's header `Authorization`.
 fn key(headers: &HeaderMap) -> Option<&str> {
     let (scheme, key) = headers
         .get(header::AUTHORIZATION)?
@@ -26,7 +26,7 @@ fn key(headers: &HeaderMap) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then(|| key.trim())
 }
 
-/// The ticket of a request for a stream.
+/// The ticket of a request, if its path is `ticketed`.
 fn ticket<'a>(request: &'a Request, ticketed: &str) -> Option<&'a str> {
     let uri = request.uri();
     let parameters = uri.query().filter(|_| uri.path() == ticketed)?;
@@ -35,7 +35,7 @@ fn ticket<'a>(request: &'a Request, ticketed: &str) -> Option<&'a str> {
         .find_map(|parameter| parameter.strip_prefix(TICKET))
 }
 
-/// Who may come in, and what they share.
+/// State of the middleware.
 #[derive(Clone)]
 struct Access {
     credentials: Arc<Credentials>,
@@ -44,7 +44,7 @@ struct Access {
 }
 
 impl Access {
-    /// Who it is whose call is allowed; none where it needs no key.
+    /// The caller of an allowed call; none if the call needs no key.
     fn allowed(&self, request: &Request) -> Result<Option<Admitted>, EdgeError> {
         let path = request.uri().path();
         let Some(needed) = (self.front.needed)(request.method(), path) else {
@@ -68,7 +68,8 @@ impl Access {
     }
 }
 
-/// Checks the keys of all calls. From here on the client of a call is its key, not its connection.
+/// Checks the keys of all calls. Behind this middleware the client of a call is its key, not its
+/// connection.
 pub fn locked(router: Router, front: Front, credentials: Arc<Credentials>, clients: Arc<Clients>) -> Router {
     let access = Access {
         credentials: credentials.clone(),
@@ -118,7 +119,7 @@ mod tests {
     };
 
     #[tokio::test]
-    async fn a_call_carries_who_calls() {
+    async fn a_call_carries_its_callers_identity() {
         let entry = keys::entry("game", Role::Drive, "secret") + "tenant = \"a\"\n";
         let credentials = Credentials::new(Keys::read(&entry).unwrap(), Keys::default(), None);
         let share = Share {
@@ -150,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ticket_comes_with_a_stream_alone() {
+    fn a_ticket_only_counts_for_a_stream() {
         let of = |uri: &str| {
             let request = Request::builder()
                 .uri(uri)

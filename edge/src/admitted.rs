@@ -1,17 +1,17 @@
-//! Callers that are let in.
+//! Callers with a valid key, token or ticket.
 
 use std::sync::Arc;
 
 use super::clients::{Identity, Quota};
 
-/// A caller that is let in.
+/// A caller with a valid key, token or ticket.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Admitted {
-    /// Who it is.
+    /// Name, role and tenant.
     pub identity: Identity,
-    /// What it may have at a time.
+    /// The key's limits; the usual ones for a token.
     pub quota: Quota,
-    /// What it takes counts for this account: that of its key, or of its token's subject.
+    /// Limits count for this account: one for each key, and for each subject of tokens.
     pub account: Arc<str>,
 }
 

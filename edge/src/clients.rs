@@ -1,8 +1,8 @@
-//! Who asks, and how much of the server it may have at a time: memory for requests and answers on
-//! their way, and streams.
+//! Clients, and limits on what they may use at a time: memory for requests and answers in transfer,
+//! streams, and sessions.
 //!
-//! A client is a key; without keys, a connection. What it takes counts for the client, for the
-//! address of its connection, and for all together, and each has a limit.
+//! A client is a key; without keys, a connection. Its usage counts three times: for the client, for
+//! the address of its connection, and for all clients together. Each of these has a limit.
 
 mod identity;
 
@@ -20,35 +20,36 @@ pub use identity::{Identity, Quota, Role};
 
 const TRANSFER: Metric = Metric::new(
     "troupe_transfer_memory_bytes",
-    "Memory of requests and answers on their way",
+    "Memory of requests and answers in transfer",
 );
 const REFUSED: Metric = Metric::new(
     "troupe_client_refusals_total",
-    "What clients were refused because of a limit, by kind (memory, streams, sessions) and whose limit it was (client, key, address, all)",
+    "Requests of clients that were refused at a limit, by kind (memory, streams, sessions) and by owner \
+     of the limit (client, key, address, all)",
 );
 
-/// From so many accounts on those that nobody uses are forgotten.
+/// With so many accounts, unused ones are forgotten.
 const MANY_ACCOUNTS: usize = 1024;
-/// Memory is counted in such pieces, bytes.
+/// Memory is counted in pieces of so many bytes.
 const PIECE: usize = 1024;
 
-/// What somebody may have at a time.
+/// Limits on usage at a time.
 #[derive(Debug, Clone, Copy)]
 pub struct Share {
-    /// Bytes of requests and answers on their way.
+    /// Bytes of requests and answers in transfer.
     pub bytes: usize,
-    /// Streams.
+    /// Open streams.
     pub streams: usize,
 }
 
 /// The shares of a server's clients.
 #[derive(Debug, Clone, Copy)]
 pub struct Shares {
-    /// Of one client.
+    /// For each client.
     pub client: Share,
-    /// Of all clients of one address.
+    /// For all clients of one address together.
     pub address: Share,
-    /// Of all clients.
+    /// For all clients together.
     pub all: Share,
 }
 
@@ -56,17 +57,16 @@ pub struct Shares {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{} has {what}; allowed at a time: {allowed}", whose.text())]
 pub struct Exhausted {
-    /// What there is too much of.
+    /// The missing resource, for the message.
     what: &'static str,
-    /// Whose limit it is.
     whose: Whose,
-    /// The limit.
+    /// The limit, for the message.
     pub allowed: String,
-    /// Whether it would be refused even with nothing else on its way.
+    /// Whether the request is over the limit by itself, so that a retry cannot help.
     pub never: bool,
 }
 
-/// Whose a share is.
+/// The owner of a share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Whose {
     Client,
@@ -99,7 +99,7 @@ impl Whose {
     }
 }
 
-/// What is left of one share.
+/// Usage of one share.
 #[derive(Debug)]
 struct Level {
     whose: Whose,
@@ -115,7 +115,7 @@ struct Level {
 #[derive(Debug, Default)]
 struct OwnSessions {
     ids: HashSet<String>,
-    /// Those that are being opened.
+    /// Number of sessions that are being opened.
     coming: usize,
 }
 
@@ -144,7 +144,7 @@ impl Level {
         self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What is allowed, in errors: with the quota's name where it is one.
+    /// The limit, for errors: with the name of the key's option if the key sets it.
     fn allowed(&self, allowed: String, quota: Option<usize>, name: &str) -> String {
         match quota {
             Some(_) => format!("{allowed} ({name} of the key)"),
@@ -152,7 +152,7 @@ impl Level {
         }
     }
 
-    /// Whether it counts anything.
+    /// Whether any client or session uses it.
     fn is_used(level: &Arc<Self>) -> bool {
         let sessions = level.sessions();
         Arc::strong_count(level) > 1 || sessions.coming > 0 || !sessions.ids.is_empty()
@@ -165,7 +165,7 @@ pub struct Clients {
     shares: Shares,
     all: Arc<Level>,
     by_address: Mutex<HashMap<IpAddr, Weak<Level>>>,
-    /// By account: as many as there are keys, and subjects of tokens that have something.
+    /// By account: each key and each subject of tokens has one.
     by_key: Mutex<HashMap<String, Arc<Level>>>,
     metrics: Arc<ClientMetrics>,
 }
@@ -174,7 +174,7 @@ pub struct Clients {
 #[derive(Debug)]
 struct ClientMetrics {
     transfer: Gauge,
-    /// By whose limit it was, as [`Whose::EACH`].
+    /// By owner of the limit, in the order of [`Whose::EACH`].
     memory_refused: [Counter; 4],
     streams_refused: [Counter; 4],
     sessions_refused: Counter,
@@ -201,7 +201,7 @@ impl ClientMetrics {
         }
     }
 
-    /// A client at `address` was refused.
+    /// Counts and logs a refusal of a client at `address`.
     fn refused(&self, by_whose: &[Counter; 4], whose: Whose, kind: &'static str, address: IpAddr) {
         by_whose[whose as usize].increment(1);
         let next = self
@@ -217,7 +217,7 @@ impl ClientMetrics {
 }
 
 impl Clients {
-    /// No clients yet.
+    /// Starts without clients.
     pub fn new(shares: Shares, telemetry: &Telemetry) -> Self {
         Self {
             shares,
@@ -228,7 +228,7 @@ impl Clients {
         }
     }
 
-    /// A client that has just connected from `address`.
+    /// A new client with its own share, which has connected from `address`.
     pub fn connected(&self, address: IpAddr) -> Arc<Client> {
         let mut addresses = self.by_address.lock().unwrap_or_else(PoisonError::into_inner);
         let known = addresses.get(&address).and_then(Weak::upgrade);
@@ -249,8 +249,8 @@ impl Clients {
         })
     }
 
-    /// The client of an account, on a connection of `connected`. Where its quota is another than
-    /// before, it counts anew.
+    /// The client of an account, on a connection of `connected`. If the account's quota has
+    /// changed, its usage is counted from zero again.
     pub(crate) fn with_key(&self, account: &str, quota: Quota, connected: &Client) -> Arc<Client> {
         let mut keys = self.by_key.lock().unwrap_or_else(PoisonError::into_inner);
         let known = keys.get(account).filter(|level| level.quota == quota).cloned();
@@ -270,7 +270,7 @@ impl Clients {
         })
     }
 
-    /// A client that came without a connection: a call from within the process.
+    /// A client without a connection, for a call from within the process.
     pub fn within(&self) -> Arc<Client> {
         self.connected(IpAddr::V4(Ipv4Addr::LOCALHOST))
     }
@@ -279,35 +279,35 @@ impl Clients {
 /// One client.
 #[derive(Debug)]
 pub struct Client {
-    /// Of its connection; of IPv6 the network.
+    /// Of its connection; for IPv6 the /64 network.
     address: IpAddr,
     levels: [Arc<Level>; 3],
     metrics: Arc<ClientMetrics>,
 }
 
 impl Client {
-    /// The address of its connection; of IPv6 the network.
+    /// The address of its connection; for IPv6 the /64 network.
     pub fn address(&self) -> IpAddr {
         self.address
     }
 
-    /// Its turns on the threads for characters.
+    /// The client's fair turns on the server's threads.
     pub fn turns(&self) -> Turns {
         let [of_client, of_address, _] = &self.levels;
         Turns::new([&of_client.turns, &of_address.turns])
     }
 
-    /// Memory for a request or an answer, until it is dropped.
+    /// Takes memory for a request or an answer. Dropping it gives it back.
     ///
     /// # Errors
-    /// [`Exhausted`] at once where there is not as much.
+    /// [`Exhausted`] at once if there is not enough.
     pub fn memory(self: &Arc<Self>, bytes: usize) -> Result<Memory, Exhausted> {
         let mut memory = self.no_memory();
         memory.grow(bytes)?;
         Ok(memory)
     }
 
-    /// Memory that grows from nothing.
+    /// Memory of no bytes, which can grow.
     pub(crate) fn no_memory(self: &Arc<Self>) -> Memory {
         Memory {
             client: self.clone(),
@@ -316,10 +316,10 @@ impl Client {
         }
     }
 
-    /// A place for a stream, until it is dropped.
+    /// Takes a place for a stream. Dropping it gives it back.
     ///
     /// # Errors
-    /// [`Exhausted`] at once where there is none.
+    /// [`Exhausted`] at once if none is free.
     pub fn stream(self: &Arc<Self>) -> Result<StreamPlace, Exhausted> {
         let mut permits = Vec::with_capacity(self.levels.len());
         for level in &self.levels {
@@ -345,11 +345,11 @@ impl Client {
         })
     }
 
-    /// Room for `count` more sessions, if the client has a quota of them. Those of its sessions
-    /// that `is_open` does not know any more count no longer.
+    /// Reserves `count` sessions of the client's quota; none if it has no such quota. Sessions that
+    /// `is_open` does not find any more no longer count.
     ///
     /// # Errors
-    /// [`Exhausted`] where there is no room for all of them.
+    /// [`Exhausted`] if there is no room for all of them.
     pub fn sessions(
         self: &Arc<Self>,
         count: usize,
@@ -384,12 +384,12 @@ impl Client {
 /// A client's place for a stream.
 #[derive(Debug)]
 pub struct StreamPlace {
-    /// So that its account is not forgotten.
+    /// Keeps the client's account alive.
     _client: Arc<Client>,
     _permits: Vec<OwnedSemaphorePermit>,
 }
 
-/// A client's room for sessions that are being opened.
+/// A client's places for sessions that are being opened.
 #[derive(Debug)]
 pub struct SessionPlaces {
     client: Arc<Client>,
@@ -397,7 +397,7 @@ pub struct SessionPlaces {
 }
 
 impl SessionPlaces {
-    /// The sessions are open, and count until they are not.
+    /// The sessions are open. They count until they are closed.
     pub fn keep<'a>(self, ids: impl IntoIterator<Item = &'a str>) {
         let [level, ..] = &self.client.levels;
         level.sessions().ids.extend(ids.into_iter().map(str::to_owned));
@@ -411,25 +411,25 @@ impl Drop for SessionPlaces {
     }
 }
 
-/// Memory that a client has for a request or an answer.
+/// Memory that counts for a client's request or answer.
 #[derive(Debug)]
 pub struct Memory {
     client: Arc<Client>,
     bytes: usize,
-    /// By level.
+    /// One for each level of the client.
     permits: Vec<OwnedSemaphorePermit>,
 }
 
 impl Memory {
-    /// Bytes of it.
+    /// Bytes taken so far.
     pub fn bytes(&self) -> usize {
         self.bytes
     }
 
-    /// Takes more.
+    /// Takes `more` bytes.
     ///
     /// # Errors
-    /// [`Exhausted`] where there is not as much; then it is as before.
+    /// [`Exhausted`] if there is not enough; then nothing changes.
     pub fn grow(&mut self, more: usize) -> Result<(), Exhausted> {
         let pieces = |bytes: usize| bytes.div_ceil(PIECE);
         let wanted = pieces(self.bytes.saturating_add(more)) - pieces(self.bytes);
@@ -447,7 +447,7 @@ impl Memory {
                         what: "no memory left for this request and its answer",
                         whose: level.whose,
                         allowed: level.allowed(
-                            format!("{} bytes on their way", level.share.bytes),
+                            format!("{} bytes in transfer", level.share.bytes),
                             level.quota.bytes,
                             "transfer_memory_mib",
                         ),

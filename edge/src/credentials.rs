@@ -1,4 +1,5 @@
-//! What lets callers in. It can be replaced while the server runs.
+//! The keys, tokens and tickets that a server accepts. Keys and tokens can be replaced while it
+//! runs.
 
 use arc_swap::ArcSwap;
 
@@ -8,19 +9,20 @@ use super::keys::Keys;
 use super::tickets::Tickets;
 use super::tokens::{TokenError, Tokens};
 
-/// What a server accepts.
+/// The keys, tokens and tickets that a server accepts.
 #[derive(Debug, Default)]
 pub struct Credentials {
-    /// Those of the file.
+    /// Keys of the file.
     keys: ArcSwap<Keys>,
-    /// Those that the server has made itself.
+    /// Keys that the server has made itself.
     own: Keys,
     tokens: Option<ArcSwap<Tokens>>,
     tickets: Tickets,
 }
 
 impl Credentials {
-    /// Keys of a file, keys that the server has made itself, and tokens.
+    /// `keys` are those of a file, `own` those that the server has made itself. Without `tokens`,
+    /// tokens are not accepted.
     pub fn new(keys: Keys, own: Keys, tokens: Option<Tokens>) -> Self {
         Self {
             keys: ArcSwap::from_pointee(keys),
@@ -30,23 +32,23 @@ impl Credentials {
         }
     }
 
-    /// Accepts these keys in the place of the file's, from the next call on.
+    /// Replaces the keys of the file, from the next call on.
     pub fn replace_keys(&self, keys: Keys) {
         self.keys.store(keys.into());
     }
 
-    /// Accepts tokens by these keys and no others, from the next call on. Without effect where
-    /// there were none.
+    /// Replaces the provider's keys, from the next call on. Has no effect if tokens are not
+    /// accepted at all.
     pub fn replace_tokens(&self, tokens: Tokens) {
         if let Some(known) = &self.tokens {
             known.store(tokens.into());
         }
     }
 
-    /// A ticket that lets its bearer in once as `holder`, within [`TICKET_LIFETIME`].
+    /// A ticket with which a caller can open one stream as `holder`, within [`TICKET_LIFETIME`].
     ///
     /// # Errors
-    /// [`EdgeError::TooManyTickets`].
+    /// [`EdgeError::TooManyTickets`] if too many tickets are unused, of this key or in all.
     ///
     /// [`TICKET_LIFETIME`]: super::TICKET_LIFETIME
     pub fn ticket(&self, holder: Admitted) -> Result<String, EdgeError> {
@@ -57,10 +59,10 @@ impl Credentials {
         &self.tickets
     }
 
-    /// Whom a key or a token lets in.
+    /// The caller to whom a key or token belongs.
     pub(super) fn admit(&self, bearer: &str) -> Result<Admitted, EdgeError> {
         let keys = self.keys.load();
-        // Both are searched, so that the time says nothing.
+        // Both are searched, so that the time does not reveal which one has the key.
         let (known, own) = (keys.find(bearer), self.own.find(bearer));
         if let Some((identity, quota)) = known.or(own) {
             return Ok(Admitted::by_key(identity.clone(), quota));

@@ -1,34 +1,34 @@
-//! What the edge turns away, and why.
+//! Errors with which the edge refuses requests.
 
 use super::clients::{Exhausted, Role};
 use super::tokens::TokenError;
 
-/// How a key is sent.
+/// Form of the header `Authorization`, for messages.
 pub const BEARER: &str = "Bearer and a key";
 
-/// Most bytes of a request's headers and path.
+/// Most bytes of a request's headers and path, with 32 bytes added for each header.
 pub const MAX_HEAD_BYTES: usize = 16 << 10;
 
-/// Why the edge turns a request away.
+/// Why the edge refuses a request.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum EdgeError {
     /// Headers over the limit.
     #[error(
-        "the headers take {found_bytes} bytes, 32 for each included; allowed: at most {MAX_HEAD_BYTES} bytes"
+        "the headers take {found_bytes} bytes, including 32 for each; allowed: at most {MAX_HEAD_BYTES} bytes"
     )]
     HeadersTooLarge {
-        /// How many there are.
+        /// Size of the request's headers, counted as in [`MAX_HEAD_BYTES`].
         found_bytes: usize,
     },
-    /// A client, an address or all clients have too much on their way.
+    /// A client, an address or all clients together are at their limit.
     #[error(transparent)]
     Exhausted(#[from] Exhausted),
     /// A web page of another site, or a name that is not the server's.
     #[error("{header} {found:?} is not allowed; allowed: {allowed}")]
     NotAllowed {
-        /// The header that says so.
+        /// `Origin` or `Host`.
         header: &'static str,
-        /// Its value.
+        /// The header's value, shortened.
         found: String,
         /// Which values are allowed.
         allowed: &'static str,
@@ -39,31 +39,31 @@ pub enum EdgeError {
     /// A key that the server does not know.
     #[error("Authorization has a key that the server does not know; allowed: {BEARER}")]
     UnknownKey,
-    /// A token that does not count.
-    #[error("Authorization has a token that does not count: {0}")]
+    /// A token that is not accepted.
+    #[error("Authorization has a token that is not accepted: {0}")]
     Token(TokenError),
-    /// A ticket that is used up, late or made up.
+    /// A ticket that is unknown, used or expired.
     #[error(
-        "ticket is not one that is open; allowed: one of POST /v1/tickets that is not used yet and younger than 30 s"
+        "ticket is unknown, used or expired; allowed: an unused one from POST /v1/tickets, at most 30 s old"
     )]
     UnknownTicket,
     /// A client with too many tickets.
-    #[error("{whose} has no room for another ticket; allowed at a time: {most} that are not used yet")]
+    #[error("{whose} has no room for another ticket; allowed at a time: {most} unused ones")]
     TooManyTickets {
-        /// Whose limit it is.
+        /// The limit's owner, for the message: a key or all clients.
         whose: &'static str,
-        /// The limit.
+        /// Most unused tickets of this owner.
         most: usize,
     },
-    /// A ticket where none is needed.
+    /// A request for a ticket although the server asks for no keys.
     #[error("the server asks for no keys, so a stream needs no ticket")]
     NoTickets,
-    /// A key that allows less.
+    /// A key whose role does not allow the call.
     #[error("the key's role is {}; allowed: {}", role.name(), needed.and_above())]
     RoleTooLow {
-        /// What it is.
+        /// The role of the key or token.
         role: Role,
-        /// What the call needs.
+        /// The role that the call needs.
         needed: Role,
     },
     /// A connection beyond the limit.

@@ -1,40 +1,41 @@
-//! What the edge has to know of the routes behind it.
+//! The routes behind the edge, as far as it needs them.
 
 use axum::response::Response;
 use http::{HeaderMap, Method, header};
 
 use super::EdgeError;
 use super::clients::Role;
-use super::refusals::Refusal;
+use super::refusals::RequestRefusal;
 
-/// What the edge has to know of the routes behind it.
+/// Describes the routes behind the edge. The server fills it in.
 #[derive(Debug, Clone, Copy)]
 pub struct Front {
-    /// The role that a call needs; none where it needs no key.
+    /// The role that a call needs, by method and path; none if it needs no key.
     pub needed: fn(&Method, &str) -> Option<Role>,
     /// Whether a path is that of a remote procedure. Other requests have no traces.
     pub is_rpc: fn(&str) -> bool,
-    /// Whether a path is that of a live stream. The messages of one are short, and gone before the
-    /// next is read, so they are not counted.
+    /// Whether a path is that of a live stream. The memory of its messages is not counted: they are
+    /// short, and each is freed before the next is read.
     pub is_stream: fn(&str) -> bool,
-    /// Whether a path says how the server is: it is answered on connections beyond the limit too.
+    /// Whether a path is for health checks or metrics. It is also answered on connections beyond
+    /// the limit.
     pub is_health: fn(&str) -> bool,
-    /// The one path that a ticket opens.
+    /// The one path that accepts tickets.
     pub ticketed: &'static str,
-    /// The answer to a request that is turned away, as gRPC has it (`true`) or as HTTP has it.
+    /// Makes the answer to a refused request: for gRPC (`true`) or for HTTP.
     pub answer: fn(&EdgeError, bool) -> Response,
 }
 
 impl Front {
-    /// The answer to a request that is turned away; `asked` are its headers.
+    /// The answer to a refused request; `asked` are the request's headers.
     pub(crate) fn turn_away(&self, error: &EdgeError, asked: &HeaderMap) -> Response {
         self.turn_away_in(error, is_grpc(asked))
     }
 
-    /// [`Front::turn_away`], for a caller who speaks gRPC or does not.
+    /// As [`Front::turn_away`], for a caller that uses gRPC or plain HTTP.
     pub(crate) fn turn_away_in(&self, error: &EdgeError, grpc: bool) -> Response {
         let mut response = (self.answer)(error, grpc);
-        if let Some(refusal) = Refusal::of(error) {
+        if let Some(refusal) = RequestRefusal::of(error) {
             response.extensions_mut().insert(refusal);
         }
         response

@@ -1,8 +1,9 @@
-//! Which web pages may use the server, and under which names.
+//! Protects the server from web pages of other sites.
 //!
-//! A browser lets every page send requests to a server that it can reach. The `Origin` header says
-//! whose page it is. The `Host` header says by which name the server was found: a page can give its
-//! own name the server's address (DNS rebinding).
+//! A browser lets every page send requests to any server that it can reach. The header `Origin`
+//! names the page's site. The header `Host` names the server as the page addressed it. A page of
+//! another site can give its own name the server's address (DNS rebinding), so `Host` is checked
+//! too.
 
 use std::net::IpAddr;
 use std::str::FromStr;
@@ -20,7 +21,7 @@ use tower_http::cors::{AllowOrigin, CorsLayer};
 use super::observe::REQUEST_ID;
 use super::{EdgeError, Front};
 
-/// How long a browser may remember what a preflight allowed.
+/// How long a browser may remember the result of a preflight request.
 const PREFLIGHT_AGE: Duration = Duration::from_secs(600);
 /// The header of a caller's trace.
 const TRACE_PARENT: HeaderName = HeaderName::from_static("traceparent");
@@ -31,7 +32,7 @@ const MAX_ECHO: usize = 200;
 #[derive(Debug, Clone, PartialEq, Eq, serde::Deserialize)]
 #[serde(try_from = "String")]
 pub struct Host {
-    /// In lower case; an IPv6 address without its brackets.
+    /// In lower case; an IPv6 address without brackets.
     name: String,
     port: Option<u16>,
 }
@@ -84,7 +85,8 @@ impl Host {
         }
     }
 
-    /// Whether a request for `asked` is one for this host. Without a port every port fits.
+    /// Whether a request to `asked` is a request to this host. A host without a port covers every
+    /// port.
     fn covers(&self, asked: &Self) -> bool {
         self.name == asked.name && (self.port.is_none() || self.port == asked.port)
     }
@@ -135,8 +137,8 @@ impl Origin {
         }
     }
 
-    /// Whether a page of this origin asks the server that it came from. A proxy may have ended TLS,
-    /// so the scheme says nothing.
+    /// Whether a page of this origin came from the server at `host`. The scheme is ignored, because
+    /// a proxy may have ended TLS.
     fn is_same(&self, host: &Host) -> bool {
         let usual = self.usual_port();
         usual.is_some() && self.host.name == host.name && self.host.port.or(usual) == host.port.or(usual)
@@ -150,19 +152,19 @@ impl Origin {
     }
 }
 
-/// Which pages and names a server answers.
+/// The origins and host names that a server accepts.
 #[derive(Debug, Clone)]
 pub struct Guard {
-    /// Origins of pages that may use the server, beside its own.
+    /// Origins of other pages that may use the server. Its own pages always may.
     pub origins: Vec<Origin>,
-    /// Hosts that requests may be for.
+    /// Host names under which the server may be addressed.
     pub hosts: Vec<Host>,
-    /// Whether the server can be reached from this machine only.
+    /// Whether the server only accepts connections from this machine.
     pub local: bool,
 }
 
 impl Guard {
-    /// Checks a request.
+    /// Checks the headers `Host` and `Origin` of a request.
     ///
     /// # Errors
     /// [`EdgeError::NotAllowed`], which names the header.
@@ -186,7 +188,7 @@ impl Guard {
         self.origins.iter().any(|listed| listed.equals(origin))
     }
 
-    /// The host that a request is for. HTTP/1.0 needs none; a browser always names one.
+    /// The host to which a request is addressed. HTTP/1.0 needs none, but browsers always send one.
     fn host(&self, request: &Request) -> Result<Option<Host>, EdgeError> {
         let header = request.headers().get(header::HOST);
         let (host, found) = match (request.uri().authority(), header) {
@@ -217,7 +219,7 @@ impl Guard {
         let listed = || self.hosts.iter().any(|listed| listed.covers(host));
         match self.local {
             true => host.is_loopback() || listed(),
-            // Rebinding needs a name: an address always is the server's own.
+            // DNS rebinding needs a name, so an address is always safe.
             false => self.hosts.is_empty() || host.address().is_some() || host.is_loopback() || listed(),
         }
     }
@@ -232,7 +234,8 @@ fn refused(header: &'static str, found: &HeaderValue, allowed: &'static str) -> 
     }
 }
 
-/// Puts `guard` in front of all routes, and tells browsers which origins it lists.
+/// Puts `guard` in front of all routes, and answers the preflight requests of listed origins
+/// (CORS).
 pub fn guarded(router: Router, front: Front, guard: Guard) -> Router {
     let guard = Arc::new(guard);
     let router = match guard.origins.is_empty() {
@@ -369,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_origin_or_host_is_named() {
+    fn errors_name_the_form_of_an_origin_or_host() {
         for wrong in ["https://", "app.example", "https://app.example/", "://a", "*"] {
             let error = wrong.parse::<Origin>().unwrap_err().to_string();
             assert!(error.contains("SCHEME://HOST"), "{error}");

@@ -1,7 +1,7 @@
-//! How large a request's headers may be.
+//! Limits the size of a request's headers.
 //!
-//! The HTTP library would refuse them with an empty answer. Its own limits are higher than this one
-//! (`port/connections.rs`).
+//! The HTTP library has limits too (`port/connections.rs`), but it refuses with an empty answer. So
+//! its limits are higher than this one.
 
 use axum::Router;
 use axum::extract::{Request, State};
@@ -10,11 +10,11 @@ use axum::response::Response;
 
 use super::{EdgeError, Front, MAX_HEAD_BYTES};
 
-/// What each header counts beside its name and value, as in HTTP/2 (RFC 9113, section 6.5.2),
-/// bytes.
+/// Bytes that each header counts in addition to its name and value, as in HTTP/2 (RFC 9113, section
+/// 6.5.2).
 const HEADER_BYTES: usize = 32;
 
-/// Puts this in front of all routes.
+/// Refuses requests with too large headers in front of all routes.
 pub fn limited(router: Router, front: Front) -> Router {
     router.layer(middleware::from_fn_with_state(front, check))
 }

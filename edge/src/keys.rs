@@ -1,5 +1,4 @@
-//! API keys: who may call what. The server knows hashes only, so its file of keys gives nobody
-//! away.
+//! API keys and their roles. The server's file only has hashes of keys, so it reveals no key.
 
 use std::collections::HashSet;
 use std::io;
@@ -11,9 +10,9 @@ use subtle::ConstantTimeEq as _;
 use super::clients::{Identity, Quota, Role};
 use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
 
-/// What a key begins with, so that one can be found where it does not belong.
+/// Start of every key, so that scanners can find leaked keys.
 const PREFIX: &str = "troupe_";
-/// Bytes of a key that nobody can guess.
+/// Random bytes of a key.
 const SECRET_BYTES: usize = 32;
 pub(super) const HASH_BYTES: usize = 32;
 /// Longest name, bytes.
@@ -35,7 +34,7 @@ pub enum KeysError {
         /// What went wrong.
         error: io::Error,
     },
-    /// The key for metrics can be neither read nor written.
+    /// The file of the metrics key can be neither read nor written.
     #[error("metrics_key: cannot use {}: {error}", path.display())]
     MetricsKey {
         /// The file.
@@ -43,21 +42,21 @@ pub enum KeysError {
         /// What went wrong.
         error: io::Error,
     },
-    /// The file for the key for metrics holds something else.
+    /// The file of the metrics key holds something else.
     #[error(
-        "metrics_key: {} holds no key; allowed: a file that is not there yet, or that the server has written",
+        "metrics_key: {} holds no key; allowed: a new file, or one that the server has written",
         path.display()
     )]
     NoMetricsKey {
         /// The file.
         path: PathBuf,
     },
-    /// The file is not one of keys.
+    /// The file is no valid list of keys.
     #[error("keys: {}: {message}", path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The field, its value, and the allowed values.
         message: String,
     },
 }
@@ -81,7 +80,7 @@ struct Entry {
     transfer_memory_mib: Option<usize>,
 }
 
-/// One key, as the server knows it.
+/// A key that the server accepts, as its hash.
 #[derive(Debug, Clone)]
 struct Known {
     identity: Identity,
@@ -90,7 +89,7 @@ struct Known {
 }
 
 impl Entry {
-    /// What is wrong with it, and what is allowed.
+    /// The first invalid field, with the allowed values.
     fn problem(&self) -> Option<String> {
         let Self { name, tenant, .. } = self;
         let fits = |text: &str| (1..=MAX_NAME_BYTES).contains(&text.len());
@@ -142,7 +141,7 @@ impl Entry {
 pub struct Keys(Vec<Known>);
 
 impl Keys {
-    /// Those of a file.
+    /// The keys of a file.
     ///
     /// # Errors
     /// [`KeysError`], which names the file and the entry.
@@ -178,13 +177,14 @@ impl Keys {
         known.collect::<Result<_, String>>().map(Self)
     }
 
-    /// A new key with all rights, and the key itself.
+    /// A new key with the role admin, as it is checked and as text.
     pub fn one_time() -> (Self, String) {
         let key = new_key();
         (Self::one(ONE_TIME, Role::Admin, &key), key)
     }
 
-    /// The key of a server's own scraper: that in the file, or a new one that is written there.
+    /// The key of the server's own scraper, from a file. If the file does not exist, makes a key
+    /// and writes it there.
     ///
     /// # Errors
     /// [`KeysError`], which names the file.
@@ -227,14 +227,14 @@ impl Keys {
         }])
     }
 
-    /// These and others.
+    /// These keys and `others`.
     #[must_use]
     pub fn and(mut self, others: Self) -> Self {
         self.0.extend(others.0);
         self
     }
 
-    /// Whose key it is, and what it may have. It takes the same time for every key.
+    /// The identity and quota of a key. The search takes the same time for every key.
     pub(super) fn find(&self, key: &str) -> Option<(&Identity, Quota)> {
         let hash = hash(key);
         let mut found = None;
@@ -247,7 +247,7 @@ impl Keys {
     }
 }
 
-/// Writes a file that its owner and its group may read, all of it or none.
+/// Writes a new file that its owner and group may read. After an error there is no file.
 fn write_secret(path: &Path, text: &str) -> io::Result<()> {
     use std::io::Write as _;
     let mut options = std::fs::OpenOptions::new();
@@ -263,28 +263,28 @@ fn write_secret(path: &Path, text: &str) -> io::Result<()> {
     written
 }
 
-/// A key that nobody can guess.
+/// A new random key.
 pub fn new_key() -> String {
     secret(PREFIX)
 }
 
-/// Something that nobody can guess, behind a prefix.
+/// A random secret of 256 bits, as hexadecimal digits after a prefix.
 pub(super) fn secret(prefix: &str) -> String {
     let secret: [u8; SECRET_BYTES] = rand::random();
     format!("{prefix}{}", hex(&secret))
 }
 
-/// What a file of keys has for `key`.
+/// The entry for `key` in a file of keys.
 pub fn entry(name: &str, role: Role, key: &str) -> String {
     let name = toml::Value::from(name);
     let (sha256, role) = (hex(&hash(key)), role.name());
     format!("[[keys]]\nname = {name}\nsha256 = \"{sha256}\"\nrole = \"{role}\"\n")
 }
 
-/// The line that makes an entry that of a tenant.
+/// The line that gives an entry a tenant.
 ///
 /// # Errors
-/// A sentence with what a tenant may be called.
+/// A sentence with the allowed names of tenants.
 pub fn tenant_line(tenant: &str) -> Result<String, String> {
     match names_a_tenant(tenant) {
         true => Ok(format!("tenant = \"{tenant}\"\n")),
@@ -318,7 +318,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_made_is_read_again() {
+    fn new_keys_can_be_read_again() {
         let (drive, admin) = (new_key(), new_key());
         assert!(drive != admin && drive.len() == 71 && drive.starts_with("troupe_"));
         let file = entry("the \"game\"", Role::Drive, &drive) + &entry("ops", Role::Admin, &admin);

@@ -1,18 +1,18 @@
 //! The edge: everything between a socket and the routes of a server.
 //!
-//! It knows no pack, no session and no message. What it has to know of the routes is in [`Front`],
-//! which the server gives it.
+//! It does not depend on packs, sessions or messages. The server describes its routes to the edge
+//! in a [`Front`].
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`port`] | connections: how many, how long, TLS, HTTP/1.1 and HTTP/2 on one port |
-//! | [`clients`] | who asks, and what each client may have at a time |
-//! | [`keys`], [`tokens`], [`credentials`] | what lets a caller in |
-//! | [`access`] | which call needs which role |
-//! | [`guard`] | which web pages may use the server, and under which names |
-//! | [`head`], [`traffic`], [`reserve`] | limits of headers, of memory on its way, of connections |
-//! | [`observe`] | ids and traces of requests, counts of what is turned away |
-//! | [`reload`] | files that are read again |
+//! | [`port`] | connections: their number and lifetime, TLS, HTTP/1.1 and HTTP/2 on one port |
+//! | [`clients`] | the identity of callers, and limits on their memory, streams and sessions |
+//! | [`keys`], [`tokens`], [`credentials`] | API keys, tokens (JWT), and the check of both |
+//! | [`access`] | checks that a caller's role allows a call |
+//! | [`guard`] | checks the headers `Origin` and `Host` against web pages of other sites |
+//! | [`head`], [`traffic`], [`reserve`] | limits of headers and bodies; answers beyond the limit of connections |
+//! | [`observe`] | ids and traces of requests, counts of refused requests |
+//! | [`reload`] | reads files again when they change |
 
 pub mod access;
 mod admitted;

@@ -1,4 +1,4 @@
-//! What every request gets first: an id, in its answer and on its log lines.
+//! The first middleware: gives every request an id and a trace, and counts refused requests.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use troupe_base::telemetry::{RequestContext, RequestId, Telemetry, Traces};
 /// The header of a request's id, in requests and answers.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// What the middleware knows.
+/// State of the middleware.
 #[derive(Clone)]
 struct Observer {
     telemetry: Telemetry,
@@ -26,7 +26,7 @@ struct Observer {
     front: Front,
 }
 
-/// Puts this in front of all routes.
+/// Puts the middleware in front of all routes.
 pub fn observed(router: Router, front: Front, telemetry: &Telemetry) -> Router {
     let observer = Observer {
         telemetry: telemetry.clone(),
@@ -51,7 +51,7 @@ async fn observe(State(observer): State<Observer>, request: Request, next: Next)
     .await
 }
 
-/// Serves a request under an id, and traces it where `traces` are given.
+/// Serves a request under an id, and traces it if `traces` are given.
 pub(super) async fn with_id<F>(
     mut request: Request,
     traces: Option<&Traces>,
@@ -62,7 +62,7 @@ where
 {
     let given = request.headers().get(REQUEST_ID);
     let id = RequestId::given_or_new(given.map(HeaderValue::as_bytes));
-    // An id has only signs that a header may have.
+    // Ids only have characters that are allowed in headers, so this does not fail.
     let header = HeaderValue::from_str(id.as_str());
     if let Ok(header) = &header {
         request.headers_mut().insert(REQUEST_ID, header.clone());
@@ -72,7 +72,7 @@ where
         trace.note(KeyValue::new("request.id", id.to_string()));
     }
     let trace_id = trace.as_ref().map(|trace| tracing::field::display(trace.id()));
-    // The highest level, so that lines of every level show it.
+    // The highest level, so that log lines of every level carry the span.
     let span = tracing::error_span!("request", %id, trace_id);
     let context = RequestContext { id, trace };
     let mut response = context.scope(serve(request)).instrument(span).await;

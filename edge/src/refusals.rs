@@ -1,5 +1,4 @@
-//! Requests that are turned away before they are served: counted by reason, and logged once a
-//! minute.
+//! Counts requests that the edge refuses, by reason, and logs each reason at most once a minute.
 
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,13 +9,14 @@ use troupe_base::telemetry::{Counter, Labels, Metric, Seldom, Telemetry};
 
 const REFUSALS: Metric = Metric::new(
     "troupe_refusals_total",
-    "Requests turned away before they were served, by reason: a foreign Origin or Host, a key that is missing, not known or of \
-         too low a role, headers that are too large, or another",
+    "Requests refused before they were served, by reason: a foreign Origin (origin) or Host (host), no \
+     key (key_missing), an unknown key (key_unknown), too low a role (role), too large headers (headers), \
+     or an invalid token or ticket (other)",
 );
 
-/// Why a request is turned away.
+/// Why a request is refused, as a metric's label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Refusal {
+pub(super) enum RequestRefusal {
     /// A web page of another site.
     Origin,
     /// A name that is not the server's.
@@ -25,16 +25,16 @@ pub(super) enum Refusal {
     KeyMissing,
     /// A key that the server does not know.
     KeyUnknown,
-    /// A key that allows less.
+    /// A key whose role does not allow the call.
     Role,
-    /// Headers that are too large.
+    /// Too large headers.
     Headers,
-    /// Something else about who asks.
+    /// An invalid token or ticket.
     Other,
 }
 
-impl Refusal {
-    /// All of them, in the order of their numbers.
+impl RequestRefusal {
+    /// In the order of the discriminants.
     const ALL: [Self; 7] = [
         Self::Origin,
         Self::Host,
@@ -57,7 +57,7 @@ impl Refusal {
         }
     }
 
-    /// What it is that an error turns away; nothing where it is about what was asked for.
+    /// The reason of an error; none for limits, which other metrics count.
     pub(super) fn of(error: &EdgeError) -> Option<Self> {
         match error {
             EdgeError::NotAllowed { header: "Origin", .. } => Some(Self::Origin),
@@ -75,20 +75,20 @@ impl Refusal {
     }
 }
 
-/// What was turned away. Clones share it.
+/// The counters of refused requests. Clones share them.
 #[derive(Debug, Clone)]
-pub(super) struct Refusals(Arc<[(Counter, Mutex<Seldom>); Refusal::ALL.len()]>);
+pub(super) struct Refusals(Arc<[(Counter, Mutex<Seldom>); RequestRefusal::ALL.len()]>);
 
 impl Refusals {
     pub(super) fn new(telemetry: &Telemetry) -> Self {
-        Self(Arc::new(Refusal::ALL.map(|refusal| {
+        Self(Arc::new(RequestRefusal::ALL.map(|refusal| {
             let labels = Labels::default().with("reason", refusal.label());
             (telemetry.counter(&REFUSALS, &labels), Mutex::default())
         })))
     }
 
-    /// Notes one, of a client at `address`.
-    pub(super) fn note(&self, refusal: Refusal, address: Option<IpAddr>) {
+    /// Counts and logs a refused request of a client at `address`.
+    pub(super) fn note(&self, refusal: RequestRefusal, address: Option<IpAddr>) {
         let (counter, seldom) = &self.0[refusal as usize];
         counter.increment(1);
         let next = seldom
@@ -101,7 +101,7 @@ impl Refusals {
                 reason = refusal.label(),
                 address,
                 held_back,
-                "a request is turned away"
+                "a request is refused"
             );
         }
     }
@@ -115,21 +115,24 @@ mod tests {
     fn refusals_are_counted_by_reason() {
         let telemetry = Telemetry::new().unwrap();
         let refusals = Refusals::new(&telemetry);
-        for refusal in Refusal::ALL {
+        for refusal in RequestRefusal::ALL {
             refusals.note(refusal, None);
             refusals.note(refusal, Some(IpAddr::from([192, 0, 2, 1])));
         }
         let text = telemetry.render();
-        for refusal in Refusal::ALL {
+        for refusal in RequestRefusal::ALL {
             let line = format!("troupe_refusals_total{{reason=\"{}\"}} 2", refusal.label());
             assert!(text.contains(&line), "{line} is missing in\n{text}");
         }
     }
 
     #[test]
-    fn what_is_wrong_with_a_request_is_no_refusal() {
-        assert_eq!(Refusal::of(&EdgeError::NoKey), Some(Refusal::KeyMissing));
-        assert_eq!(Refusal::of(&EdgeError::NoConnection), None);
-        assert_eq!(Refusal::of(&EdgeError::NoTickets), None);
+    fn limits_are_not_counted_as_refusals() {
+        assert_eq!(
+            RequestRefusal::of(&EdgeError::NoKey),
+            Some(RequestRefusal::KeyMissing)
+        );
+        assert_eq!(RequestRefusal::of(&EdgeError::NoConnection), None);
+        assert_eq!(RequestRefusal::of(&EdgeError::NoTickets), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Files that are read again while the server runs.
+//! Reads files again while the server runs, if they change.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -7,15 +7,15 @@ use std::time::Duration;
 use sha2::{Digest as _, Sha256};
 use tokio::sync::Notify;
 
-/// How often files are looked at.
+/// Time between two looks at the files.
 const LOOK_INTERVAL: Duration = Duration::from_secs(2);
 
 type Fingerprint = [u8; 32];
 type Read = Box<dyn Fn() -> Result<(), String> + Send + Sync>;
 
-/// Something that is read from files.
+/// Data that is read from files.
 pub struct Source {
-    /// What it is, for the log.
+    /// Name in the log, plural.
     what: &'static str,
     files: Vec<PathBuf>,
     seen: Fingerprint,
@@ -23,8 +23,8 @@ pub struct Source {
 }
 
 impl Source {
-    /// Something whose files have just been read, `seen` before that. `read` reads them again, or
-    /// says why it cannot.
+    /// Data whose files have just been read. `seen` is their fingerprint from before that. `read`
+    /// reads them again, and returns an error if it cannot.
     pub fn new<E: std::error::Error>(
         what: &'static str,
         files: Vec<PathBuf>,
@@ -40,7 +40,7 @@ impl Source {
         }
     }
 
-    /// Reads it again if its files have changed, or if `anyway`.
+    /// Reads the files again if they have changed, or if `anyway`.
     fn look(&mut self, anyway: bool) {
         let now = fingerprint(&self.files);
         if now == self.seen && !anyway {
@@ -49,13 +49,16 @@ impl Source {
         self.seen = now;
         match (self.read)() {
             Ok(()) => tracing::info!(files = ?self.files, "{} read again", self.what),
-            Err(error) => tracing::warn!("{} stay as they were: {error}", self.what),
+            Err(error) => tracing::warn!(
+                "{} cannot be read again, the old ones stay in use: {error}",
+                self.what
+            ),
         }
     }
 }
 
-/// What is in `files`. By that and not by their times, because links to folders are how some tools
-/// change several at once.
+/// A hash of the contents of `files`. Their times would not do: some tools replace several files at
+/// once by changing a link to their folder.
 pub fn fingerprint(files: &[PathBuf]) -> Fingerprint {
     let mut hash = Sha256::new();
     for file in files {
@@ -66,7 +69,7 @@ pub fn fingerprint(files: &[PathBuf]) -> Fingerprint {
     hash.finalize().into()
 }
 
-/// Reads sources again when their files change, and all of them when told to.
+/// Reads each source again when its files change, and all of them when `now` is notified.
 pub async fn watch(mut sources: Vec<Source>, now: Arc<Notify>) {
     if sources.is_empty() {
         return;

@@ -1,4 +1,4 @@
-//! What is answered on connections beyond the limit: whether the server is well.
+//! Connections beyond the limit: only health checks and metrics are answered there.
 
 use axum::Router;
 use axum::extract::{Request, State};
@@ -9,8 +9,8 @@ use http::{HeaderValue, Version, header};
 use super::observe::with_id;
 use super::{EdgeError, Front};
 
-/// `router` for connections beyond the limit: health checks and metrics are answered, all else is
-/// refused, and the connection is closed.
+/// `router` for connections beyond the limit. It answers health checks and metrics, refuses all
+/// other requests, and closes the connection.
 pub fn reserve(router: Router, front: Front) -> Router {
     router.layer(middleware::from_fn_with_state(front, answer))
 }
@@ -26,7 +26,7 @@ async fn answer(State(front): State<Front>, request: Request, next: Next) -> Res
             .await
         }
     };
-    // HTTP/2 has no such header; its connections are closed when they are idle.
+    // HTTP/2 has no such header. Its connections are closed when they are idle.
     if version < Version::HTTP_2 {
         response
             .headers_mut()

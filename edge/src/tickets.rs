@@ -1,4 +1,4 @@
-//! Tickets: what a browser opens a stream with, because it cannot send a key there.
+//! Tickets with which browsers open streams, because a browser cannot send a key there.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -10,25 +10,26 @@ use super::EdgeError;
 use super::admitted::Admitted;
 use super::keys::{self, HASH_BYTES};
 
-/// How long a ticket is good for.
+/// How long a ticket is valid.
 pub const TICKET_LIFETIME: Duration = Duration::from_secs(30);
-/// Most tickets that are not used yet, in all and of one key.
+/// Most unused tickets of all keys together.
 const MOST_TICKETS: usize = 4096;
+/// Most unused tickets of one key.
 const MOST_OF_KEY: usize = 256;
 
-/// A ticket that nobody has used.
+/// An unused ticket.
 #[derive(Debug)]
 struct Ticket {
     holder: Admitted,
     end: Instant,
 }
 
-/// The tickets of a server. It knows hashes only.
+/// The unused tickets of a server, by their hashes.
 #[derive(Debug, Default)]
 pub(super) struct Tickets(Mutex<HashMap<[u8; HASH_BYTES], Ticket>>);
 
 impl Tickets {
-    /// A ticket that lets its bearer in once as `holder`.
+    /// A ticket with which a caller can open one stream as `holder`.
     pub(super) fn issue(&self, holder: Admitted) -> Result<String, EdgeError> {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let now = Instant::now();
@@ -50,7 +51,7 @@ impl Tickets {
         Ok(ticket)
     }
 
-    /// Whom a ticket lets in. It is used up then.
+    /// The holder of a ticket, which is used up then.
     pub(super) fn redeem(&self, ticket: &str) -> Option<Admitted> {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let ticket = open.remove(&keys::hash(ticket))?;
@@ -73,7 +74,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_ticket_lets_its_holder_in_once_and_not_for_long() {
+    async fn a_ticket_is_valid_once_and_for_a_short_time() {
         let tickets = Tickets::default();
         let ticket = tickets.issue(holder("a")).unwrap();
         assert!(tickets.redeem(&format!("{ticket}0")).is_none());
@@ -86,7 +87,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_key_has_a_part_of_all_tickets() {
+    async fn unused_tickets_are_limited_by_key_and_in_all() {
         let tickets = Tickets::default();
         let all = || tickets.0.lock().unwrap().len();
         for _ in 0..MOST_OF_KEY {

@@ -1,5 +1,4 @@
-//! Tokens of an identity provider (JWT): whose signatures a server accepts, and what their claims
-//! mean.
+//! Tokens of an identity provider (JWT): checks their signatures and reads their claims.
 
 use std::collections::HashMap;
 use std::io;
@@ -15,9 +14,9 @@ use super::keys::{HASH_BYTES, hash};
 use super::verify;
 use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
 
-/// How far the clocks of a server and of a provider may be apart, seconds.
+/// Largest allowed difference between the clocks of the server and the provider, seconds.
 const LEEWAY_S: u64 = 30;
-/// Most tokens that are remembered.
+/// Most checked tokens that are remembered.
 const MOST_CHECKED: usize = 1024;
 /// Longest name, bytes.
 const MAX_NAME_BYTES: usize = 128;
@@ -39,30 +38,30 @@ pub enum TokensError {
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The parser's error.
         error: serde_json::Error,
     },
-    /// The file has no key for a signature that a server accepts.
-    #[error("jwks: {} has no key to check signatures with; allowed: one for RS256, ES256 or EdDSA, or more", path.display())]
+    /// The file has no key for an accepted algorithm.
+    #[error("jwks: {} has no key to check signatures with; allowed: at least one for RS256, ES256 or EdDSA", path.display())]
     NoKey {
         /// The file.
         path: PathBuf,
     },
 }
 
-/// Why a token does not let its caller in.
+/// Why a token is not accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
-    /// It is no token, or not one with a signature that may be used.
-    #[error("it is no token with an algorithm of RS256, ES256 and EdDSA")]
+    /// It is no JWT, or it is signed with another algorithm.
+    #[error("it is no JWT signed with RS256, ES256 or EdDSA")]
     Form,
-    /// Nobody whom the server knows has signed it.
+    /// None of the provider's keys has signed it.
     #[error("its signature is not of a key in jwks")]
     Signature,
-    /// Its time is up.
+    /// The claim `exp` has passed.
     #[error("it has expired")]
     Expired,
-    /// Its time has not come.
+    /// The claim `nbf` has not come yet.
     #[error("it is not valid yet")]
     Early,
     /// Another provider made it.
@@ -71,24 +70,24 @@ pub enum TokenError {
     /// It is for another server.
     #[error("its aud is not jwt_audience")]
     Audience,
-    /// A claim is missing, or has a value that it may not have.
+    /// A claim is missing or has an invalid value.
     #[error(
-        "a claim is missing or out of range; allowed: exp, sub of 1 to {MAX_NAME_BYTES} bytes, role as drive, author, admin or \
-         metrics, tenant (which may be left out) of {TENANT_NAMES}"
+        "a claim is missing or out of range; allowed: exp; sub of 1 to {MAX_NAME_BYTES} bytes; role drive, author, admin or \
+         metrics; optionally tenant of {TENANT_NAMES}"
     )]
     Claims,
 }
 
-/// Of which provider, and for whom, tokens must be.
+/// Required values of claims.
 #[derive(Debug, Clone, Default)]
 pub struct TokenRules {
-    /// The claim `iss`; anything where it is left out.
+    /// The claim `iss`; if none, any value is accepted.
     pub issuer: Option<String>,
-    /// The claim `aud`; where it is left out, tokens must have none.
+    /// The claim `aud`; if none, tokens must not have it.
     pub audience: Option<String>,
 }
 
-/// What is read of a token.
+/// The claims that the server reads.
 #[derive(serde::Deserialize)]
 struct Claims {
     sub: String,
@@ -98,8 +97,8 @@ struct Claims {
     exp: f64,
 }
 
-/// Tokens whose signatures are checked, by their hashes: to check one by ES256 takes 0.1 ms of an
-/// I/O thread.
+/// Tokens with checked signatures, by their hashes. Checking an ES256 signature takes 0.1 ms of an
+/// I/O thread, so it is only done once for each token.
 #[derive(Debug, Default)]
 struct Checked(Mutex<HashMap<[u8; HASH_BYTES], (Identity, u64)>>);
 
@@ -108,7 +107,7 @@ impl Checked {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whose token it is, if it was checked and its time is not up.
+    /// The identity in a token, if the token was checked before and has not expired.
     fn find(&self, token: &[u8; HASH_BYTES]) -> Option<Identity> {
         let known = self.known();
         let (identity, end_s) = known.get(token)?;
@@ -128,7 +127,7 @@ impl Checked {
     }
 }
 
-/// A key of a provider.
+/// A key of the provider, with the checks for tokens that it signed.
 #[derive(Debug)]
 struct Key {
     id: Option<String>,
@@ -137,7 +136,7 @@ struct Key {
     validation: Validation,
 }
 
-/// The keys of a provider.
+/// The keys of the provider, and the tokens that were checked with them.
 #[derive(Debug)]
 pub struct Tokens {
     keys: Vec<Key>,
@@ -145,7 +144,7 @@ pub struct Tokens {
 }
 
 impl Tokens {
-    /// Those of a JWKS file.
+    /// The keys of a JWKS file. Keys for other algorithms are left out.
     ///
     /// # Errors
     /// [`TokensError`], which names the file.
@@ -180,10 +179,10 @@ impl Tokens {
         }
     }
 
-    /// Whose token it is.
+    /// The identity in a valid token.
     ///
     /// # Errors
-    /// [`TokenError`], which says why it does not count.
+    /// [`TokenError`] if the token is not accepted.
     pub(super) fn check(&self, token: &str) -> Result<Identity, TokenError> {
         let hash = hash(token);
         if let Some(identity) = self.checked.find(&hash) {
@@ -196,10 +195,10 @@ impl Tokens {
         Ok(identity)
     }
 
-    /// What a token says, if its signature and its time are right.
+    /// The claims of a token, if its signature and its time are valid.
     fn claims(&self, token: &str) -> Result<Claims, TokenError> {
         let header = decode_header(token).map_err(|_| TokenError::Form)?;
-        // The header only chooses among the keys; each has one algorithm.
+        // The header only selects keys. The algorithm comes from the key, never from the token.
         let keys = self
             .keys
             .iter()
@@ -253,7 +252,7 @@ fn why(kind: &ErrorKind) -> TokenError {
 }
 
 impl Key {
-    /// None where it is not for signatures that a server accepts.
+    /// None if the key is not for signatures by an accepted algorithm.
     fn of(jwk: &Jwk, rules: &TokenRules) -> Option<Self> {
         let (algorithm, named) = match &jwk.algorithm {
             AlgorithmParameters::RSA(_) => (Algorithm::RS256, KeyAlgorithm::RS256),
@@ -349,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_that_sign_otherwise_are_left_out() {
+    fn keys_for_other_algorithms_are_left_out() {
         let rsa = |more: &str| format!(r#"{{"kty":"RSA","n":"{MODULUS}","e":"AQAB"{more}}}"#);
         let secret = r#"{"kty":"oct","k":"c2VjcmV0"}"#;
         let other = r#"{"kty":"new"}"#;

@@ -1,5 +1,5 @@
-//! Memory of requests and answers on their way: counted for the client that they belong to, and
-//! freed where nobody takes them.
+//! Memory of requests and answers in transfer. It counts for their client. An answer that its
+//! client does not read is dropped after a while.
 
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
@@ -19,31 +19,32 @@ use super::clients::{Client, Clients, Exhausted, Memory};
 use super::{EdgeError, Front, is_grpc};
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
-/// Answers up to this size are small: they are not counted, and not cut into pieces, bytes.
+/// Answers up to this size, in bytes, are neither counted nor cut into pieces.
 const SMALL: usize = 64 << 10;
 
 const RECEIVED: Metric = Metric::new(
     "troupe_request_body_bytes_total",
-    "Bytes of requests, without headers and live streams",
+    "Bytes of request bodies, without live streams",
 );
 const SENT: Metric = Metric::new(
     "troupe_answer_body_bytes_total",
-    "Bytes of answers, without headers and live streams",
+    "Bytes of answer bodies, without live streams",
 );
 
-/// What the middleware knows.
+/// State of the middleware.
 #[derive(Clone)]
 struct Traffic {
     clients: Arc<Clients>,
     front: Front,
     /// How long an answer may wait for its reader.
     write_timeout: Duration,
-    /// Bytes of requests and answers.
+    /// Bytes of request bodies.
     received: Counter,
+    /// Bytes of answer bodies.
     sent: Counter,
 }
 
-/// Counts what requests and their answers take. An answer waits for its reader for at most
+/// Counts the memory of requests and their answers. An answer waits for its reader for at most
 /// `write_timeout`.
 pub fn counted(
     router: Router,
@@ -63,7 +64,7 @@ pub fn counted(
     router.layer(middleware::from_fn_with_state(traffic, count))
 }
 
-/// Memory of an answer, taken before it was made. It goes with the answer's extensions.
+/// Memory that was taken before the answer was made. The answer carries it as an extension.
 #[derive(Debug, Clone)]
 pub struct Reserved(Arc<Mutex<Option<Memory>>>);
 
@@ -77,15 +78,15 @@ impl Reserved {
     }
 }
 
-/// Copies of a step's numbers that there are at once: the message, and what is sent.
+/// Copies of the numbers of a `Step` answer that exist at the same time: the message and its bytes.
 pub const COPIES_AS_PROTOBUF: usize = 2;
-/// As [`COPIES_AS_PROTOBUF`]: a number as text is about three times as long.
+/// As [`COPIES_AS_PROTOBUF`], but a number as text is about three times as long.
 pub const COPIES_AS_JSON: usize = 4;
 
-/// Takes memory for an answer of so many bytes, before it is made. None for a small one.
+/// Takes memory for an answer of so many bytes before it is made. None for a small answer.
 ///
 /// # Errors
-/// [`Exhausted`] where there is not as much.
+/// [`Exhausted`] if there is not enough.
 pub fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Option<Reserved>, Exhausted> {
     match client {
         Some(client) if bytes > SMALL => Ok(Some(Reserved::new(client.memory(bytes)?))),
@@ -93,7 +94,7 @@ pub fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Option<Rese
     }
 }
 
-/// Counts what a request and its answer take.
+/// The middleware: counts the memory of a request and its answer.
 async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next) -> Response {
     let client = request.extensions().get::<Arc<Client>>().cloned();
     let client = client.unwrap_or_else(|| traffic.clients.within());
@@ -123,7 +124,7 @@ async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next)
     }
 }
 
-/// Counts an answer until it is sent, or nobody takes it any more.
+/// Counts the memory of an answer until it is sent or dropped.
 fn hold(client: &Arc<Client>, mut response: Response, traffic: &Traffic) -> Result<Response, Exhausted> {
     let reserved = response.extensions_mut().remove::<Option<Reserved>>();
     let mut memory = reserved.flatten().and_then(|reserved| reserved.take());
@@ -157,7 +158,7 @@ fn hold(client: &Arc<Client>, mut response: Response, traffic: &Traffic) -> Resu
     }))
 }
 
-/// The body of a request whose bytes are counted as they come.
+/// The body of a request, which counts its bytes as they come.
 struct Counted {
     inner: Body,
     memory: Weak<Mutex<Memory>>,
@@ -182,7 +183,7 @@ impl http_body::Body for Counted {
             let grown = lock(&memory).grow(data.len());
             if let Err(error) = grown {
                 let message = axum::Error::new(error.clone());
-                // The first is as good as any.
+                // The first error is kept.
                 let _ = self.refused.set(error);
                 return Poll::Ready(Some(Err(message)));
             }
@@ -199,18 +200,18 @@ impl http_body::Body for Counted {
     }
 }
 
-/// An answer that is not sent yet.
+/// An answer that is not sent completely.
 struct Held {
-    /// None where it was given up.
+    /// None once it was dropped.
     answer: Option<Body>,
-    /// What is left of the piece that was read last.
+    /// The unsent rest of the last piece.
     piece: Bytes,
     memory: Option<Memory>,
-    /// Since when there is something that nobody takes.
+    /// Since when the answer waits for its client; none while the client reads.
     waits_since: Option<Instant>,
 }
 
-/// Gives up an answer that nobody has taken anything of for `limit`.
+/// Drops an answer if its client has read nothing of it for `limit`.
 async fn watch(held: Weak<Mutex<Held>>, limit: Duration) {
     loop {
         tokio::time::sleep(limit / 4).await;
@@ -228,7 +229,7 @@ async fn watch(held: Weak<Mutex<Held>>, limit: Duration) {
             }
         };
         if given_up.is_some() {
-            return tracing::debug!("an answer was given up that its client did not read");
+            return tracing::debug!("an answer was dropped because its client did not read it");
         }
     }
 }
@@ -240,10 +241,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// The body of an answer, in small pieces.
 struct Outgoing {
     held: Arc<Mutex<Held>>,
-    /// Ends with the answer.
+    /// The task of [`watch`]; ends with the answer.
     _watch: AbortOnDropHandle<()>,
     client: Arc<Client>,
-    /// As it was announced, of answers whose size is known.
+    /// The exact size, if it is known.
     size: Option<SizeHint>,
     sent: Counter,
 }
@@ -259,7 +260,7 @@ impl http_body::Body for Outgoing {
         let this = self.get_mut();
         let mut held = lock(&this.held);
         let held = &mut *held;
-        // Whoever asks reads.
+        // The client reads, because the connection asks for the next piece.
         held.waits_since = None;
         if !held.piece.has_remaining() {
             let Some(answer) = held.answer.as_mut() else {

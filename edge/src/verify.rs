@@ -15,12 +15,12 @@ static PROVIDER: CryptoProvider = CryptoProvider {
     key_utils: KeyUtils::new_unimplemented(),
 };
 
-/// Has this process check tokens with ring, unless something else is chosen already.
+/// Makes this process check tokens with ring, unless it has chosen another library already.
 pub(super) fn install() {
     let _ = PROVIDER.install_default();
 }
 
-/// A server only reads tokens.
+/// Always fails, because a server only reads tokens.
 fn no_signer(_: &Algorithm, _: &EncodingKey) -> Result<Box<dyn JwtSigner>, Error> {
     Err(ErrorKind::UnsupportedAlgorithm.into())
 }

@@ -151,8 +151,8 @@ impl Selector {
     /// family decides the generator.
     ///
     /// # Errors
-    /// [`EngineError`] for a family that the engine does not know, and for networks that do not load
-    /// or run.
+    /// [`EngineError`] for a family that the engine does not know, and for networks that do not
+    /// load or run.
     pub fn generator(
         &self,
         pack: &Pack,

@@ -28,7 +28,7 @@ use troupe_base::telemetry::Telemetry;
 use troupe_batch::scheduler::Limits;
 use troupe_batch::{Batcher, GeneratorFactory, PackMetrics};
 use troupe_edge::clients::Clients;
-use troupe_edge::port::{self, Listen, Places, Tls, TlsError, TlsFiles};
+use troupe_edge::port::{self, ConnectionSlots, Listen, Tls, TlsError, TlsFiles};
 use troupe_edge::reload::{self, Source};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
@@ -242,7 +242,7 @@ async fn serve_on(
 
     let max_connections = max_connections(&config)?;
     limits::show(&config, max_connections, &telemetry);
-    let places = Places::new(
+    let slots = ConnectionSlots::new(
         max_connections,
         config.connections_of_address(max_connections),
         &telemetry,
@@ -254,7 +254,7 @@ async fn serve_on(
         clients,
         tls.clone(),
         config.connection_limits(),
-        places,
+        slots,
         stopping,
     );
     let connections = tokio::spawn(accepting);

@@ -1,4 +1,4 @@
-//! The request that a task serves. Its id is in log lines, errors and answers.
+//! The request that a task serves. Log lines, errors and answers carry its id.
 
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
@@ -11,20 +11,19 @@ use super::Trace;
 
 /// Most characters of an id that a caller gives.
 const MAX_ID: usize = 64;
-/// Signs of such an id beside letters and digits.
+/// Other characters than letters and digits that such an id may have.
 const ID_SIGNS: &[u8] = b"-_.:/+=@";
 
 tokio::task_local! {
     static CURRENT: RequestContext;
 }
 
-/// What a request is called. Clones share it.
+/// A request's id, from its caller or made here. Clones share the text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RequestId(Arc<str>);
 
 impl RequestId {
-    /// The id that a caller gave, or a new one where it gave none, or one that is not fit for
-    /// headers and logs.
+    /// The caller's id if it is fit for headers and logs, otherwise a new one.
     pub fn given_or_new(given: Option<&[u8]>) -> Self {
         let fit = |id: &[u8]| {
             (1..=MAX_ID).contains(&id.len())
@@ -39,7 +38,7 @@ impl RequestId {
         }
     }
 
-    /// The id itself.
+    /// At most 64 printable ASCII characters.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -54,32 +53,32 @@ impl Display for RequestId {
 /// The request that a task serves. Clones share it.
 #[derive(Debug, Clone)]
 pub struct RequestContext {
-    /// Its id.
+    /// In log lines, errors and answers.
     pub id: RequestId,
-    /// Its trace, where it has one.
+    /// None if traces are off or the request is not sampled.
     pub trace: Option<Trace>,
 }
 
 impl RequestContext {
-    /// The request that this task serves.
+    /// The request that this task serves; none outside of [`RequestContext::scope`].
     pub fn current() -> Option<Self> {
         CURRENT.try_with(Self::clone).ok()
     }
 
-    /// The trace of the request that this task serves, where it has one.
+    /// The trace of the request that this task serves, if it has one.
     pub fn current_trace() -> Option<Trace> {
         CURRENT.try_with(|request| request.trace.clone()).ok().flatten()
     }
 
-    /// Adds a part to the trace of the request that this task serves: one that began at `from` and
-    /// ends now.
+    /// Adds a span that began at `from` and ends now to the trace of the request that this task
+    /// serves.
     pub fn part(name: &'static str, from: Instant, attributes: impl FnOnce() -> Vec<KeyValue>) {
         if let Some(trace) = Self::current_trace() {
             trace.part(name, from, Instant::now(), attributes());
         }
     }
 
-    /// Does `work` for this request.
+    /// Runs `work` as part of this request: [`RequestContext::current`] gives it there.
     pub async fn scope<T>(self, work: impl Future<Output = T>) -> T {
         CURRENT.scope(self, work).await
     }
@@ -90,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_id_that_is_fit_is_kept_and_any_other_is_replaced() {
+    fn a_fit_id_is_kept_and_any_other_is_replaced() {
         let of = |given: &str| RequestId::given_or_new(Some(given.as_bytes()));
         let longest = "a".repeat(MAX_ID);
         for fit in ["a", "Root=1-67891233-abcdef012345678912345678", longest.as_str()] {
@@ -105,7 +104,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_task_knows_its_request() {
+    async fn a_task_finds_its_request() {
         assert!(RequestContext::current().is_none());
         let id = RequestId::given_or_new(None);
         let context = RequestContext {

@@ -1,7 +1,7 @@
-//! Traces: where the time of a request went, for an OpenTelemetry collector.
+//! Traces for an OpenTelemetry collector: they show how a request spent its time.
 //!
-//! They are off unless an endpoint is set; then they cost a branch. The parts of a request are
-//! measured anyway, so their spans are made once they are over.
+//! They are off unless an endpoint is set, and then cost only a branch. The server measures the
+//! parts of a request anyway, so it makes their spans after they have ended.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -25,18 +25,21 @@ use super::{Counter, Labels, Metric, Seldom, Telemetry};
 
 const SPANS: Metric = Metric::new(
     "troupe_trace_spans_total",
-    "Spans of traces, by outcome: the collector took them (exported) or did not (failed), or too many waited for it (dropped)",
+    "Spans of traces, by outcome: the collector took them (exported) or did not (failed), or too many \
+     waited for it (dropped)",
 );
 
-/// Spans that may wait for the collector. Any more are dropped: nobody waits for a collector.
+/// Spans that may wait for the collector. Further spans are dropped, so that no request ever waits
+/// for a collector.
 const MAX_WAITING: usize = 4096;
-/// Most spans that are sent at once, how often, and for how long at most.
+/// Most spans in one export.
 const EXPORTED_AT_ONCE: usize = 512;
+/// Time between two exports.
 const EXPORT_INTERVAL: Duration = Duration::from_secs(1);
 /// How long the collector may take for a batch of spans.
 pub const EXPORT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What the server is called in traces.
+/// The server's name in traces.
 const SERVICE: &str = "troupe-server";
 
 /// Makes traces. Clones share it.
@@ -47,9 +50,9 @@ pub struct Traces {
 }
 
 impl Traces {
-    /// Traces whose spans go to `exporter`, of that share of requests and plans: 0 to 1. A caller's
-    /// request that is part of a trace already does as that trace does. To be called on a tokio
-    /// runtime.
+    /// Traces whose spans go to `exporter`. `sample_ratio` is the share of requests and plans that
+    /// are traced, 0 to 1. If a request belongs to its caller's trace, the caller has decided
+    /// whether it is sampled. Call this on a tokio runtime.
     pub fn new(exporter: impl SpanExporter + 'static, sample_ratio: f64, telemetry: &Telemetry) -> Self {
         let counter = |outcome| telemetry.counter(&SPANS, &Labels::default().with("outcome", outcome));
         let waiting = Arc::new(AtomicUsize::new(0));
@@ -88,8 +91,8 @@ impl Traces {
         }
     }
 
-    /// Begins the trace of a request, or goes on with its caller's, as `traceparent` says. None
-    /// where it is not sampled.
+    /// Begins the trace of a request, or continues the caller's trace that the header `traceparent`
+    /// names. None if it is not sampled.
     pub fn request(&self, headers: &HeaderMap) -> Option<Trace> {
         let parent = TraceContextPropagator::new().extract_with_context(&Context::new(), &Headers(headers));
         self.begin(
@@ -98,7 +101,7 @@ impl Traces {
         )
     }
 
-    /// Begins a trace of something else that began at `from`. None where it is not sampled.
+    /// Begins a trace of other work that began at `from`. None if it is not sampled.
     pub fn root(&self, name: &'static str, from: Instant) -> Option<Trace> {
         self.begin(
             SpanBuilder::from_name(name).with_start_time(wall(from)),
@@ -116,7 +119,7 @@ impl Traces {
         })
     }
 
-    /// Sends what waits, for a few seconds at most, and ends. This blocks.
+    /// Sends the waiting spans, for at most [`EXPORT_TIMEOUT`], and ends. This blocks.
     pub fn shut_down(&self) {
         if let Err(error) = self.provider.shutdown_with_timeout(EXPORT_TIMEOUT) {
             tracing::debug!(%error, "the last spans were not sent");
@@ -132,29 +135,29 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// The trace's id.
+    /// 32 hexadecimal digits.
     pub fn id(&self) -> String {
         self.context.span().span_context().trace_id().to_string()
     }
 
-    /// The span is of this remote procedure.
+    /// Names the span after its remote procedure.
     pub fn of_rpc(&self, rpc: &'static str) {
         let span = self.context.span();
         span.update_name(rpc);
         span.set_attribute(KeyValue::new("rpc.method", rpc));
     }
 
-    /// Notes something about the span.
+    /// Sets an attribute of the span.
     pub fn note(&self, attribute: KeyValue) {
         self.context.span().set_attribute(attribute);
     }
 
-    /// The server failed at it.
+    /// Marks the span as failed by the server, with a gRPC status code.
     pub fn failed(&self, code: &'static str) {
         self.context.span().set_status(Status::error(code));
     }
 
-    /// Adds a part that took from `from` to `to`.
+    /// Adds a child span that lasted from `from` to `to`.
     pub fn part(&self, name: &'static str, from: Instant, to: Instant, attributes: Vec<KeyValue>) {
         let span = SpanBuilder::from_name(name)
             .with_start_time(wall(from))
@@ -164,7 +167,7 @@ impl Trace {
     }
 }
 
-/// What the clock on the wall said then.
+/// The system time at an instant.
 fn wall(then: Instant) -> SystemTime {
     SystemTime::now() - then.elapsed()
 }
@@ -181,8 +184,8 @@ impl Extractor for Headers<'_> {
     }
 }
 
-/// Lets as many spans through as may wait. The library's own queue would drop them too, but tells
-/// nobody how many.
+/// Drops spans beyond [`MAX_WAITING`] and counts them. The library's own queue would drop them too,
+/// but it does not report how many.
 #[derive(Debug)]
 struct Gate {
     next: BatchSpanProcessor,
@@ -216,7 +219,7 @@ impl SpanProcessor for Gate {
     }
 }
 
-/// Counts what becomes of spans.
+/// Counts exported and failed spans.
 #[derive(Debug)]
 struct Counted<E> {
     next: E,
@@ -283,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_collector_that_hangs_makes_nobody_wait_and_drops_are_counted() {
+    fn a_hanging_collector_delays_no_request_and_drops_are_counted() {
         let (telemetry, collector) = (Telemetry::new().unwrap(), Closed::default());
         let traces = Traces::new(collector.clone(), 1.0, &telemetry);
         let begun = Instant::now();
@@ -303,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_sampled_is_no_trace() {
+    fn an_unsampled_request_has_no_trace() {
         let telemetry = Telemetry::new().unwrap();
         let traces = Traces::new(Closed::default(), 0.0, &telemetry);
         assert!(traces.root("plan", Instant::now()).is_none());

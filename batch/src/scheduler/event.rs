@@ -1,47 +1,46 @@
-//! What happens to a scheduler, and what it has done about it.
+//! The events that a scheduler takes, and the actions that it returns.
 
 use std::time::Duration;
 
-use super::limits::Refusal;
+use super::limits::QueueRefusal;
 use crate::order::{Class, Order};
 
-/// Names a request for as long as it is known to the scheduler. Never reused, and rising with the
-/// arrivals.
+/// Identifies a request. Ids rise with the arrivals and are never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RequestId(pub u64);
 
-/// What happened.
+/// An event, as the callers and workers of a pack cause it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event<'a> {
-    /// A request asks for a place in the queue. Unless an [`Action::Refuse`] follows, it has one.
+    /// A new request. It is in the queue unless an [`Action::Refuse`] follows.
     Arrived {
         /// The new request.
         request: RequestId,
-        /// How many characters it carries; at least one.
+        /// Characters of the request, at least one.
         characters: usize,
-        /// Its claim on a place.
+        /// Decides its position in the queue.
         order: Order,
     },
-    /// Nobody waits for the request's answer any more.
+    /// The caller no longer waits for the request's answer.
     Gone {
         /// The abandoned request.
         request: RequestId,
     },
-    /// A worker that has not been ready yet tried how fast it is.
+    /// A starting worker measured its speed with a trial batch.
     Tried {
-        /// Characters of a batch.
+        /// Characters of the trial batch.
         characters: usize,
-        /// How long it took.
+        /// Time for the trial batch.
         took: Duration,
     },
-    /// A worker is between two steps: it has started, was woken, or a step (a batch, where the
-    /// family has one step) has ended.
+    /// A worker is between two steps: it has started, was woken, or has ended a step. (In a family
+    /// with one step, a step is a whole batch.)
     Ready(Ready<'a>),
-    /// A worker will step no more.
+    /// A worker panicked.
     WorkerLost {
-        /// Its number.
+        /// Number of the worker, from 0.
         worker: usize,
-        /// What it had.
+        /// All characters that were with it.
         finished: &'a [Finished],
     },
 }
@@ -49,78 +48,78 @@ pub enum Event<'a> {
 /// A worker between two steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ready<'a> {
-    /// Its number.
+    /// Number of the worker, from 0.
     pub worker: usize,
-    /// How many more characters it takes.
+    /// How many more characters it can take.
     pub room: usize,
-    /// Whether it has nothing left to do.
+    /// Whether it has no jobs.
     pub is_idle: bool,
-    /// How long the step that has ended took; none where it did none.
+    /// Time of the step that has just ended; none if no step came before.
     pub took: Option<Duration>,
-    /// What is over with that step, or was dropped before it.
+    /// Characters that were finished in that step or cancelled before it.
     pub finished: &'a [Finished],
 }
 
-/// Characters of a request that are with a worker no more.
+/// Characters of a request that have left their worker: done, failed or cancelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Finished {
-    /// The request.
+    /// The request to which they belong.
     pub request: RequestId,
-    /// How many.
+    /// How many have left, at least one.
     pub characters: usize,
 }
 
-/// What to do about it.
+/// An action, which the caller of [`Scheduler::step`](super::Scheduler::step) must carry out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
-    /// The request has no place in the queue; it is forgotten.
+    /// The request is not in the queue; the scheduler has forgotten it.
     Refuse {
         /// The refused request.
         request: RequestId,
-        /// Why.
-        refusal: Refusal,
+        /// Whether the queue was full or too slow.
+        refusal: QueueRefusal,
     },
-    /// A newer plan of the same owner has the place of this one, which is forgotten.
+    /// A newer plan of the same owner replaced this one, which the scheduler has forgotten.
     Supersede {
         /// The older request.
         request: RequestId,
     },
-    /// What is left of the request has expired, and is forgotten.
+    /// The waiting rest of the request has expired, and the scheduler has forgotten it.
     Expire {
         /// The expired request.
         request: RequestId,
-        /// How long it waited.
+        /// Time since its arrival.
         waited: Duration,
     },
-    /// The rest of an abandoned request has left the queue unserved.
+    /// The waiting rest of an abandoned request has left the queue.
     Drop {
         /// The abandoned request.
         request: RequestId,
         /// Characters that will not be served.
         characters: usize,
     },
-    /// The worker takes these along into its next step.
+    /// A worker gets new jobs for its next step.
     Start(Batch),
-    /// An idle worker has something to do: it is to say [`Event::Ready`] again.
+    /// Wake an idle worker. It then sends [`Event::Ready`] again.
     Wake {
-        /// Its number.
+        /// Number of the worker, from 0.
         worker: usize,
     },
 }
 
-/// Why a batch is as it is.
+/// Why a batch was formed, and why it is no larger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BatchReason {
-    /// The worker was idle when the work arrived.
+    /// An idle worker took all ready work.
     Idle,
-    /// The worker came from a step and took what waited.
+    /// A worker took all ready work after a step.
     Backlog,
-    /// More waits than fits.
+    /// More work was ready than the worker took.
     Full,
 }
 
 impl BatchReason {
-    /// All of them, in the order of their numbers.
+    /// In the order of the discriminants.
     pub const ALL: [Self; 3] = [Self::Idle, Self::Backlog, Self::Full];
 
     /// The reason as a metric label.
@@ -133,28 +132,28 @@ impl BatchReason {
     }
 }
 
-/// What a worker is to take: parts of requests, the most urgent first.
+/// New jobs for a worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Batch {
-    /// The worker.
+    /// Number of the worker, from 0.
     pub worker: usize,
-    /// Never empty.
-    pub parts: Vec<Part>,
-    /// Why it is as it is.
+    /// The most urgent first; never empty.
+    pub slices: Vec<RequestSlice>,
+    /// For the metrics.
     pub reason: BatchReason,
 }
 
 /// Consecutive characters of one request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part {
-    /// The request they belong to.
+pub struct RequestSlice {
+    /// The request to which they belong.
     pub request: RequestId,
-    /// Its class.
+    /// Class of the request, for the metrics.
     pub class: Class,
     /// Index of the first character within the request.
     pub first: usize,
     /// How many characters, at least one.
     pub characters: usize,
-    /// How long they waited since the request's arrival.
+    /// Time since the request's arrival.
     pub waited: Duration,
 }

@@ -1,36 +1,36 @@
-//! The limits that a scheduler keeps.
+//! Limits of a scheduler, and the refusals that follow from them.
 
 use std::time::Duration;
 
 use crate::order::Class;
 
-/// Shortest time after which it is worth to try again.
+/// Shortest time after which a refused caller should try again.
 const MIN_RETRY: Duration = Duration::from_millis(10);
 
-/// The limits that a scheduler keeps.
+/// The limits of a pack's scheduler. The engine and the server's options decide them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Workers of the pack.
     pub workers: usize,
-    /// Most characters that a worker takes at once.
+    /// Most characters in a batch.
     pub max_batch: usize,
-    /// Rows of the engine's largest call, where it cuts batches into calls; else 0. More than a
-    /// call is taken in whole calls: rows beyond them would run in small ones, which cost more a
-    /// row.
+    /// Rows of the engine's largest call if it cuts batches into calls; otherwise 0. A batch larger
+    /// than one call consists of whole calls, because further rows would need small calls, which
+    /// cost more per row.
     pub call_rows: usize,
-    /// Longest time of what a worker takes at once, by measure; zero for no such limit.
+    /// Longest time of a batch, estimated from measured steps; zero for no limit.
     pub max_batch_time: Duration,
-    /// Most characters of calls that may wait.
+    /// Most waiting characters of calls.
     pub max_queued: usize,
-    /// Most characters of live plans that may wait. A session has one at most, so with a place for
-    /// each session none is ever refused, however many calls wait.
+    /// Most waiting characters of plans. A session has at most one, so if this is at least the
+    /// number of sessions, no plan is ever refused, however many calls wait.
     pub max_live: usize,
-    /// A call that would wait for longer than this is refused; zero for no such limit.
+    /// A call that would wait for longer than this is refused; zero for no limit.
     pub max_wait: Duration,
-    /// What calls wait for before they go in front of live plans.
+    /// How long a call waits before it goes in front of live plans.
     pub ageing: Duration,
-    /// One of so many places goes to a call first, where one waits; 0 for none. Of a large crowd
-    /// some plans always wait, and made each call wait for `ageing`, or be refused.
+    /// One in so many places of batches goes to a waiting call; 0 for none. In a large crowd some
+    /// plans always wait, and would make each call wait for `ageing` or be refused.
     pub call_share: usize,
 }
 
@@ -40,7 +40,7 @@ impl Default for Limits {
             workers: 1,
             max_batch: 64,
             call_rows: 0,
-            // Two frames at 30 Hz: half of the usual look-ahead of a plan is left for its own
+            // Two frames at 30 Hz. Half of a plan's usual look-ahead is then left for its own
             // batch.
             max_batch_time: Duration::from_millis(66),
             max_queued: 1024,
@@ -53,17 +53,18 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// What is added to a deadline of the class, to order it among those of the other.
+    /// Added to the deadlines of the class, to compare them with those of other classes.
     pub fn class_offset(&self, class: Class) -> Duration {
         match class {
             Class::Live => Duration::ZERO,
-            // Behind what is shown by the clock, and before what nobody sees yet.
+            // After frames that the clock shows, and before calls.
             Class::Step => self.ageing / 2,
             Class::Request => self.ageing,
         }
     }
 
-    /// The most of so many characters that fill whole calls; all of them if they are less than one.
+    /// The largest number of characters that fills whole calls, at most `characters`. If they fill
+    /// no call, all of them.
     pub fn whole_calls(&self, characters: usize) -> usize {
         match characters.checked_rem(self.call_rows) {
             Some(rest) if characters > self.call_rows => characters - rest,
@@ -71,7 +72,7 @@ impl Limits {
         }
     }
 
-    /// Most characters of the class that may wait.
+    /// Most waiting characters of the class.
     pub fn room(&self, class: Class) -> usize {
         match class {
             Class::Live | Class::Step => self.max_live,
@@ -80,19 +81,20 @@ impl Limits {
     }
 }
 
-/// Why a request has no place in the queue.
+/// Why the queue refuses a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Refusal {
-    /// Characters that wait, of all classes.
+pub struct QueueRefusal {
+    /// Waiting characters of all classes.
     pub pending_characters: usize,
-    /// How long a request of the class would wait.
+    /// How long a request of this class would wait.
     pub expected_wait: Duration,
-    /// Whether there is no room; else the wait is too long.
+    /// Whether the queue is full; otherwise the wait is too long.
     pub full: bool,
 }
 
-impl Refusal {
-    /// When what waits now should have started.
+impl QueueRefusal {
+    /// How long the caller should wait before it tries again: until the requests that wait now
+    /// should have started.
     pub fn retry_after(&self) -> Duration {
         self.expected_wait.max(MIN_RETRY)
     }

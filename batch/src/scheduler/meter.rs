@@ -1,39 +1,40 @@
-//! How fast the workers are, and how fast calls leave the queue: the base of every expectation.
+//! Measures the speed of the workers and the rate at which calls leave the queue. All estimates of
+//! the scheduler come from here.
 
 use std::time::{Duration, Instant};
 
-/// Time of a character on a worker before any was measured. It counts as one character of the
-/// measurements to come.
+/// Assumed time of a character on a worker before any measurement. It has the weight of one
+/// measured character.
 const FIRST_GUESS_S: f64 = 0.005;
-/// What is left of older measurements of the workers after each step that finishes something.
+/// Factor on the weight of older worker measurements after each step that finishes a character.
 const WORKER_MEMORY: f64 = 0.9;
 /// Time, in seconds, after which older measurements of the queue have lost two thirds of their
 /// weight.
 const QUEUE_MEMORY_S: f64 = 0.5;
-/// Time, in seconds, that calls are taken to have left at the workers' full speed when they begin
-/// to pile up.
+/// Weight, in seconds, of the first estimate when calls begin to wait: that they leave at the
+/// workers' full speed.
 const QUEUE_PRIOR_S: f64 = 0.1;
-/// The longest wait that is told: where hardly any call leaves, treat it as infinite.
+/// Longest estimate of a wait. If hardly any call leaves the queue, the estimate would be infinite.
 const LONGEST_WAIT_S: f64 = 3600.0;
 
 /// Two measures.
 ///
-/// - **Workers**: a worker's time for one character, over the latest steps. It tells how many a
-///   worker does in a given time.
-/// - **Queue**: characters of calls that left a second, over the latest time during which some were
-///   left waiting. It includes what live plans took away from them, and tells how long a call would
-///   wait (Little's law).
+/// - **Workers**: a worker's mean time for one character, over the latest steps. It gives the
+///   number of characters that a worker does in a given time.
+/// - **Queue**: characters of calls that left the queue per second, over the latest time with a
+///   backlog of calls. It accounts for the plans that are served in between, and gives the expected
+///   wait of a call (Little's law).
 #[derive(Debug)]
 pub(super) struct Meter {
     workers: usize,
     worker_time_s: f64,
     characters: f64,
-    /// Time of steps since something was last finished: characters that need many steps pay for all
-    /// of them.
+    /// Time of steps since a step last finished a character. The next finished characters pay for
+    /// all of it, because a character may need many steps.
     open_s: f64,
     queue_time_s: f64,
     queue_characters: f64,
-    /// Since when calls are left waiting, without a look at how many left.
+    /// If calls wait: the last time at which the calls that left were counted.
     backlog_since: Option<Instant>,
 }
 
@@ -50,7 +51,7 @@ impl Meter {
         }
     }
 
-    /// A step took so long, and so many characters are done with it.
+    /// A step took this long and finished so many characters.
     pub(super) fn stepped(&mut self, took: Duration, characters: usize) {
         self.open_s += took.as_secs_f64();
         if characters > 0 {
@@ -60,13 +61,13 @@ impl Meter {
         }
     }
 
-    /// There is a worker less.
+    /// A worker is lost.
     pub(super) fn lost(&mut self) {
         self.workers = self.workers.saturating_sub(1);
     }
 
-    /// So many characters of calls have left the queue since the last time this was told, and some,
-    /// or none, are left.
+    /// So many characters of calls have left the queue since the last time. `some_wait` is whether
+    /// further ones wait.
     pub(super) fn left(&mut self, now: Instant, characters: usize, some_wait: bool) {
         match self.backlog_since {
             Some(since) => {
@@ -83,7 +84,7 @@ impl Meter {
         self.backlog_since = some_wait.then_some(now);
     }
 
-    /// How long it should take until so many characters of calls have left.
+    /// Expected time until so many characters of calls have left the queue.
     pub(super) fn wait(&self, characters: usize) -> Duration {
         if characters == 0 {
             return Duration::ZERO;
@@ -95,12 +96,12 @@ impl Meter {
         Duration::from_secs_f64((characters as f64 * character_s).min(LONGEST_WAIT_S))
     }
 
-    /// Characters that a worker should do in `time`.
+    /// Expected number of characters that a worker does in `time`.
     pub(super) fn within(&self, time: Duration) -> usize {
         (time.as_secs_f64() / self.character_s()) as usize
     }
 
-    /// A worker's time for one character.
+    /// A worker's mean time for one character.
     pub(super) fn character_time(&self) -> Duration {
         Duration::from_secs_f64(self.character_s())
     }

@@ -1,25 +1,26 @@
-//! What waits, in its order, and whose it is.
+//! The queue: waiting requests in their order, and the plans of each owner.
 
 use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
-use super::event::{Part, RequestId};
+use super::event::{RequestId, RequestSlice};
 use crate::order::{Class, Order, OwnerId};
 
-/// A request that still has characters that wait.
+/// A request with waiting characters.
 #[derive(Debug)]
 pub(super) struct Waiting {
     order: Order,
-    /// Its virtual deadline.
+    /// The virtual deadline; see the scheduler's documentation.
     due: Instant,
     arrived: Instant,
-    /// The first character that waits.
+    /// Index of the first waiting character.
     next: usize,
+    /// Number of waiting characters.
     left: usize,
 }
 
 impl Waiting {
-    /// Its characters, where it is of that class.
+    /// The number of waiting characters if the request is of that class, otherwise 0.
     pub(super) fn pending(&self, class: Class) -> usize {
         if self.order.class == class { self.left } else { 0 }
     }
@@ -28,59 +29,59 @@ impl Waiting {
 /// The plans of one owner.
 #[derive(Debug, Default)]
 struct Owner {
-    /// The one of which some part is, or was, with a worker.
+    /// The plan that has at least partly gone to workers.
     active: Option<RequestId>,
-    /// Characters of it that are with workers now.
+    /// Characters of the active plan that are with workers now.
     running: usize,
-    /// The one that waits, and will be in the queue once there is no active one.
+    /// The waiting plan. It becomes ready once no plan is active.
     waiting: Option<RequestId>,
 }
 
-/// What was taken from the front of the queue.
+/// Taken from the front of the queue.
 #[derive(Debug)]
 pub(super) enum Take {
-    Part(Part),
+    Slice(RequestSlice),
     Expired { request: RequestId, waited: Duration },
 }
 
-/// Everything that waits. All it does takes logarithmic time in what waits, at most.
+/// The waiting requests. Every operation takes at most logarithmic time in their number.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     requests: HashMap<RequestId, Waiting>,
-    /// Those that may start, by virtual deadline and arrival.
+    /// Requests that may start, by virtual deadline and arrival.
     ready: BTreeSet<(Instant, RequestId)>,
-    /// Calls among them.
+    /// The calls among them.
     ready_calls: BTreeSet<(Instant, RequestId)>,
     ready_characters: usize,
     pending: [usize; Class::ALL.len()],
     owners: HashMap<OwnerId, Owner>,
-    /// Owners of the requests of which characters are with workers.
+    /// Owners of the requests with characters on workers.
     running: HashMap<RequestId, OwnerId>,
 }
 
 impl Queue {
-    /// Requests that wait.
+    /// Number of waiting requests.
     pub(super) fn len(&self) -> usize {
         self.requests.len()
     }
 
-    /// Characters of a class that wait.
+    /// Number of waiting characters of a class.
     pub(super) fn pending(&self, class: Class) -> usize {
         self.pending[class as usize]
     }
 
-    /// Characters that may start.
+    /// Number of characters that may start.
     pub(super) fn ready(&self) -> usize {
         self.ready_characters
     }
 
-    /// The plan of an owner that a newer one would replace.
+    /// The waiting plan of an owner, which a newer one would replace.
     pub(super) fn waiting_of(&self, owner: OwnerId) -> Option<&Waiting> {
         let waiting = self.owners.get(&owner)?.waiting?;
         self.requests.get(&waiting)
     }
 
-    /// Adds a request, and answers which one it replaces.
+    /// Adds a request, and returns the one that it replaces.
     pub(super) fn add(
         &mut self,
         now: Instant,
@@ -113,8 +114,8 @@ impl Queue {
         older
     }
 
-    /// Takes up to `room` characters, at least one, of the most urgent request, or of the most
-    /// urgent call.
+    /// Takes up to `room` characters, at least one, of the most urgent request. With `calls_only`,
+    /// of the most urgent call.
     pub(super) fn take(&mut self, now: Instant, room: usize, calls_only: bool) -> Option<Take> {
         let &(due, request) = match calls_only {
             true => self.ready_calls.first()?,
@@ -127,17 +128,17 @@ impl Queue {
             return Some(Take::Expired { request, waited });
         }
         let Order { class, owner, .. } = waiting.order;
-        let part = Part {
+        let slice = RequestSlice {
             request,
             class,
             first: waiting.next,
             characters: waiting.left.min(room),
             waited,
         };
-        waiting.next += part.characters;
-        waiting.left -= part.characters;
-        self.pending[class as usize] -= part.characters;
-        self.ready_characters -= part.characters;
+        waiting.next += slice.characters;
+        waiting.left -= slice.characters;
+        self.pending[class as usize] -= slice.characters;
+        self.ready_characters -= slice.characters;
         if waiting.left == 0 {
             self.requests.remove(&request);
             self.ready.remove(&(due, request));
@@ -149,13 +150,13 @@ impl Queue {
                 owner.waiting = None;
             }
             owner.active = Some(request);
-            owner.running += part.characters;
+            owner.running += slice.characters;
             self.running.insert(request, id);
         }
-        Some(Take::Part(part))
+        Some(Take::Slice(slice))
     }
 
-    /// Forgets what is left of a request, and answers how much that was.
+    /// Removes the waiting rest of a request, and returns its number of characters.
     pub(super) fn forget(&mut self, request: RequestId) -> Option<usize> {
         let waiting = self.remove(request)?;
         if let Some(owner) = waiting.order.owner {
@@ -169,7 +170,7 @@ impl Queue {
         Some(waiting.left)
     }
 
-    /// So many characters of a request are with a worker no more.
+    /// So many characters of a request have left their worker.
     pub(super) fn finish(&mut self, request: RequestId, characters: usize) {
         let Some(&id) = self.running.get(&request) else {
             return;
@@ -183,7 +184,7 @@ impl Queue {
         self.release(id);
     }
 
-    /// Lets an owner's next plan into the queue where nothing of its active one is left.
+    /// Makes an owner's waiting plan ready if no character of its active plan waits or runs.
     fn release(&mut self, id: OwnerId) {
         let Some(owner) = self.owners.get_mut(&id) else {
             return;
@@ -212,7 +213,7 @@ impl Queue {
         self.ready_characters += characters;
     }
 
-    /// Takes a request out of everything but its owner's plans.
+    /// Removes a request from all fields but `owners`.
     fn remove(&mut self, request: RequestId) -> Option<Waiting> {
         let waiting = self.requests.remove(&request)?;
         self.pending[waiting.order.class as usize] -= waiting.left;

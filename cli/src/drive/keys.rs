@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn where_releases_are_told_they_count() {
+    fn releases_count_if_the_terminal_reports_them() {
         let mut controls = controls(true);
         let now = Instant::now();
         let later = now + Duration::from_secs(5);

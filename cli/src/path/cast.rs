@@ -128,7 +128,7 @@ speed = 1.0
     }
 
     #[test]
-    fn what_is_wrong_is_told_by_its_line() {
+    fn errors_name_their_line() {
         for (text, wanted) in [
             ("title = 'Empty'", "no [[character]]"),
             (

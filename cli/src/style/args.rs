@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn flags_out_of_place_are_told() {
+    fn misplaced_flags_are_reported() {
         for (line, wanted) in [
             ("x", "--clip <FILE>"),
             (

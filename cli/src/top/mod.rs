@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_had_is_told() {
+    fn missing_metrics_are_reported() {
         let mut view = View::new("http://127.0.0.1:8080");
         view.notes
             .push("metrics: the server refused: it needs the role metrics".to_owned());

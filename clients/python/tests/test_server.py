@@ -238,7 +238,7 @@ def test_fifty_characters_go_as_arrays_say(client: troupe.Client) -> None:
         assert crowd.step().faults == ()
 
 
-def test_a_crowd_of_which_nobody_is_left_says_so_of_each(client: troupe.Client) -> None:
+def test_a_step_of_an_empty_crowd_names_each_lost_member(client: troupe.Client) -> None:
     with client.crowd(3) as crowd:
         client.close_sessions([of.id for of in crowd])
         step = crowd.step()

@@ -1,25 +1,25 @@
-//! Who calls, and what its key gives it a right to.
+//! The identity of a caller: its role, tenant and quota.
 
 use std::sync::Arc;
 
 use troupe_base::tenant::Tenant;
 
-/// What a caller may do.
+/// The calls that a caller may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// Read metrics, and nothing else.
+    /// Reads metrics and nothing else.
     Metrics,
-    /// Ask for motion, drive sessions, and read all else but metrics.
+    /// Generates motion, drives sessions, and reads everything but metrics.
     Drive,
-    /// Also write styles, scenes and object definitions.
+    /// As `Drive`, and writes styles, scenes and object definitions.
     Author,
-    /// Also read metrics.
+    /// As `Author`, and reads metrics.
     Admin,
 }
 
 impl Role {
-    /// Its name in files and messages.
+    /// The role's name in files and messages, lower case.
     pub fn name(self) -> &'static str {
         match self {
             Self::Metrics => "metrics",
@@ -29,7 +29,7 @@ impl Role {
         }
     }
 
-    /// Whether it may do what needs the role `needed`.
+    /// Whether the role allows a call that needs `needed`.
     pub fn may(self, needed: Self) -> bool {
         match needed {
             Self::Metrics => matches!(self, Self::Metrics | Self::Admin),
@@ -37,7 +37,7 @@ impl Role {
         }
     }
 
-    /// The roles that may do what needs this one, for messages.
+    /// The roles that allow a call which needs this one, for messages.
     pub fn and_above(self) -> &'static str {
         match self {
             Self::Metrics => "metrics or admin",
@@ -48,26 +48,26 @@ impl Role {
     }
 }
 
-/// Who calls. Requests carry it as an extension where the server asks for keys; without keys nobody
-/// is known.
+/// A caller. If the server asks for keys, each request carries it as an extension. Without keys,
+/// callers have no identity.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
     /// The key's name, or the subject of the token.
     pub name: Arc<str>,
-    /// What it may do.
+    /// Decides which calls the caller may use.
     pub role: Role,
-    /// Whose it is, where that is said.
+    /// None if the key or token names no tenant.
     pub tenant: Tenant,
 }
 
-/// What one key may have at a time. What is not said is as for every client.
+/// Limits of one key. A missing one is as for every client.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Quota {
-    /// Sessions that it opened and that are still open.
+    /// Most open sessions that the key has opened.
     pub sessions: Option<usize>,
-    /// Streams.
+    /// Most open streams.
     pub streams: Option<usize>,
-    /// Bytes of requests and answers on their way.
+    /// Most bytes of requests and answers in transfer.
     pub bytes: Option<usize>,
 }
 
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_role_may_what_those_before_it_may_but_metrics_is_apart() {
+    fn a_role_includes_lower_roles_but_metrics_is_separate() {
         use Role::{Admin, Author, Drive, Metrics};
         for (role, may) in [
             (Metrics, vec![Metrics]),

@@ -100,7 +100,7 @@ fn a_key_may_have_quotas_of_its_own() {
         error.to_string().contains("(transfer_memory_mib of the key)"),
         "{error}"
     );
-    // Another quota counts anew, with the same connection.
+    // A new quota counts from zero, on the same connection.
     let wider = Quota {
         streams: Some(2),
         ..quota
@@ -136,7 +136,7 @@ fn sessions_of_a_quota_count_until_they_are_gone() {
 }
 
 #[test]
-fn accounts_that_nobody_uses_are_forgotten_and_others_are_not() {
+fn unused_accounts_are_forgotten_and_others_are_not() {
     let clients = clients();
     let connection = clients.connected(address(1));
     let quota = Quota {

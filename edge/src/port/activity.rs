@@ -1,4 +1,4 @@
-//! What goes on on a connection: calls that are open, and bytes that wait to be sent.
+//! The activity on a connection: open calls, and bytes that wait to be sent.
 
 use std::convert::Infallible;
 use std::io::{self, IoSlice};
@@ -17,31 +17,31 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, sleep, sleep_until};
 use tower::Service;
 
-use super::places::Place;
+use super::slots::ConnectionSlot;
 
 use crate::clients::Client;
 
-/// How often a connection that closes is looked at while it has something to do.
+/// Time between two checks whether a closing connection is done.
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What goes on on one connection.
+/// The activity on one connection.
 #[derive(Debug)]
 pub(super) struct Activity {
     born: Instant,
-    /// Calls from the head of their request to the end of their answer.
+    /// Number of open calls. A call is open from its request's head to the end of its answer.
     open: AtomicUsize,
-    /// Those of them whose request is here as a whole, or whose answer has begun.
+    /// Number of open calls whose request has arrived completely, or whose answer has begun.
     serving: AtomicUsize,
-    /// Whether the client takes less than there is to send.
+    /// Whether bytes wait to be sent because the client does not read them.
     blocked: AtomicBool,
-    /// When a call was last open, and bytes were last sent, in milliseconds since the connection's
-    /// birth.
+    /// When a call was last open, milliseconds since `born`.
     called_ms: AtomicU64,
+    /// When bytes were last sent, milliseconds since `born`.
     sent_ms: AtomicU64,
 }
 
 impl Activity {
-    /// That of a connection which begins now.
+    /// For a connection that begins now.
     pub(super) fn new() -> Arc<Self> {
         Arc::new(Self {
             born: Instant::now(),
@@ -61,7 +61,7 @@ impl Activity {
         self.born + Duration::from_millis(ms)
     }
 
-    /// Whether a call would be lost if the connection were cut.
+    /// Whether cutting the connection would lose a call.
     pub(super) fn is_serving(&self) -> bool {
         self.serving.load(Ordering::Acquire) > 0 || self.blocked.load(Ordering::Acquire)
     }
@@ -81,7 +81,7 @@ impl Activity {
         }
     }
 
-    /// Waits until nothing has been served and sent for `grace`, from now on.
+    /// Waits until nothing was served or sent for `grace`, counted from now.
     pub(super) async fn quiet(&self, grace: Duration) {
         let begun = Instant::now();
         loop {
@@ -118,7 +118,7 @@ impl Call {
         })
     }
 
-    /// From here on the call can be finished whatever the client does.
+    /// The request has arrived completely, so the server can finish the call.
     fn serve(&self) {
         if !self.serving.swap(true, Ordering::AcqRel) {
             self.activity.serving.fetch_add(1, Ordering::AcqRel);
@@ -137,7 +137,8 @@ impl Drop for Call {
     }
 }
 
-/// The routes, with an eye on the calls of one connection. Requests carry whose connection it is.
+/// The routes for one connection. Counts its calls, and gives each request its client as an
+/// extension.
 #[derive(Clone)]
 pub(super) struct Watched {
     router: Router,
@@ -182,7 +183,7 @@ where
     }
 }
 
-/// A body of a call's request or answer, which keeps the call open.
+/// The body of a request or an answer. Keeps its call open.
 pub(super) struct CallBody<B> {
     body: B,
     call: Arc<Call>,
@@ -206,7 +207,7 @@ impl<B: HttpBody + Unpin> HttpBody for CallBody<B> {
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Self::Data>, Self::Error>>> {
         let frame = ready!(Pin::new(&mut self.body).poll_frame(context));
-        // Of an answer's body this says nothing new: its call is served already.
+        // For an answer this changes nothing, because its call is being served already.
         if frame.is_none() || self.body.is_end_stream() {
             self.call.serve();
         }
@@ -222,23 +223,23 @@ impl<B: HttpBody + Unpin> HttpBody for CallBody<B> {
     }
 }
 
-/// A connection's bytes. Its place is taken for as long as they can flow: those of a WebSocket
-/// outlive HTTP.
+/// A connection's stream of bytes. It holds the connection's slot, because a WebSocket uses the
+/// stream longer than HTTP does.
 pub(super) struct Held<T> {
     stream: T,
     activity: Arc<Activity>,
-    /// Whether bytes that were taken wait to be sent: those of TLS do.
+    /// Whether a flush is pending. TLS buffers bytes that were written.
     unsent: bool,
-    _place: Place,
+    _slot: ConnectionSlot,
 }
 
 impl<T> Held<T> {
-    pub(super) fn new(stream: T, activity: Arc<Activity>, place: Place) -> Self {
+    pub(super) fn new(stream: T, activity: Arc<Activity>, slot: ConnectionSlot) -> Self {
         Self {
             stream,
             activity,
             unsent: false,
-            _place: place,
+            _slot: slot,
         }
     }
 

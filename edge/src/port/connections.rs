@@ -14,74 +14,77 @@ use tokio::sync::watch;
 
 use super::activity::{Activity, Held, Watched};
 use super::listen::Listen;
-use super::places::{Place, Places};
+use super::slots::{ConnectionSlot, ConnectionSlots};
 use super::tls::Tls;
 use crate::clients::Clients;
 use troupe_base::telemetry::Seldom;
 
-/// How long to pause where the system has no more file handles.
+/// Pause after a failed accept. Usually the process has no free file handles then.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
-/// How long a TLS handshake may take at most.
+/// Longest time of a TLS handshake.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(10);
-/// How long a connection that closes may still take to complete a request.
+/// How long a closing connection may take to complete a request that has begun.
 const HALF_REQUEST_GRACE: Duration = Duration::from_secs(1);
-/// How long a connection beyond the limit may take, in all and between two calls.
+/// Longest life of a connection beyond the limit.
 const RESERVE_TIMEOUT: Duration = Duration::from_secs(5);
+/// How long a connection beyond the limit may be without a call.
 const RESERVE_IDLE_TIMEOUT: Duration = Duration::from_millis(500);
-/// Bytes that an HTTP/2 client may send ahead of what is read, for a call and for all of a
-/// connection. HTTP/2's own 64 KiB for both would have a burst of calls come in crumbs; and of each
-/// small frame that is not yet read, or that comes for a call which is over, h2 takes a part of
-/// half the connection's window, and closes the connection where nothing of it is left. Frames that
-/// are read, and large ones, give it back. So that is room for the small frames of 16 thousand
-/// calls.
+/// Unread bytes that an HTTP/2 client may send for one call.
+///
+/// This and the connection's window are larger than HTTP/2's default of 64 KiB for two reasons.
+/// With the default, a burst of calls would arrive in tiny portions. And h2 has a budget of half
+/// the connection's window for small frames that are unread or belong to ended calls. It closes
+/// the connection if the budget is spent. Frames that are read, and large frames, give the budget
+/// back. With 8 MiB it lasts for the small frames of 16 thousand calls.
 const CALL_WINDOW_BYTES: u32 = 1 << 20;
+/// Unread bytes that an HTTP/2 client may send on a connection.
 const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
-/// Calls that a client may have given up before the server has seen them. A client may well give up
-/// all that it asks for at once; by default that would end the connection, with all other calls on
-/// it, from the 21st on. A limit there must be, for such calls cost a server more than the client
-/// (CVE-2023-44487).
-const MAX_GIVEN_UP_UNSEEN: usize = 1024;
-/// Headers of a request beyond which the library itself refuses it, with an empty answer: how many
-/// there may be over HTTP/1, and their bytes over HTTP/2. `head.rs` has the limit for requests
-/// that get a full answer.
+/// Calls on a connection that a client may cancel before the server has seen them. A client may
+/// well cancel all its calls at once. With the library's default, the 21st would end the connection
+/// with all its other calls. There must be a limit, because such calls cost the server more than
+/// the client (CVE-2023-44487).
+const MAX_CANCELLED_UNSEEN: usize = 1024;
+/// Most headers of an HTTP/1 request. With more, the library itself refuses the request with an
+/// empty answer. `head.rs` has the lower limit for requests that get a full answer.
 const MAX_HEADERS: usize = 512;
+/// Most bytes of the headers of an HTTP/2 request, as [`MAX_HEADERS`].
 const MAX_HEAD_BYTES: u32 = 64 << 10;
-/// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
+/// The first bytes of an HTTP/2 connection (RFC 9113, section 3.4).
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
-/// What connections get an answer from.
+/// The routes that answer requests.
 #[derive(Debug, Clone)]
 pub struct Routes {
-    /// All routes.
+    /// For connections within the limit.
     pub all: Router,
-    /// Those of connections beyond the limit.
+    /// For connections beyond the limit; see [`reserve`](crate::reserve::reserve).
     pub reserve: Router,
 }
 
-/// How long connections may take, and how much each may ask for at a time.
+/// Limits of each connection.
 #[derive(Debug, Clone, Copy)]
 pub struct ConnectionLimits {
-    /// To begin a request, and for each head of one.
+    /// Longest time to the first bytes of a request, and for the headers of each request.
     pub request: Duration,
-    /// Without a call.
+    /// Longest time without a call.
     pub idle: Duration,
-    /// Between two signs of life over HTTP/2, and for the answer to one.
+    /// Time between two HTTP/2 pings, and longest time to the answer to one.
     pub keepalive: Duration,
-    /// To finish what has begun when the server stops.
+    /// Longest time to finish open requests when the server stops.
     pub drain: Duration,
-    /// Most calls that are open on a connection of HTTP/2.
+    /// Most open calls on an HTTP/2 connection.
     pub max_calls: u32,
 }
 
-/// Accepts until told to stop, then waits for requests in flight, at most for the configured time.
-/// Answers whether all of them finished.
+/// Accepts connections until `stopping` is true, then waits for open requests, for at most
+/// [`ConnectionLimits::drain`]. Returns whether all of them finished.
 pub async fn accept<L: Listen>(
     mut listener: L,
     routes: Routes,
     clients: Arc<Clients>,
     tls: Option<Arc<Tls>>,
     limits: ConnectionLimits,
-    places: Arc<Places>,
+    slots: Arc<ConnectionSlots>,
     mut stopping: watch::Receiver<bool>,
 ) -> bool {
     let connections = Arc::new(Connections {
@@ -89,7 +92,7 @@ pub async fn accept<L: Listen>(
         routes,
         clients,
         tls,
-        places: places.clone(),
+        slots: slots.clone(),
         first_bytes_timeout: limits.request,
         idle_timeout: limits.idle,
         lost: AtomicUsize::new(0),
@@ -104,7 +107,7 @@ pub async fn accept<L: Listen>(
         let (stream, from) = match accepted {
             Ok(accepted) => accepted,
             Err(error) => {
-                places.not_accepted();
+                slots.not_accepted();
                 if let Some(held_back) = not_accepted.next(Instant::now()) {
                     tracing::warn!(%error, held_back, "cannot accept a connection");
                 }
@@ -112,10 +115,10 @@ pub async fn accept<L: Listen>(
                 continue;
             }
         };
-        match places.take(from.ip()) {
-            Ok(place) => {
+        match slots.take(from.ip()) {
+            Ok(slot) => {
                 let (connections, watcher) = (connections.clone(), watcher.clone());
-                tokio::spawn(async move { connections.serve::<L>(stream, place, watcher).await });
+                tokio::spawn(async move { connections.serve::<L>(stream, slot, watcher).await });
             }
             Err(reason) => {
                 if let Some(held_back) = refused.next(Instant::now()) {
@@ -141,32 +144,32 @@ pub async fn accept<L: Listen>(
     lost == 0
 }
 
-/// Ends when what is watched fits `wanted`. Where nobody can change it any more it never does: the
-/// server runs until the process ends.
+/// Waits until the watched value fits `wanted`. If its sender is dropped, waits forever: the server
+/// then runs until the process ends.
 async fn reached<T>(watched: &mut watch::Receiver<T>, wanted: impl FnMut(&T) -> bool) {
     if watched.wait_for(wanted).await.is_err() {
         std::future::pending().await
     }
 }
 
-/// What connections are to do.
+/// The phases of a server's life, for its connections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Phase {
-    /// Serve.
+    /// Connections serve requests.
     Open,
-    /// Finish what has begun.
+    /// Connections finish their open requests.
     Stopping,
-    /// End at once.
+    /// Connections end at once.
     Cut,
 }
 
-/// How connections are served.
+/// Serves connections; all of them share it.
 struct Connections {
     builder: Builder<TokioExecutor>,
     routes: Routes,
     clients: Arc<Clients>,
     tls: Option<Arc<Tls>>,
-    places: Arc<Places>,
+    slots: Arc<ConnectionSlots>,
     first_bytes_timeout: Duration,
     idle_timeout: Duration,
     /// Connections that were cut while they served a request.
@@ -175,14 +178,14 @@ struct Connections {
 
 impl Connections {
     /// Serves one connection to its end.
-    async fn serve<L: Listen>(&self, stream: L::Stream, place: Place, phase: watch::Receiver<Phase>) {
-        if !place.is_reserved() {
+    async fn serve<L: Listen>(&self, stream: L::Stream, slot: ConnectionSlot, phase: watch::Receiver<Phase>) {
+        if !slot.is_reserved() {
             let (first, idle) = (self.first_bytes_timeout, self.idle_timeout);
-            return self.serve_within::<L>(stream, place, phase, first, idle).await;
+            return self.serve_within::<L>(stream, slot, phase, first, idle).await;
         }
-        // Whoever has one of these few places leaves it soon.
+        // There are only a few slots in the reserve, so each is only lent for a short time.
         let (first, idle) = (RESERVE_TIMEOUT, RESERVE_IDLE_TIMEOUT);
-        let serving = self.serve_within::<L>(stream, place, phase, first, idle);
+        let serving = self.serve_within::<L>(stream, slot, phase, first, idle);
         if tokio::time::timeout(RESERVE_TIMEOUT, serving).await.is_err() {
             tracing::debug!("a connection beyond the limit took too long");
         }
@@ -191,7 +194,7 @@ impl Connections {
     async fn serve_within<L: Listen>(
         &self,
         stream: L::Stream,
-        place: Place,
+        slot: ConnectionSlot,
         mut phase: watch::Receiver<Phase>,
         first_bytes_timeout: Duration,
         idle_timeout: Duration,
@@ -199,7 +202,7 @@ impl Connections {
         let Some(tls) = &self.tls else {
             let (read, write) = L::halves(stream);
             let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
-            return self.serve_begun(begun, place, phase, idle_timeout).await;
+            return self.serve_begun(begun, slot, phase, idle_timeout).await;
         };
         let handshake = tokio::time::timeout(
             HANDSHAKE_TIMEOUT.min(first_bytes_timeout),
@@ -213,32 +216,32 @@ impl Connections {
             Ok(Ok(stream)) => {
                 let (read, write) = tokio::io::split(stream);
                 let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
-                return self.serve_begun(begun, place, phase, idle_timeout).await;
+                return self.serve_begun(begun, slot, phase, idle_timeout).await;
             }
             Ok(Err(error)) => error,
             Err(_) => io::ErrorKind::TimedOut.into(),
         };
-        self.places.handshake_failed();
+        self.slots.handshake_failed();
         tracing::debug!(%error, "a TLS handshake failed");
     }
 
-    /// Serves a connection whose first bytes are here.
+    /// Serves a connection whose first bytes have arrived.
     async fn serve_begun(
         &self,
         begun: Option<impl AsyncRead + AsyncWrite + Unpin + Send + 'static>,
-        place: Place,
+        slot: ConnectionSlot,
         mut phase: watch::Receiver<Phase>,
         idle_timeout: Duration,
     ) {
         let Some(stream) = begun else { return };
         let activity = Activity::new();
-        let router = match place.is_reserved() {
+        let router = match slot.is_reserved() {
             true => &self.routes.reserve,
             false => &self.routes.all,
         };
-        let client = self.clients.connected(place.address());
+        let client = self.clients.connected(slot.address());
         let service = TowerToHyperService::new(Watched::new(router.clone(), activity.clone(), client));
-        let stream = TokioIo::new(Held::new(stream, activity.clone(), place));
+        let stream = TokioIo::new(Held::new(stream, activity.clone(), slot));
         let connection = self.builder.serve_connection_with_upgrades(stream, service);
         tokio::pin!(connection);
         tokio::select! {
@@ -249,7 +252,7 @@ impl Connections {
         connection.as_mut().graceful_shutdown();
         tokio::select! {
             result = &mut connection => ended(result),
-            // It has nothing that is worth a wait: it is silent, or it sent half a request.
+            // No answer is lost: the client is silent, or has sent only a part of a request.
             () = activity.quiet(HALF_REQUEST_GRACE) => tracing::debug!("a silent connection is cut"),
             () = reached(&mut phase, |phase| *phase == Phase::Cut) => {
                 if activity.is_serving() {
@@ -266,9 +269,9 @@ fn ended(result: Result<(), Box<dyn std::error::Error + Send + Sync>>) {
     }
 }
 
-/// Reads until it is clear which HTTP version a connection speaks, and gives a stream that begins
-/// with what was read. None where that does not come in time, or the server stops. The connection
-/// builder decides the same, but without a time limit.
+/// Reads until the connection's HTTP version is known, and returns a stream that begins with the
+/// bytes that were read. None if these bytes do not come in time, or if the server stops. The
+/// connection builder would read them too, but without a time limit.
 async fn begin<R, W>(
     read: R,
     write: W,
@@ -308,8 +311,8 @@ fn builder(limits: &ConnectionLimits) -> Builder<TokioExecutor> {
         .http1()
         .timer(TokioTimer::new())
         .max_headers(MAX_HEADERS)
-        // For each head of a request, the wait between two requests included. The first bytes have
-        // `begin`'s limit.
+        // For the headers of each request, including the wait between two requests. `begin` limits
+        // the time to the first bytes.
         .header_read_timeout(limits.request);
     builder
         .http2()
@@ -318,7 +321,7 @@ fn builder(limits: &ConnectionLimits) -> Builder<TokioExecutor> {
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .max_header_list_size(MAX_HEAD_BYTES)
         .max_concurrent_streams(limits.max_calls)
-        .max_pending_accept_reset_streams(MAX_GIVEN_UP_UNSEEN)
+        .max_pending_accept_reset_streams(MAX_CANCELLED_UNSEEN)
         .keep_alive_interval(limits.keepalive)
         .keep_alive_timeout(limits.keepalive);
     builder

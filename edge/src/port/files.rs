@@ -1,32 +1,32 @@
-//! How many connections the system's limit of open files leaves room for.
+//! The limit of connections that follows from the system's limit of open files.
 
-use super::places::RESERVE;
+use super::slots::RESERVE;
 
-/// Most connections where nothing is said.
+/// Most connections if the option is 0.
 const USUAL_CONNECTIONS: usize = 10_000;
-/// Files that the server needs for all else: libraries, packs, scenes, the log.
+/// Files that the server opens besides connections: libraries, packs, scenes, the log.
 const OTHER_FILES: u64 = 256;
 
-/// More connections than the system gives files for.
+/// The option asks for more connections than the limit of open files allows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
      higher limit"
 )]
 pub struct TooFewFiles {
-    /// Connections that are asked for.
+    /// Value of the option `max_connections`.
     pub asked: usize,
-    /// The limit of open files.
+    /// The process's limit of open files.
     pub files: u64,
-    /// Connections that fit into it.
+    /// Most connections within this limit.
     pub room: usize,
 }
 
-/// Most connections: `asked`, or with 0 the usual number or as many as there is room for. Raises
-/// this process's limit of open files as far as the system lets it.
+/// The limit of connections: `asked`, or if that is 0, the usual number or as many as there is room
+/// for. Raises this process's limit of open files as far as the system allows.
 ///
 /// # Errors
-/// [`TooFewFiles`] where there is no room for those that are asked for.
+/// [`TooFewFiles`] if there is no room for `asked` connections.
 pub fn max_connections(asked: usize) -> Result<usize, TooFewFiles> {
     match rlimit::increase_nofile_limit(u64::MAX) {
         Ok(files) => fit(asked, files),

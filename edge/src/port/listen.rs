@@ -1,4 +1,4 @@
-//! Where connections come from: a port of the system, or what a simulation has in its place.
+//! The source of connections: a TCP port, or a simulated network in tests.
 
 use std::io;
 use std::net::SocketAddr;
@@ -8,23 +8,23 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 
-/// Bytes that the system holds for a connection before it has sent them.
+/// Most unsent bytes of a connection that the system buffers.
 #[cfg(any(target_os = "android", target_os = "linux"))]
 const MAX_UNSENT_BYTES: u32 = 128 << 10;
 
-/// A port.
+/// A listening port.
 pub trait Listen: Send + 'static {
-    /// A connection.
+    /// A connection, both directions.
     type Stream: AsyncRead + AsyncWrite + Send + Unpin + 'static;
-    /// What comes on it.
+    /// The receiving half of a connection.
     type Read: AsyncRead + Send + Unpin + 'static;
-    /// What goes on it.
+    /// The sending half of a connection.
     type Write: AsyncWrite + Send + Unpin + 'static;
 
-    /// The next connection, and where it comes from. Giving up the wait loses none.
+    /// The next connection and its peer's address. Dropping the future loses no connection.
     fn accept(&mut self) -> impl Future<Output = io::Result<(Self::Stream, SocketAddr)>> + Send;
 
-    /// Both directions of a connection.
+    /// Splits a connection into its two directions.
     fn halves(stream: Self::Stream) -> (Self::Read, Self::Write);
 }
 
@@ -44,9 +44,9 @@ impl Listen for TcpListener {
     }
 }
 
-/// Small answers must not wait for acknowledgements (40 ms stalls), dead peers must be noticed, and
-/// what a slow reader has not taken must not pile up in the system: a stream's frames would be
-/// seconds old by the time that they are read.
+/// Sets a connection's socket options. Without Nagle's algorithm, small answers do not wait for
+/// acknowledgements (40 ms stalls). Keep-alive detects dead peers. A limit on unsent bytes keeps
+/// the frames of a slow reader's stream from growing seconds old in the system's buffer.
 fn prepare(stream: &TcpStream) {
     let keepalive = socket2::TcpKeepalive::new().with_time(Duration::from_secs(60));
     let socket = socket2::SockRef::from(stream);

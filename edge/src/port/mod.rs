@@ -1,14 +1,14 @@
-//! The port: connections, from their first byte to their last.
+//! The server's port, and its connections from the first byte to the last.
 
 mod activity;
 mod connections;
 mod files;
 mod listen;
-mod places;
+mod slots;
 mod tls;
 
 pub use connections::{ConnectionLimits, Routes, accept};
 pub use files::{TooFewFiles, max_connections};
 pub use listen::Listen;
-pub use places::Places;
+pub use slots::ConnectionSlots;
 pub use tls::{Tls, TlsError, TlsFiles};

@@ -1,4 +1,4 @@
-//! TLS: the certificates of a server and of those that may connect to it.
+//! TLS: the server's certificate, and the authorities of clients' certificates.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,14 +11,14 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::rustls::server::WebPkiClientVerifier;
 use tokio_rustls::rustls::{self, RootCertStore, ServerConfig};
 
-/// The protocols that the port speaks, the preferred first.
+/// The port's protocols, the preferred first.
 const ALPN: [&[u8]; 2] = [b"h2", b"http/1.1"];
 
 /// Why certificates cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TlsError {
-    /// A file cannot be read, or has nothing of the kind in it.
+    /// A file cannot be read, or does not have a certificate or key.
     #[error("{option}: {}: {error}", path.display())]
     File {
         /// The option that names it.
@@ -28,7 +28,7 @@ pub enum TlsError {
         /// What went wrong.
         error: pem::Error,
     },
-    /// A certificate that cannot be used, or not with its key.
+    /// A certificate is invalid, or does not belong to the key.
     #[error("{option}: {}: {reason}", path.display())]
     Certificate {
         /// The option that names its file.
@@ -40,19 +40,20 @@ pub enum TlsError {
     },
 }
 
-/// The files of a server that speaks TLS.
+/// The PEM files of a server with TLS.
 #[derive(Debug, Clone)]
 pub struct TlsFiles {
-    /// Certificates of the server, its own first.
+    /// The server's certificate, followed by those of its issuers.
     pub certificate: PathBuf,
-    /// The key of the first.
+    /// The private key of the server's certificate.
     pub key: PathBuf,
-    /// Authorities of clients; without them, clients need no certificate.
+    /// Certificates of authorities that sign clients' certificates. If none, clients need no
+    /// certificate.
     pub client_ca: Option<PathBuf>,
 }
 
 impl TlsFiles {
-    /// All of them.
+    /// The paths of all files.
     pub fn paths(&self) -> Vec<PathBuf> {
         let both = [&self.certificate, &self.key].into_iter();
         both.chain(&self.client_ca).cloned().collect()
@@ -96,7 +97,7 @@ impl TlsFiles {
     }
 }
 
-/// The certificates of a PEM file; at least one.
+/// The certificates of a PEM file, at least one.
 fn certificates(option: &'static str, path: &Path) -> Result<Vec<CertificateDer<'static>>, TlsError> {
     let file = |error| TlsError::File {
         option,
@@ -127,14 +128,14 @@ fn client_ca(path: &Path, error: &dyn std::fmt::Display) -> TlsError {
     }
 }
 
-/// The TLS of a server, which new connections get as it is at that moment.
+/// The TLS configuration of a server. It can be replaced; new connections get the current one.
 pub struct Tls {
     files: TlsFiles,
     current: ArcSwap<ServerConfig>,
 }
 
 impl Tls {
-    /// That of `files`.
+    /// Reads the configuration from `files`.
     ///
     /// # Errors
     /// [`TlsError`], which names the option and the file.
@@ -143,16 +144,16 @@ impl Tls {
         Ok(Self { files, current })
     }
 
-    /// Reads the files again. Connections that are open keep what they have.
+    /// Reads the files again. Open connections keep their configuration.
     ///
     /// # Errors
-    /// [`TlsError`]; it is as before then.
+    /// [`TlsError`]; then the old configuration stays in use.
     pub fn reload(&self) -> Result<(), TlsError> {
         self.current.store(self.files.read()?);
         Ok(())
     }
 
-    /// Begins TLS on a connection.
+    /// Does the TLS handshakes of new connections.
     pub(super) fn acceptor(&self) -> TlsAcceptor {
         TlsAcceptor::from(self.current.load_full())
     }

@@ -319,8 +319,8 @@ impl Planner {
                 format!("at most {most} pieces"),
             ));
         }
-        let is_told = captions.iter().filter(|caption| !caption.is_empty()).count();
-        match is_told {
+        let with_text = captions.iter().filter(|caption| !caption.is_empty()).count();
+        match with_text {
             0 => Ok(Vec::new()),
             count if count == captions.len() => Ok(captions),
             _ => Err(wrong("text", "empty", "text for each character, or for none")),

@@ -12,7 +12,7 @@ use super::cell::SessionCell;
 use super::wants::Patience;
 use super::words::{MAX_PERFORMERS, Performer, task};
 use troupe_base::turns::Turns;
-use troupe_batch::{Batcher, Class, Order, Parts, Piece, SubmitError};
+use troupe_batch::{AnswerStream, Batcher, Class, Order, Piece, SubmitError};
 use troupe_character::live::{PartReader, WordsPart, WordsRequest};
 use troupe_engine::EngineError;
 use troupe_motion::model::{Output, Task};
@@ -49,12 +49,12 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
         Patience::Waits => Err(task),
     };
     let work = async move {
-        let parts = match entered {
-            Ok(parts) => parts,
+        let stream = match entered {
+            Ok(stream) => stream,
             Err(task) => awaited.patient_stream(&batcher, task, order).await,
         };
-        match parts {
-            Ok(parts) => awaited.follow(parts, reader).await,
+        match stream {
+            Ok(stream) => awaited.follow(stream, reader).await,
             Err(error) => awaited.failed(&error.to_string()),
         }
     };
@@ -97,7 +97,7 @@ impl Awaited {
         batcher: &Batcher,
         task: Task,
         order: Order,
-    ) -> Result<Parts, SubmitError> {
+    ) -> Result<AnswerStream, SubmitError> {
         loop {
             match batcher.stream(task.clone(), order) {
                 Err(SubmitError::QueueFull { retry_after, .. }) if self.cell.end().is_none() => {
@@ -109,8 +109,8 @@ impl Awaited {
     }
 
     /// Brings the character one part after another, until the last or until nobody wants more.
-    async fn follow(mut self, mut parts: Parts, mut reader: PartReader) {
-        while let Some(piece) = parts.next().await {
+    async fn follow(mut self, mut stream: AnswerStream, mut reader: PartReader) {
+        while let Some(piece) = stream.next().await {
             let is_last = piece.as_ref().is_ok_and(|piece| piece.is_last);
             let part = piece.and_then(|piece| read(&mut reader, piece));
             match part {

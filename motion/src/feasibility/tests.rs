@@ -136,7 +136,7 @@ fn the_ground_counts_below_and_above() {
 }
 
 #[test]
-fn who_stands_on_the_head_and_whose_spine_is_broken_is_told() {
+fn a_headstand_and_a_broken_spine_are_reported() {
     let mut head = stand(12);
     for frame in 0..12 {
         head.rotations_at_mut(frame)[0] = Quat::from_rotation_z(std::f32::consts::PI);
@@ -203,7 +203,7 @@ fn turns_and_poses_have_a_reach() {
 }
 
 #[test]
-fn targets_that_contradict_one_another_are_told() {
+fn contradictory_targets_are_reported() {
     let clip = stand(20);
     let key_at = |x: f32| {
         let mut key = key(&clip, 0);

@@ -7,7 +7,7 @@ use troupe_motion::model::Task;
 
 use super::{REQUEST_TARGET, ServiceError};
 use troupe_base::telemetry::{RequestContext, Trace};
-use troupe_batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
+use troupe_batch::{AnswerStream, Batcher, Order, Piece, trace_queue, trace_step};
 
 /// An answer in progress. Its parts are messages.
 pub trait Streamed: Send + 'static {
@@ -22,7 +22,7 @@ pub trait Streamed: Send + 'static {
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
 pub(super) struct Pieces {
-    parts: Parts,
+    stream: AnswerStream,
     trace: Option<Trace>,
     /// Time when the task was given to the batcher. None after its first piece.
     asked: Option<Instant>,
@@ -43,7 +43,7 @@ impl Pieces {
         Ok(Self {
             asked: Some(Instant::now()),
             trace: RequestContext::current_trace(),
-            parts: batcher.stream(task, order(arrived, timeout))?,
+            stream: batcher.stream(task, order(arrived, timeout))?,
         })
     }
 
@@ -59,13 +59,13 @@ impl Pieces {
     ) -> Result<(), ServiceError> {
         let asked = Instant::now();
         self.asked = Some(asked);
-        self.parts = batcher.stream(task, order(asked, timeout))?;
+        self.stream = batcher.stream(task, order(asked, timeout))?;
         Ok(())
     }
 
     /// The next piece. None after the last piece.
     pub(super) async fn next(&mut self) -> Option<Result<Piece, ServiceError>> {
-        let piece = match self.parts.next().await? {
+        let piece = match self.stream.next().await? {
             Ok(piece) => piece,
             Err(error) => return Some(Err(error.into())),
         };

@@ -275,7 +275,7 @@ async fn log_lines_show_the_request_and_attacks_show_once_a_minute() {
         assert_eq!(request.send().await.unwrap().status().as_u16(), 403);
     }
     let text = String::from_utf8(log.0.lock().unwrap().clone()).unwrap();
-    let lines = text.lines().filter(|line| line.contains("turned away"));
+    let lines = text.lines().filter(|line| line.contains("a request is refused"));
     let lines: Vec<&str> = lines.filter(|line| line.contains("{id=evil-")).collect();
     assert_eq!(lines.len(), 1, "{text}");
     for part in [

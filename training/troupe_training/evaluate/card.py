@@ -10,8 +10,8 @@ from troupe_training.evaluate.nearest import NEAREST
 from troupe_training.evaluate.tables import MEASURES, Figure, table
 from troupe_training.export.manifest import read_manifest
 
-# Reports of `troupe-eval gaps` have no "nearest": a server holds no training clips. `add_nearest` takes
-# it from `evaluate`.
+# Reports of `troupe-eval gaps` have no "nearest": a server holds no training clips. `add_nearest`
+# takes it from `evaluate`.
 METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "nearest": NEAREST, "pack": "this pack"}
 # Measures in a part's table, in the order of `MEASURES`.
 PART_MEASURES = ("mmd", "joint_jitter_mps2", "foot_skate_m_per_frame", "l2p_m", "npss")

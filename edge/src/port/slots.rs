@@ -1,4 +1,4 @@
-//! How many connections there may be: in all, of one address, and a reserve for health checks.
+//! Limits the number of connections, in all and of each address, with a reserve for health checks.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
@@ -8,28 +8,29 @@ use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
 
 /// Connections beyond the limit on which health checks and metrics are still answered.
 pub(super) const RESERVE: usize = 16;
-/// The part of an IPv6 address that is one customer's; the rest is his to choose.
+/// The first 64 bits of an IPv6 address. A provider assigns them to a customer, who chooses the
+/// other bits.
 const IPV6_NETWORK: u128 = !0 << 64;
 
 const ACTIVE: Metric = Metric::new("troupe_connections_active", "Open connections");
 const REFUSED: Metric = Metric::new(
     "troupe_connections_refused_total",
-    "Connections that got no place, by reason: closed at the limit of all (limit) or of their address (address), answered \
-         from the reserve (reserve), or not accepted by the system (accept)",
+    "Connections without a regular slot, by reason: closed at max_connections (limit) or at the limit of \
+     their address (address), answered from the reserve (reserve), or not accepted by the system (accept)",
 );
 
 const HANDSHAKES_FAILED: Metric = Metric::new(
     "troupe_tls_handshakes_failed_total",
-    "TLS handshakes that failed: not in time, no TLS, or no certificate of a client that the server accepts",
+    "TLS handshakes that failed: too slow, not TLS, or without an accepted client certificate",
 );
 
-/// Why a connection gets no place.
+/// Why a connection gets no slot and is closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub(super) enum Refusal {
-    /// There are as many as there may be.
+pub(super) enum ConnectionRefusal {
+    /// All slots and the reserve are taken.
     #[error("max_connections are open")]
     Full,
-    /// There are as many of this address as there may be.
+    /// All slots of this address are taken.
     #[error("half of max_connections are open from one address")]
     Address,
 }
@@ -61,22 +62,22 @@ impl ConnectionMetrics {
 
 #[derive(Debug, Default)]
 struct Taken {
-    places: usize,
+    slots: usize,
     reserve: usize,
     addresses: HashMap<IpAddr, usize>,
 }
 
-/// The places of a server's connections.
+/// The slots for a server's connections.
 #[derive(Debug)]
-pub struct Places {
+pub struct ConnectionSlots {
     limit: usize,
     per_address: usize,
     taken: Mutex<Taken>,
     metrics: ConnectionMetrics,
 }
 
-impl Places {
-    /// Places for `limit` connections, and for `per_address` of one address.
+impl ConnectionSlots {
+    /// `limit` slots, of which one address may have `per_address`.
     pub fn new(limit: usize, per_address: usize, telemetry: &Telemetry) -> Arc<Self> {
         Arc::new(Self {
             limit,
@@ -90,46 +91,46 @@ impl Places {
         self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for a connection from `address`.
-    pub(super) fn take(self: &Arc<Self>, address: IpAddr) -> Result<Place, Refusal> {
+    /// Takes a slot for a connection from `address`.
+    pub(super) fn take(self: &Arc<Self>, address: IpAddr) -> Result<ConnectionSlot, ConnectionRefusal> {
         let address = network(address);
         let mut taken = self.taken();
         let of_address = taken.addresses.get(&address).copied().unwrap_or_default();
         if of_address >= self.per_address {
             self.metrics.address.increment(1);
-            return Err(Refusal::Address);
+            return Err(ConnectionRefusal::Address);
         }
-        let reserved = taken.places >= self.limit;
+        let reserved = taken.slots >= self.limit;
         if !reserved {
-            taken.places += 1;
+            taken.slots += 1;
         } else if taken.reserve < RESERVE {
             taken.reserve += 1;
             self.metrics.reserve.increment(1);
         } else {
             self.metrics.limit.increment(1);
-            return Err(Refusal::Full);
+            return Err(ConnectionRefusal::Full);
         }
         taken.addresses.insert(address, of_address + 1);
         self.metrics.active.increment(1);
-        Ok(Place {
-            places: self.clone(),
+        Ok(ConnectionSlot {
+            slots: self.clone(),
             address,
             reserved,
         })
     }
 
-    /// Notes a connection that did not come to speak TLS.
+    /// Counts a connection whose TLS handshake failed.
     pub(super) fn handshake_failed(&self) {
         self.metrics.handshakes_failed.increment(1);
     }
 
-    /// Notes a connection that the system did not hand over.
+    /// Counts a connection that the system did not accept.
     pub(super) fn not_accepted(&self) {
         self.metrics.accept.increment(1);
     }
 }
 
-/// The addresses that count as one.
+/// The address that a connection counts for: for IPv6 its /64 network.
 fn network(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() & IPV6_NETWORK).into(),
@@ -137,32 +138,32 @@ fn network(address: IpAddr) -> IpAddr {
     }
 }
 
-/// A connection's place, free again when it is dropped.
+/// A connection's slot. Dropping it frees the slot.
 #[derive(Debug)]
-pub(super) struct Place {
-    places: Arc<Places>,
+pub(super) struct ConnectionSlot {
+    slots: Arc<ConnectionSlots>,
     address: IpAddr,
     reserved: bool,
 }
 
-impl Place {
-    /// The address that it counts for; of IPv6 the network.
+impl ConnectionSlot {
+    /// The address that the connection counts for; for IPv6 its /64 network.
     pub(super) fn address(&self) -> IpAddr {
         self.address
     }
 
-    /// Whether it is one of the reserve.
+    /// Whether it is a slot of the reserve.
     pub(super) fn is_reserved(&self) -> bool {
         self.reserved
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
-        let mut taken = self.places.taken();
+        let mut taken = self.slots.taken();
         match self.reserved {
             true => taken.reserve -= 1,
-            false => taken.places -= 1,
+            false => taken.slots -= 1,
         }
         if let Some(count) = taken.addresses.get_mut(&self.address) {
             *count -= 1;
@@ -170,7 +171,7 @@ impl Drop for Place {
                 taken.addresses.remove(&self.address);
             }
         }
-        self.places.metrics.active.decrement(1);
+        self.slots.metrics.active.decrement(1);
     }
 }
 
@@ -178,21 +179,21 @@ impl Drop for Place {
 mod tests {
     use super::*;
 
-    fn places(limit: usize, per_address: usize) -> (Arc<Places>, Telemetry) {
+    fn slots(limit: usize, per_address: usize) -> (Arc<ConnectionSlots>, Telemetry) {
         let telemetry = Telemetry::new().unwrap();
-        (Places::new(limit, per_address, &telemetry), telemetry)
+        (ConnectionSlots::new(limit, per_address, &telemetry), telemetry)
     }
 
     #[test]
     fn beyond_the_limit_there_is_a_reserve() {
-        let (places, telemetry) = places(2, 100);
+        let (slots, telemetry) = slots(2, 100);
         let from = IpAddr::from([127, 0, 0, 1]);
-        let first = places.take(from).unwrap();
-        let rest: Vec<_> = (0..1 + RESERVE).map(|_| places.take(from).unwrap()).collect();
-        assert_eq!(rest.iter().filter(|place| place.is_reserved()).count(), RESERVE);
-        assert_eq!(places.take(from).unwrap_err(), Refusal::Full);
+        let first = slots.take(from).unwrap();
+        let rest: Vec<_> = (0..1 + RESERVE).map(|_| slots.take(from).unwrap()).collect();
+        assert_eq!(rest.iter().filter(|slot| slot.is_reserved()).count(), RESERVE);
+        assert_eq!(slots.take(from).unwrap_err(), ConnectionRefusal::Full);
         drop(first);
-        assert!(!places.take(from).unwrap().is_reserved());
+        assert!(!slots.take(from).unwrap().is_reserved());
         drop(rest);
         let text = telemetry.render();
         for line in [
@@ -202,21 +203,21 @@ mod tests {
         ] {
             assert!(text.contains(line), "{line} is missing in\n{text}");
         }
-        let taken = places.taken();
-        assert_eq!((taken.places, taken.reserve, taken.addresses.len()), (0, 0, 0));
+        let taken = slots.taken();
+        assert_eq!((taken.slots, taken.reserve, taken.addresses.len()), (0, 0, 0));
     }
 
     #[test]
     fn an_address_has_a_limit_of_its_own() {
-        let (places, _) = places(100, 1);
-        let take = |text: &str| places.take(text.parse().unwrap());
+        let (slots, _) = slots(100, 1);
+        let take = |text: &str| slots.take(text.parse().unwrap());
         let first = take("192.0.2.1").unwrap();
-        assert_eq!(take("::ffff:192.0.2.1").unwrap_err(), Refusal::Address);
+        assert_eq!(take("::ffff:192.0.2.1").unwrap_err(), ConnectionRefusal::Address);
         let _other = take("192.0.2.2").unwrap();
         drop(first);
         let _again = take("192.0.2.1").unwrap();
         let _network = take("2001:db8::1").unwrap();
-        assert_eq!(take("2001:db8::2").unwrap_err(), Refusal::Address);
+        assert_eq!(take("2001:db8::2").unwrap_err(), ConnectionRefusal::Address);
         let _next = take("2001:db8:0:1::2").unwrap();
     }
 }
