@@ -173,7 +173,7 @@ async fn who_holds_a_session_that_is_closed_hears_of_it() {
 }
 
 #[tokio::test]
-async fn an_expired_session_is_in_nobodys_way_before_the_sweep() {
+async fn an_expired_session_makes_room_before_the_sweep() {
     let setup = Setup::new(2).await;
     setup.open("a").unwrap();
     setup.open("b").unwrap();
@@ -293,7 +293,7 @@ proptest! {
         let mut model = Model::default();
         for deed in deeds {
             let now = setup.passed_ms.load(Ordering::Relaxed);
-            // Sessions that nobody asks for keep their place until the sweep.
+            // Expired sessions without requests stay open until the sweep.
             setup.registry.sweep(setup.now());
             model.expire(now);
             match deed {
