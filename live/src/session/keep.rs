@@ -1,7 +1,7 @@
 //! Saves sessions and the objects of scenes, so that they survive a restart.
 //!
 //! A round collects everything that has changed since the last round and writes it in one
-//! transaction. The file so has one state of every session. A session is locked only while it is
+//! transaction, so the file always has one consistent state. A session is locked only while it is
 //! copied, for a few microseconds.
 
 use std::collections::HashMap;
@@ -122,7 +122,10 @@ impl Keeper {
             counter.increment(count as u64);
         }
         if !restored.is_empty() {
-            tracing::info!(sessions = restored.len(), "sessions of the last run were restored");
+            tracing::info!(
+                sessions = restored.len(),
+                "sessions of the last run were restored"
+            );
         }
         let mut sessions = restored;
         // The registry does not have these, so the first round removes their records.
@@ -197,7 +200,10 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     let text = |error: &dyn std::fmt::Display| error.to_string();
     let record: Record<'_> = postcard::from_bytes(record).map_err(|error| text(&error))?;
     if record.format != FORMAT {
-        return Err(format!("the record has format {}; allowed: {FORMAT}", record.format));
+        return Err(format!(
+            "the record has format {}; allowed: {FORMAT}",
+            record.format
+        ));
     }
     let pack = packs.find(&Path::root(), record.pack, record.body);
     let pack = pack.map_err(|error| text(&error))?;

@@ -43,7 +43,7 @@ const FAILED_INTERACTIONS: Metric = Metric::new(
 );
 const PERFORMANCES: Metric = Metric::new(
     "troupe_performances_total",
-    "Sentences that characters acted out, by outcome: started, then done, interrupted, failed, late or restarted",
+    "Sentences that characters acted out, by outcome: started, done, interrupted, failed, late or restarted",
 );
 const FALLS: Metric = Metric::new(
     "troupe_falls_total",

@@ -4,7 +4,7 @@
 //! Every plan is a request of its own, so plans of different sessions share batches. A character
 //! has at most one request under way. Every request ends with
 //! [`Character::plan_arrived`](troupe_character::live::Character::plan_arrived), even after a
-//! failure or a panic. Only then the character requests the next plan.
+//! failure or a panic. Only after that does the character request the next plan.
 
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};

@@ -209,7 +209,7 @@ async fn sessions_that_live_long_and_are_not_wanted_make_room_where_it_is_needed
     setup.pass(TTL / 4);
     setup.open("new").unwrap();
     setup.pass(TTL / 2);
-    // Nobody has been idle for as long as is usual.
+    // No session has been idle for the usual time to live.
     let usual = TTL;
     assert_eq!(
         kind(&setup.registry.room_for(1, usual, setup.now()).unwrap_err()),

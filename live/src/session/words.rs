@@ -133,9 +133,8 @@ impl WordsPacks {
             let fit = self.by_name.iter().filter(|(_, pack)| pack.is_ok());
             let names: Vec<&str> = fit.map(|(name, _)| name.as_str()).collect();
             match names.is_empty() {
-                true => {
-                    "none: no pack of this server turns words into motion for the session's skeleton".to_owned()
-                }
+                true => "none: no pack of this server turns words into motion for the session's skeleton"
+                    .to_owned(),
                 false => names.join(", "),
             }
         };

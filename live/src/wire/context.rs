@@ -14,7 +14,7 @@ use super::keyframe::{self, Role};
 pub struct ContextFrame {
     /// Position of the root joint, metres.
     pub root: Vec3,
-    /// One unit quaternion per joint. Joint 0 is in the world, others are relative to their parents.
+    /// One unit quaternion per joint: joint 0 in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
 }
 

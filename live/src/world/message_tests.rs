@@ -303,9 +303,9 @@ fn errors_name_the_field_and_its_range_in_the_requests_unit() {
         ),
     ];
     for (change, field, allowed) in cases {
-        let (found, told) = wrong(change);
+        let (found, hint) = wrong(change);
         assert_eq!(found, field);
-        assert!(told.starts_with(allowed), "{field}: {told}");
+        assert!(hint.starts_with(allowed), "{field}: {hint}");
     }
 }
 

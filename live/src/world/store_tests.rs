@@ -239,7 +239,7 @@ fn files_that_cannot_be_used_are_left_out() {
     std::fs::write(objects.join("mug.toml"), "no definition").unwrap();
     let empty = "format = 1\nname = \"field\"\nground_m = 0.0\n";
     std::fs::write(scenes.join("field.toml"), empty).unwrap();
-    // The yard has an object that nobody has defined.
+    // The yard has an object without a definition.
     let store = load(&folder).unwrap();
     assert_eq!(store.scenes().names(), ["field"]);
     assert_eq!(store.definitions().snapshot().iter().len(), 0);
