@@ -197,7 +197,7 @@ async fn a_search_and_an_overload() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_bound_that_is_missed_is_told_by_the_exit_code() {
+async fn the_exit_code_shows_a_missed_bound() {
     let ran = program("run --clients 1 --warmup 0.1 --duration 0.5 --expect-p99-ms 0.001").await;
     assert_eq!(ran.output.status.code(), Some(5));
     assert!(ran.text().contains("expect-p99-ms MISSED"));

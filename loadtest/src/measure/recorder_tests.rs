@@ -24,7 +24,7 @@ fn right(start: Instant, due_ms: u64, done_ms: u64) -> Call {
 }
 
 #[test]
-fn the_warm_up_is_left_out_and_stages_are_told_apart() {
+fn the_warm_up_is_left_out_and_stages_are_counted_separately() {
     let start = Instant::now();
     let recorder = recorder(start);
     for (due, done) in [
