@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn where_no_server_is_the_address_and_the_cause_are_told() {
+    async fn without_a_server_the_error_has_address_and_cause() {
         // No server listens at a port that was free a moment ago.
         let port = std::net::TcpListener::bind("127.0.0.1:0")
             .unwrap()
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_is_no_address_is_told_apart() {
+    async fn an_invalid_address_has_its_own_error() {
         for (url, wanted) in [
             ("127.0.0.1:8080", "http://"),
             ("localhost", "http://"),

@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn an_expired_session_is_told_apart() {
+    fn an_expired_session_has_its_own_error() {
         let failed = |reason: &str| {
             let mut details = ErrorDetails::new();
             details.set_error_info(reason, "troupe", HashMap::new());

@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_said_of_sampling_is_left_out() {
+    fn sampling_options_that_are_not_set_are_left_out() {
         assert_eq!(TokenSampling::new().to_message(), None);
         let said = TokenSampling::new().temperature(0.0).to_message().unwrap();
         assert_eq!(

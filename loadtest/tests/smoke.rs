@@ -245,7 +245,7 @@ async fn posts_of_bytes_to_any_server() {
 }
 
 #[tokio::test]
-async fn where_no_server_is_it_says_so() {
+async fn without_a_server_the_exit_code_is_3() {
     for processes in ["1", "2"] {
         for workload in ["inbetween", "json", "drive"] {
             let output = Command::new(env!("CARGO_BIN_EXE_troupe-loadtest"))

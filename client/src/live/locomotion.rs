@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn only_changes_are_told_and_sequences_count_up() {
+    fn only_changes_are_sent_and_sequences_count_up() {
         let mut intent = Intent::default();
         assert_eq!(intent.changed("a"), None, "a new character stands by itself");
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_not_have_arrived_is_told_again_with_a_new_number() {
+    fn an_uncertain_command_is_sent_again_with_a_new_number() {
         let mut intent = Intent::after(7);
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
         assert_eq!(intent.changed("a").unwrap().sequence, 8);
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_priority_that_cannot_be_is_told_once() {
+    fn an_invalid_priority_is_sent_once() {
         let mut intent = Intent::default();
         intent.set_priority(f32::NAN);
         assert!(intent.changed("a").unwrap().priority.unwrap().is_nan());
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_taken_up_goes_on_until_it_is_told_otherwise() {
+    fn a_resumed_character_goes_on_until_its_intent_changes() {
         let mut intent = Intent::after(3);
         assert_eq!(intent.changed("a"), None);
         *intent.wanted_mut() = Locomotion::stand();
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn acts_are_told_once_and_moving_again_is_told_anew() {
+    fn acts_are_sent_once_and_the_same_motion_is_sent_again_after_them() {
         let mut intent = Intent::default();
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
         intent.act(&Act::interact("chair"));
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn acts_that_were_not_sent_are_told_first() {
+    fn unsent_acts_are_sent_first() {
         let mut intent = Intent::default();
         intent.act(&Act::interact("chair"));
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn to_stand_after_an_act_is_told() {
+    fn standing_after_an_act_is_sent() {
         let mut intent = Intent::default();
         intent.act(&Act::interact("chair"));
         assert_eq!(sent(&mut intent), [(1, "interact")]);
@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_was_told_so_nothing_is_in_doubt() {
+    fn without_a_sent_command_nothing_is_uncertain() {
         let mut intent = Intent::default();
         intent.doubt();
         assert_eq!(intent.changed("a"), None);

@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_out_is_left_to_the_server() {
+    fn options_that_are_not_set_are_left_to_the_server() {
         let bare = Act::from(Performance::of("wave")).to_message();
         assert_eq!(
             bare,

@@ -160,7 +160,7 @@ async fn a_session_that_is_held_does_not_expire_and_its_time_begins_when_it_is_l
 }
 
 #[tokio::test]
-async fn who_holds_a_session_that_is_closed_hears_of_it() {
+async fn the_owner_of_a_closed_session_gets_an_error() {
     let setup = Setup::new(2).await;
     setup.open("a").unwrap();
     let held = setup.take("a", Owner::Step).unwrap();
@@ -203,7 +203,7 @@ async fn an_expired_session_makes_room_before_the_sweep() {
 }
 
 #[tokio::test]
-async fn sessions_that_live_long_and_are_not_wanted_make_room_where_it_is_needed() {
+async fn idle_sessions_with_a_long_time_to_live_make_room_if_needed() {
     let setup = Setup::new(2).await;
     setup.open("old").unwrap();
     setup.pass(TTL / 4);

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_that_is_not_finite_is_within_a_range() {
+    fn values_that_are_not_finite_are_in_no_range() {
         let root = Path::root();
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             assert!(within(&root, bad, -1.0, 1.0).is_err());

@@ -46,7 +46,7 @@ fn note(store: &Store) -> Vec<u8> {
 }
 
 #[test]
-fn objects_are_where_they_were_and_whose_they_were() {
+fn objects_are_restored_with_their_places_and_holders() {
     let folder = TempFolder::new("kept-scenes");
     let store = load(&folder);
     store.put_definition(definition(), CUP, Format::Toml).unwrap();

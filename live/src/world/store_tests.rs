@@ -63,7 +63,7 @@ fn ids(scene: &Scene) -> Vec<String> {
 }
 
 #[test]
-fn what_is_uploaded_is_there_after_a_restart_until_it_is_deleted() {
+fn uploads_survive_a_restart_until_they_are_deleted() {
     let folder = TempFolder::new("store-kept");
     let store = load(&folder).unwrap();
     assert!(store.scenes().names().is_empty());
@@ -246,7 +246,7 @@ fn files_that_cannot_be_used_are_left_out() {
 }
 
 #[test]
-fn what_cannot_be_kept_is_not_there() {
+fn an_upload_that_cannot_be_written_is_not_added() {
     let folder = TempFolder::new("store-blocked");
     let store = load(&folder).unwrap();
     put_cup(&store);

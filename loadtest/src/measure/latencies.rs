@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_histogram_is_refused() {
+    fn texts_that_are_not_histograms_are_refused() {
         for text in ["no", "AAAA", "äöü"] {
             assert!(Latencies::try_from(text.to_owned()).is_err(), "{text}");
         }

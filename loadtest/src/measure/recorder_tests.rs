@@ -84,7 +84,7 @@ fn refusals_failures_and_drops_are_apart() {
 }
 
 #[test]
-fn what_two_processes_noted_is_what_one_would_have() {
+fn two_processes_merge_to_the_records_of_one() {
     let start = Instant::now();
     let (one, two, both) = (recorder(start), recorder(start), recorder(start));
     for nth in 0..100_u64 {
