@@ -367,7 +367,7 @@ mod tests {
 
     #[tokio::test]
     async fn without_a_server_the_error_has_address_and_cause() {
-        // No server listens at a port that was free a moment ago.
+        // The port was free a moment ago, so no server listens there.
         let port = std::net::TcpListener::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()

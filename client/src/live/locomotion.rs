@@ -1,4 +1,4 @@
-//! The intent of a character, and the part of it that the server knows.
+//! The intent of a character, and the part of it that was sent to the server.
 
 use glam::Vec3;
 use troupe_proto::v1;
@@ -91,7 +91,7 @@ pub(crate) struct Intent {
     wanted: Locomotion,
     sent: Option<Locomotion>,
     sequence: u64,
-    /// Whether `wanted` was ever borrowed for a change. A resumed session goes on as it was until
+    /// Whether `wanted` was ever borrowed for a change. A resumed session continues as before until
     /// then.
     touched: bool,
     /// None: unchanged on the server.
@@ -169,7 +169,7 @@ impl Intent {
         commands
     }
 
-    /// The command with all that the server does not know yet. It counts as sent from now on.
+    /// The command with all changes that were not sent yet. They count as sent from now on.
     fn changed(&mut self, session: &str) -> Option<v1::Command> {
         let (intent, priority) = (self.changed_intent(), self.changed_priority());
         if intent.is_none() && priority.is_none() {
@@ -184,7 +184,7 @@ impl Intent {
         })
     }
 
-    /// The locomotion that the server does not know yet. It counts as sent from now on.
+    /// The locomotion, if it was not sent yet. It counts as sent from now on.
     fn changed_intent(&mut self) -> Option<v1::command::Intent> {
         let same = match &self.sent {
             Some(sent) => {
@@ -201,7 +201,7 @@ impl Intent {
         (!same).then(|| self.send_wanted())
     }
 
-    /// The priority that the server does not know yet. It counts as sent from now on.
+    /// The priority, if it was not sent yet. It counts as sent from now on.
     fn changed_priority(&mut self) -> Option<f32> {
         let changed = self
             .priority
@@ -238,10 +238,10 @@ impl Intent {
     /// Marks everything as unsent, because the last command may not have arrived.
     pub(crate) fn doubt(&mut self) {
         self.sent_priority = None;
-        // A style that was sent before may hold or not, so it is sent again.
+        // The style may not have arrived either, so it is sent again.
         if let Some(sent) = self.sent.take() {
             self.wanted.style = self.wanted.style.take().or(sent.style);
-            // It differs from everything, so that the next comparison finds a change.
+            // NaN differs from every value, so the next comparison finds a change.
             self.sent = Some(Locomotion {
                 velocity: Vec3::NAN,
                 ..Locomotion::default()
@@ -377,7 +377,7 @@ mod tests {
         intent.act(&Act::interact("chair"));
         assert_eq!(sent(&mut intent), [(1, "locomote"), (2, "interact")]);
         assert_eq!(sent(&mut intent), []);
-        // To go on as before is a command too, because it breaks the action off.
+        // The same locomotion is a command too, because it ends the action.
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
         assert_eq!(sent(&mut intent), [(3, "locomote")]);
         intent.act(&Act::Drop);
