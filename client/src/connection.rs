@@ -103,7 +103,7 @@ impl Bearer {
         let value = key.map(|ApiKey(key)| format!("Bearer {key}").parse::<MetadataValue<Ascii>>());
         let mut value = value.transpose().map_err(|_| ClientError::Address {
             url: url.to_owned(),
-            reason: "the key has characters that no key has".to_owned(),
+            reason: "the key has characters that a key cannot have".to_owned(),
         })?;
         if let Some(value) = &mut value {
             value.set_sensitive(true);

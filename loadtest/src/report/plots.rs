@@ -254,7 +254,7 @@ pub(super) fn batches(sizes: &[(u32, u64)]) -> Result<String, PlotError> {
             .map_err(fault)?;
         let mut mesh = chart.configure_mesh();
         mesh.disable_x_mesh()
-            .x_desc("characters of a batch")
+            .x_desc("characters in a batch")
             .y_desc("batches");
         mesh.x_labels(sizes.len() + 1).x_label_formatter(&name);
         draw_mesh(mesh)?;
