@@ -1,8 +1,7 @@
-//! Generates the Rust types from `troupe/v1/*.proto`, and the gRPC services where the feature
-//! `grpc` is on, without a system `protoc`.
+//! Generates the Rust types from `troupe/v1/*.proto` without a system `protoc`. With the feature
+//! `grpc` it generates the gRPC services too.
 //!
-//! What the types need beside (their JSON form, what requests may contain) follows from the
-//! descriptors.
+//! The JSON form of the types and the tables of requests are generated from the descriptors.
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -92,7 +91,7 @@ fn json(descriptors: &FileDescriptorSet, pool: &DescriptorPool) -> Result<String
 
 /// pbjson's code with these differences, which docs/decisions/json.md explains:
 /// - `null` is the default of every field.
-/// - Numbers in lists are read fast, and a wrong one gets an error that says what is wrong.
+/// - Numbers in lists are read fast, and a wrong one gets an error with the reason.
 /// - Enumerations are read from short words too: `walk` for `GAIT_WALK`.
 /// - Errors give fields the names that they have in answers, and list each once.
 fn adapted(code: String, pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {

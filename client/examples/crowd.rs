@@ -12,7 +12,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let client = Client::connect("http://127.0.0.1:8080").await?;
     let pack = client.pack("").await?; // the server's default pack
 
-    // One session a character: a seed makes it an individual, and it stands where you put it.
+    // One session per character. The seed makes its motion individual.
     let place = |nth: u64| Vec3::new((nth % 20) as f32, 0.0, (nth / 20) as f32) * 2.0;
     let options = (0..200).map(|nth| SessionOptions::new().seed(nth).at(place(nth), 0.0));
     let mut crowd = Crowd::new(&client, &pack, CrowdOptions::default());
@@ -22,8 +22,8 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     for tick in 0..150 {
         clock.tick().await;
         for (nth, &member) in members.iter().enumerate() {
-            // A new way every two seconds, for a few characters in each tick. An intent stays until
-            // it changes, and only changes go over the wire.
+            // A new direction every two seconds, for a few characters in each tick. An intent stays
+            // until it changes, and only changes are sent to the server.
             if (tick + nth) % 60 == 0
                 && let Some(intent) = crowd.intent_mut(member)
             {

@@ -103,7 +103,7 @@ impl Bearer {
         let value = key.map(|ApiKey(key)| format!("Bearer {key}").parse::<MetadataValue<Ascii>>());
         let mut value = value.transpose().map_err(|_| ClientError::Address {
             url: url.to_owned(),
-            reason: "the key has characters that no key has".to_owned(),
+            reason: "the key has characters that a key cannot have".to_owned(),
         })?;
         if let Some(value) = &mut value {
             value.set_sensitive(true);
@@ -366,8 +366,8 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn where_no_server_is_the_address_and_the_cause_are_told() {
-        // No server listens at a port that was free a moment ago.
+    async fn without_a_server_the_error_has_address_and_cause() {
+        // The port was free a moment ago, so no server listens there.
         let port = std::net::TcpListener::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_is_no_address_is_told_apart() {
+    async fn an_invalid_address_has_its_own_error() {
         for (url, wanted) in [
             ("127.0.0.1:8080", "http://"),
             ("localhost", "http://"),

@@ -191,10 +191,10 @@ pub enum AnswerError {
         /// Numbers that should have come.
         expected: usize,
     },
-    /// Frames that make no motion.
+    /// The frames cannot be a motion.
     #[error("the frames are no motion: {0}")]
     Frames(#[from] ClipError),
-    /// The pack's skeleton makes no sense.
+    /// The pack's skeleton is invalid.
     #[error("the skeleton of pack `{pack}`: {reason}")]
     Skeleton {
         /// The pack's name.
@@ -326,7 +326,7 @@ impl RefusedCall {
         }
     }
 
-    /// The refusal as the problem of a session, if it is of such a kind.
+    /// The refusal as the problem of a session, if it is one.
     fn session_error(&self, status: &tonic::Status) -> Option<SessionError> {
         let kind = ProblemKind::from_reason(self.reason.as_deref()?);
         if !kind.is_about_a_session() {
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn an_expired_session_is_told_apart() {
+    fn an_expired_session_has_its_own_error() {
         let failed = |reason: &str| {
             let mut details = ErrorDetails::new();
             details.set_error_info(reason, "troupe", HashMap::new());
@@ -434,7 +434,7 @@ mod tests {
         let busy = failed("SESSION_BUSY");
         assert_eq!(busy.session_problem().unwrap().kind, ProblemKind::SessionBusy);
         assert!(!busy.is_session_expired());
-        // An error of the request stays a refusal with its fields.
+        // An error of the request remains a refusal with its fields.
         for reason in ["INVALID_FIELD", "UNKNOWN_STYLE", "TOO_MANY_SESSIONS"] {
             assert!(matches!(failed(reason), ClientError::Refused(_)), "{reason}");
         }

@@ -60,7 +60,7 @@ impl FollowPath {
         }
     }
 
-    /// Uses a body of the caller's own.
+    /// Uses a body that the caller defines.
     #[must_use]
     pub fn skeleton(mut self, skeleton: v1::BodySkeleton) -> Self {
         self.goal.skeleton = Some(skeleton);
@@ -120,7 +120,7 @@ impl FollowPath {
         self
     }
 
-    /// Goes on from these frames.
+    /// Continues these frames.
     #[must_use]
     pub fn after(mut self, past: &[Key; CONTEXT_FRAMES]) -> Self {
         self.past = past.iter().map(Key::to_message).collect();
@@ -134,7 +134,7 @@ impl FollowPath {
         self
     }
 
-    /// Passes a pose so many seconds after the begin. Only for packs that walk along paths.
+    /// Adds a pose at a time, seconds from the start. Only for packs that walk along paths.
     #[must_use]
     pub fn passing(mut self, time_s: f32, key: &Key) -> Self {
         self.goal.keyframes.push(v1::PathKeyframe {
@@ -173,20 +173,21 @@ impl FollowPath {
     }
 }
 
-/// A motion that is being made.
+/// A motion that is being generated.
 #[derive(Debug)]
 pub struct Generating {
     client: Client,
     pack: Pack,
     parts: Streaming<v1::GenerateResponse>,
     ended: bool,
-    /// Notes on what the model may not do well. They come with the first part.
+    /// Notes about parts of the request that the model may not do well. They come with the first
+    /// part.
     pub notes: Vec<String>,
     /// The verdict of the least feasible part so far. None if the body has no limits.
     pub feasibility: Option<v1::Feasibility>,
 }
 
-/// Frames of one character of a motion that is being made.
+/// New frames of one character in a motion that is being generated.
 #[derive(Debug, Clone)]
 pub struct GeneratedPart {
     /// Index of the character: 0 for the first, 1 and more for the others of a
@@ -203,15 +204,15 @@ pub struct Generated {
     pub clip: Clip,
     /// Frames of the other characters, in the order of the request.
     pub others: Vec<Clip>,
-    /// Notes on what the model may not do well.
+    /// Notes about parts of the request that the model may not do well.
     pub notes: Vec<String>,
     /// The verdict of the least feasible part. None if the body has no limits.
     pub feasibility: Option<v1::Feasibility>,
 }
 
 impl Client {
-    /// Has the body of `pack` follow a path (see [`Pack::of_body`]). Frames come in parts, as they
-    /// are made.
+    /// Lets the body of `pack` follow a path (see [`Pack::of_body`]). Frames come in parts while
+    /// they are generated.
     ///
     /// # Errors
     /// See [`ClientError`].

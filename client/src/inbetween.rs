@@ -266,7 +266,7 @@ impl InBetween {
         self
     }
 
-    /// Sets whether feet that stand are held still by bending the legs. They are by default.
+    /// Sets whether standing feet are held still by bending the legs. The default is true.
     #[must_use]
     pub fn hold_feet(mut self, yes: bool) -> Self {
         self.character.hold_feet = Some(yes);
@@ -280,9 +280,9 @@ impl InBetween {
         self
     }
 
-    /// Fixes the root in some frames, in rising order, or in all. Between them a smooth curve moves
-    /// the predicted way along. The pose tokens stay those of the predicted way. The segment's
-    /// length must be given ([`SegmentLength::Frames`], or that of a clip).
+    /// Fixes the root in some frames, in rising order, or in all. Between them, the predicted path
+    /// is moved by a smooth curve. The pose tokens are still those of the predicted path. The
+    /// segment's length must be given ([`SegmentLength::Frames`], or that of a clip).
     #[must_use]
     pub fn root(mut self, keys: impl IntoIterator<Item = RootKey>) -> Self {
         self.character.root = keys.into_iter().map(RootKey::to_message).collect();
@@ -316,10 +316,11 @@ pub struct InBetweenAnswer {
     pub positions: Vec<Vec3>,
     /// Frames x numbers of a robot's `qpos`. Empty if the task did not ask for them.
     pub qpos: Vec<f32>,
-    /// One a frame: distance of the motion from what a robot's hinges can do, radians. Empty
-    /// without a robot.
+    /// One value per frame: how far the motion is from the poses that a robot's hinges allow,
+    /// radians. Empty without a robot.
     pub hinge_residuals: Vec<f32>,
-    /// One a frame: number of a robot's hinges whose limits were exceeded. Empty without a robot.
+    /// One value per frame: number of a robot's hinges whose limits were exceeded. Empty without a
+    /// robot.
     pub clamped_hinges: Vec<u32>,
     /// Output of each stage. None if the task did not ask for it.
     pub intermediates: Option<v1::Intermediates>,

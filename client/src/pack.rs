@@ -188,7 +188,7 @@ fn skeleton(pack: &v1::Pack) -> Result<Skeleton, AnswerError> {
     }
 }
 
-/// The robot of the message. Missing fields are refused like senseless ones.
+/// The robot of the message. Missing fields are refused like invalid ones.
 fn robot(robot: &v1::Robot) -> RobotDoc {
     let hinge = |hinge: &v1::Hinge| {
         let axis = hinge.axis.unwrap_or_default();

@@ -10,7 +10,7 @@ use crate::generate::Generating;
 use crate::inbetween::Key;
 use crate::pack::Pack;
 
-/// How a language model chooses tokens. All that is left out is up to the pack.
+/// How a language model chooses tokens. The pack decides all options that are not set.
 ///
 /// ```
 /// use troupe_client::TokenSampling;
@@ -122,7 +122,7 @@ impl Prompt {
         self
     }
 
-    /// Goes on from these frames: at least the pack's context frames, at most its longest reply.
+    /// Continues these frames: at least the pack's context frames, at most its longest reply.
     #[must_use]
     pub fn after(mut self, past: &[Key]) -> Self {
         self.past = messages(past);
@@ -254,17 +254,18 @@ impl Describe {
     }
 }
 
-/// A description that is being made.
+/// A description that is being generated.
 #[derive(Debug)]
 pub struct Describing {
     client: Client,
     parts: Streaming<v1::DescribeResponse>,
     ended: bool,
-    /// Notes on what the model may not do well. They come with the first part.
+    /// Notes about parts of the request that the model may not do well. They come with the first
+    /// part.
     pub notes: Vec<String>,
 }
 
-/// Words or codes that were found.
+/// The next words or codes of a description.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DescriptionPart {
     /// Words, with the spaces between parts.
@@ -280,12 +281,12 @@ pub struct Description {
     pub text: String,
     /// The codes of audio. Empty if the request asked for words.
     pub codes: Vec<u32>,
-    /// Notes on what the model may not do well.
+    /// Notes about parts of the request that the model may not do well.
     pub notes: Vec<String>,
 }
 
 impl Client {
-    /// Has words acted out. Frames come in parts, as they are made.
+    /// Turns words into motion. Frames come in parts while they are generated.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -293,7 +294,7 @@ impl Client {
         self.generate(pack, prompt.to_message(pack)).await
     }
 
-    /// Has a motion put into words. They come in parts, as they are found.
+    /// Turns a motion into words. They come in parts while they are generated.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -371,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_said_of_sampling_is_left_out() {
+    fn sampling_options_that_are_not_set_are_left_out() {
         assert_eq!(TokenSampling::new().to_message(), None);
         let said = TokenSampling::new().temperature(0.0).to_message().unwrap();
         assert_eq!(

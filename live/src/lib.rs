@@ -1,16 +1,16 @@
-//! Live characters, and what they live among.
+//! Live characters and the scenes that they live in.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`packs`] | the packs that are loaded, each with its workers, styles and skills |
-//! | [`records`] | what outlives the process |
+//! | [`records`] | the database file that survives a restart |
 //! | [`wire`] | values of messages: checks, units, axes, keyframes |
 //! | [`world`] | scenes, objects and their definitions |
 //! | [`session`] | characters: commands, steps, streams |
 //!
-//! Commands change what a character wants (`troupe-character`). Whenever it needs a plan, its
-//! session has one made by the pack's workers (`troupe-batch`), and cross-fades it into the frames
-//! that a step or a stream takes.
+//! A command changes the goal of a character (`troupe-character`). When the character needs a plan,
+//! its session requests one from the pack's workers (`troupe-batch`) and cross-fades it into the
+//! frames that a step or a stream reads.
 
 pub mod packs;
 pub mod records;

@@ -11,39 +11,40 @@ use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::pack::Pack;
 use troupe_motion::model::{Capability, Rig};
 
-/// Most characters of a pack's name that an error echoes.
+/// Maximum number of characters of a requested name that an error repeats.
 const MAX_ECHO: usize = 64;
 
-/// A pack and the way to its engine.
+/// A pack together with the batcher in front of its engine.
 #[derive(Debug)]
 pub struct LoadedPack {
-    /// The pack.
+    /// Manifest, rig and bodies, as read from the pack's folder.
     pub pack: Arc<Pack>,
-    /// The way to its engine.
+    /// Groups requests into batches for the engine.
     pub batcher: Batcher,
-    /// The engine's name.
+    /// Name of the engine that runs the networks.
     pub engine: &'static str,
-    /// Its locomotion styles: of each of its bodies, in their order, or of its one skeleton.
+    /// Locomotion styles, one table per body in the order of the bodies. A pack without bodies has
+    /// one table, for its only skeleton.
     pub styles: Vec<Arc<StyleTable>>,
-    /// What its characters can do where they stand.
+    /// Skills that the characters can use on the spot.
     pub skills: Arc<Skills>,
-    /// Its metrics.
+    /// Times and counts of this pack's batches, labelled with its name and version.
     pub metrics: PackMetrics,
 }
 
-/// A pack that is not loaded.
+/// The requested pack is not loaded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown pack {name:?}; loaded: {}", loaded.join(", "))]
 pub struct UnknownPack {
-    /// The name that was asked for.
+    /// The requested name, cut to 64 characters.
     pub name: String,
-    /// The field of the request that named it.
+    /// The field of the request that has the name.
     pub field: String,
-    /// The names that there are.
+    /// Names of all loaded packs.
     pub loaded: Vec<String>,
 }
 
-/// A pack that cannot do what is asked of it.
+/// The pack lacks the capability that the request needs.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the pack {pack} cannot do this: it has no capability {wanted}; it has: {}",
@@ -52,25 +53,25 @@ pub struct UnknownPack {
 pub struct CannotDo {
     /// The pack's name.
     pub pack: String,
-    /// What it would need.
+    /// The missing capability.
     pub wanted: Capability,
-    /// The field of the request that named it.
+    /// The field of the request that names the pack.
     pub field: String,
-    /// What it can do.
+    /// The capabilities of the pack.
     pub can: Vec<Capability>,
 }
 
-/// A body that a pack does not have.
+/// The pack has no body of the requested name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", self.text())]
 pub struct UnknownBody {
     /// The pack's name.
     pub pack: String,
-    /// The name that was asked for.
+    /// The requested name, cut to 64 characters.
     pub name: String,
-    /// The field of the request that named it.
+    /// The field of the request that has the name.
     pub field: String,
-    /// The names that there are; none for a pack of one skeleton.
+    /// Names of the pack's bodies. Empty for a pack with one skeleton.
     pub there_are: Vec<String>,
 }
 
@@ -87,21 +88,21 @@ impl UnknownBody {
     }
 }
 
-/// The styles of a pack: of each of its bodies, or of its one skeleton. Added ones are in `folder`,
-/// below the pack's name.
+/// Loads the styles of a pack: one table per body, or one for its only skeleton. Added styles are
+/// read from the subfolder of `folder` that has the pack's name.
 ///
 /// # Errors
-/// [`StyleError`].
+/// [`StyleError`] if a file of styles cannot be used.
 pub fn load_styles(pack: &Pack, folder: Option<PathBuf>) -> Result<Vec<Arc<StyleTable>>, StyleError> {
     each_styles(pack, folder, |_, rig, folder| {
         StyleTable::load(rig, &pack.folder, folder)
     })
 }
 
-/// The skills of a pack; none of a pack of many bodies.
+/// Loads the skills of a pack. A pack with bodies has none.
 ///
 /// # Errors
-/// [`DocumentError`], boxed: it is long beside the other reasons why a server does not start.
+/// [`DocumentError`], boxed because it is much larger than the other errors of a server's start.
 pub fn load_skills(pack: &Pack) -> Result<Arc<Skills>, Box<DocumentError>> {
     match pack.bodies.is_empty() {
         true => Ok(Arc::new(Skills::load(&pack.folder, &pack.rig)?)),
@@ -109,8 +110,7 @@ pub fn load_skills(pack: &Pack) -> Result<Arc<Skills>, Box<DocumentError>> {
     }
 }
 
-/// What `table` gives for each body of the pack (its place, rig and folder), or for the pack's one
-/// skeleton.
+/// Calls `table` with the index, rig and folder of each body, or once for the pack's only skeleton.
 fn each_styles(
     pack: &Pack,
     folder: Option<PathBuf>,
@@ -132,11 +132,11 @@ fn names(capabilities: &[Capability]) -> String {
 }
 
 impl LoadedPack {
-    /// Checks that the pack can do what the request asks for; `field` names the pack in the
-    /// request.
+    /// Checks that the pack has `capability`. `field` is the field of the request that names the
+    /// pack.
     ///
     /// # Errors
-    /// [`CannotDo`].
+    /// [`CannotDo`] if the pack lacks it.
     pub fn require(&self, capability: Capability, field: impl ToString) -> Result<(), CannotDo> {
         let capabilities = self.pack.manifest.capabilities;
         match capabilities.has(capability) {
@@ -150,11 +150,12 @@ impl LoadedPack {
         }
     }
 
-    /// The place of a body among the pack's, which is that of its styles too; of the default one
-    /// where the name, given in `field`, is empty. 0 for a pack of one skeleton.
+    /// The index of a body in the pack's bodies and in [`LoadedPack::styles`]. An empty name means
+    /// the default body. The index is 0 for a pack with one skeleton. `field` is the field of the
+    /// request that has the name.
     ///
     /// # Errors
-    /// [`UnknownBody`].
+    /// [`UnknownBody`] if the pack has no such body.
     pub fn place_of(&self, field: impl ToString, name: &str) -> Result<usize, UnknownBody> {
         let bodies = &self.pack.bodies;
         if bodies.is_empty() && name.is_empty() {
@@ -170,10 +171,10 @@ impl LoadedPack {
         })
     }
 
-    /// The styles of a body, as [`LoadedPack::place_of`].
+    /// The styles of a body. The arguments are those of [`LoadedPack::place_of`].
     ///
     /// # Errors
-    /// [`UnknownBody`].
+    /// [`UnknownBody`] if the pack has no such body.
     pub(crate) fn styles_of(
         &self,
         field: impl ToString,
@@ -182,7 +183,7 @@ impl LoadedPack {
         Ok(&self.styles[self.place_of(field, body)?])
     }
 
-    /// The rig of the body at a place, or that of the pack's one skeleton.
+    /// The rig of the body with index `place`, or the rig of the pack's only skeleton.
     pub fn rig(&self, place: usize) -> &Arc<Rig> {
         self.pack
             .bodies
@@ -190,17 +191,17 @@ impl LoadedPack {
             .map_or(&self.pack.rig, |body| &body.rig)
     }
 
-    /// Whether the body at a place goes from keyframe to keyframe, and walks in a style between them.
+    /// Whether the body with index `place` can walk in a style from one keyframe to the next.
     pub fn walks(&self, place: usize) -> bool {
         self.pack.manifest.capabilities.has(Capability::Inbetween)
             && self.rig(place).by_path.is_none()
             && self.styles[place].default_style().is_some()
     }
 
-    /// The pack with a tenant's own styles beside those that came with it, kept in `folder`.
+    /// The pack for one tenant: the built-in styles and the tenant's own, which `folder` keeps.
     ///
     /// # Errors
-    /// [`StyleError`].
+    /// [`StyleError`] if a file of the tenant's styles cannot be used.
     pub(crate) fn of_tenant(&self, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let beside = |place: usize, rig: &Rig, folder| self.styles[place].beside(rig, folder);
         Ok(self.with_styles(each_styles(&self.pack, folder, beside)?))
@@ -218,7 +219,7 @@ impl LoadedPack {
     }
 }
 
-/// All packs of a server.
+/// All packs of a server, by name.
 #[derive(Debug, Clone)]
 pub struct PackTable {
     packs: BTreeMap<String, Arc<LoadedPack>>,
@@ -226,7 +227,7 @@ pub struct PackTable {
 }
 
 impl PackTable {
-    /// A table whose default is `default`, one of the names of `packs`.
+    /// Makes a table. `default` must be the name of one of `packs`.
     pub fn new(packs: Vec<LoadedPack>, default: String) -> Self {
         let packs = packs
             .into_iter()
@@ -235,10 +236,11 @@ impl PackTable {
         Self { packs, default }
     }
 
-    /// The pack of that name, which the request gave in `field`; the default where it is empty.
+    /// The pack called `name`. An empty name means the default pack. `field` is the field of the
+    /// request that has the name.
     ///
     /// # Errors
-    /// [`UnknownPack`].
+    /// [`UnknownPack`] if no such pack is loaded.
     pub fn find(&self, field: impl ToString, name: &str) -> Result<&Arc<LoadedPack>, UnknownPack> {
         let wanted = if name.is_empty() { &self.default } else { name };
         self.packs.get(wanted).ok_or_else(|| UnknownPack {
@@ -248,10 +250,10 @@ impl PackTable {
         })
     }
 
-    /// A table of the same packs as [`LoadedPack::of_tenant`] gives them.
+    /// The same packs for one tenant, see [`LoadedPack::of_tenant`].
     ///
     /// # Errors
-    /// [`StyleError`].
+    /// [`StyleError`] if a file of the tenant's styles cannot be used.
     pub(crate) fn of_tenant(&self, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let of = |loaded: &Arc<LoadedPack>| {
             let name = loaded.pack.name().to_owned();
@@ -263,12 +265,12 @@ impl PackTable {
         })
     }
 
-    /// All of them, by name.
+    /// All packs, sorted by name.
     pub fn all(&self) -> impl Iterator<Item = &Arc<LoadedPack>> {
         self.packs.values()
     }
 
-    /// Whether a request that names no pack gets this one.
+    /// Whether a request without a pack's name gets this pack.
     pub fn is_default(&self, loaded: &LoadedPack) -> bool {
         loaded.pack.name() == self.default
     }

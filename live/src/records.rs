@@ -1,7 +1,7 @@
-//! What outlives the process: records by name, in one file.
+//! State that survives a restart: records by name, in one database file.
 //!
-//! The file is a database that is whole at any moment, whenever the process is killed or the power
-//! goes. What is in a record is the business of those who write it.
+//! The file is consistent at any moment, even if the process is killed or the power fails. This
+//! module does not interpret the bytes of a record.
 
 #[cfg(any(test, feature = "testing"))]
 pub mod disk;
@@ -11,17 +11,17 @@ use std::path::{Path, PathBuf};
 
 use redb::{Builder, Database, DatabaseError, ReadableDatabase as _, ReadableTable as _, TableDefinition};
 
-/// The file in its folder.
+/// Name of the file in the folder of the records.
 const FILE: &str = "troupe.redb";
-/// Memory for pages of the file, bytes: records are written and hardly ever read.
+/// Page cache, bytes. It is small because records are written often and read only at the start.
 const CACHE_BYTES: usize = 8 << 20;
 
-/// A kind of records.
+/// A kind of records, which is one table of the database.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Sessions, by id.
+    /// Sessions, named by their ids.
     Session,
-    /// What moves in scenes, by the scene's name.
+    /// Objects that can move, one record per scene, named as the scene.
     Scene,
 }
 
@@ -38,35 +38,35 @@ impl Kind {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordsError {
-    /// Another process has the file.
+    /// Another process has opened the file.
     #[error("store: another server uses {}; allowed: a folder for each server", .0.display())]
     InUse(PathBuf),
-    /// The folder cannot be made.
+    /// The folder cannot be created.
     #[error("store: cannot make the folder {}: {error}", folder.display())]
     Folder {
-        /// The folder.
+        /// As the option names it.
         folder: PathBuf,
-        /// Why.
+        /// The system's reason.
         error: std::io::Error,
     },
-    /// The file cannot be used.
+    /// The file cannot be opened, read or written.
     #[error("store: {place}: {error}")]
     File {
-        /// Which file.
+        /// Path of the file.
         place: String,
-        /// Why.
+        /// The database's reason.
         error: Box<redb::Error>,
     },
 }
 
-/// Opens the database, and again after an error.
+/// Opens the database: at the start, and again after an error.
 type Open = Box<dyn Fn() -> Result<Database, DatabaseError> + Send + Sync>;
 
 /// The records of a server.
 pub struct Records {
     open: Open,
     place: String,
-    /// None after an error, until it is opened again.
+    /// `None` after an error, until the next call opens the file again.
     database: Option<Database>,
 }
 
@@ -76,32 +76,32 @@ impl fmt::Debug for Records {
     }
 }
 
-/// What has changed: for each name its new record, or that it is gone.
+/// Records to write or remove, in order. `None` removes a record.
 #[derive(Debug, Default)]
 pub struct Changes(Vec<(Kind, String, Option<Vec<u8>>)>);
 
 impl Changes {
-    /// A record that is new or another.
+    /// Adds or replaces a record.
     pub fn put(&mut self, kind: Kind, name: impl Into<String>, record: Vec<u8>) {
         self.0.push((kind, name.into(), Some(record)));
     }
 
-    /// A record that goes.
+    /// Removes a record.
     pub fn remove(&mut self, kind: Kind, name: impl Into<String>) {
         self.0.push((kind, name.into(), None));
     }
 
-    /// Whether nothing has changed.
+    /// Whether there is nothing to write.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// How many records.
+    /// Number of records to write or remove.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Bytes of all records.
+    /// Size of all records to write, bytes.
     pub fn bytes(&self) -> usize {
         let records = self.0.iter().filter_map(|(_, _, record)| record.as_ref());
         records.map(Vec::len).sum()
@@ -109,10 +109,10 @@ impl Changes {
 }
 
 impl Records {
-    /// The records in `folder`, which is made where it is not there. This blocks.
+    /// Opens the records in `folder`, and creates the folder if it is missing. This blocks.
     ///
     /// # Errors
-    /// [`RecordsError`].
+    /// [`RecordsError`] if the folder or the file cannot be used.
     pub fn open(folder: &Path) -> Result<Self, RecordsError> {
         std::fs::create_dir_all(folder).map_err(|error| RecordsError::Folder {
             folder: folder.to_owned(),
@@ -154,7 +154,7 @@ impl Records {
         Ok(self.database.insert(database))
     }
 
-    /// All records of a kind, by name.
+    /// All records of a kind, sorted by name.
     ///
     /// # Errors
     /// [`RecordsError::File`].
@@ -163,11 +163,11 @@ impl Records {
         read_all(database, kind).map_err(|error| self.failed(error))
     }
 
-    /// Writes all changes, or none of them. They are on the disk when this returns. After an error
-    /// the file is opened again by the next call.
+    /// Writes all changes or none. They are on the disk when this returns. After an error the next
+    /// call opens the file again.
     ///
     /// # Errors
-    /// [`RecordsError::File`]; what was there before is there still.
+    /// [`RecordsError::File`]. The file then has the same records as before.
     pub fn write(&mut self, changes: &Changes) -> Result<(), RecordsError> {
         let database = self.database()?;
         let written = write_all(database, changes);
@@ -195,7 +195,7 @@ fn read_all(database: &Database, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, r
 
 fn write_all(database: &Database, changes: &Changes) -> Result<(), redb::Error> {
     let mut writing = database.begin_write()?;
-    // A server that was killed starts again at once, however many records there are.
+    // After a kill the database opens without a scan of the whole file.
     writing.set_quick_repair(true);
     for kind in [Kind::Session, Kind::Scene] {
         let mut table = writing.open_table(kind.table())?;

@@ -16,14 +16,14 @@ use troupe_client::{ClientCertificate, ConnectOptions, TlsOptions};
 
 use crate::failure::Failure;
 
-/// A key and certificates.
+/// The credentials for a server.
 #[derive(Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Access {
-    /// The API key.
+    /// API key, sent as a bearer token.
     pub key: Option<String>,
-    /// Authorities to trust (PEM file). None: those of the system.
+    /// PEM file of the authorities to trust. `None`: the authorities of the system.
     pub ca: Option<PathBuf>,
-    /// A certificate to show and its key (PEM files).
+    /// PEM files of a client certificate and its private key.
     pub client: Option<(PathBuf, PathBuf)>,
 }
 
@@ -54,7 +54,7 @@ impl Access {
     pub(crate) fn bearer(&self) -> Result<Option<HeaderValue>, Failure> {
         let Some(key) = &self.key else { return Ok(None) };
         let mut value = HeaderValue::try_from(format!("Bearer {key}"))
-            .map_err(|_| Failure::Input("--key has characters that no key has".to_owned()))?;
+            .map_err(|_| Failure::Input("--key has characters that a key cannot have".to_owned()))?;
         value.set_sensitive(true);
         Ok(Some(value))
     }

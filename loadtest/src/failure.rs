@@ -14,10 +14,10 @@ pub enum Failure {
     /// Arguments or files cannot be used.
     #[error("{0}")]
     Input(String),
-    /// The server cannot be reached, or refused to let the load begin.
+    /// The server cannot be reached, or refused the preparation of the load.
     #[error("{0}")]
     Client(#[from] ClientError),
-    /// No server answers at the address.
+    /// There is no answer at the server's address.
     #[error("{0}")]
     Unreachable(String),
     /// Another failure, such as a file that cannot be written.
@@ -26,27 +26,27 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// A value of an option that cannot be used, with the allowed ones.
+    /// Makes the error of an option's value that cannot be used, with the allowed ones.
     pub fn option(option: &str, found: impl std::fmt::Display, allowed: impl std::fmt::Display) -> Self {
         Self::Input(format!("{option} is {found}; allowed: {allowed}"))
     }
 
-    /// A file that cannot be used, and why.
+    /// Makes the error of a file that cannot be used.
     pub fn file(path: &Path, why: impl std::fmt::Display) -> Self {
         Self::Input(format!("{}: {why}", path.display()))
     }
 
-    /// A file that cannot be written, and why.
+    /// Makes the error of a file that cannot be written.
     pub fn output(path: &Path, why: impl std::fmt::Display) -> Self {
         Self::Other(format!("cannot write {}: {why}", path.display()))
     }
 
-    /// The exit code, as `troupe-loadtest --help` documents it.
+    /// The exit code. `troupe-loadtest --help` documents it.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(self.exit())
     }
 
-    /// The same as a number.
+    /// The exit code as a number.
     pub fn exit(&self) -> u8 {
         match self {
             Self::Input(_)

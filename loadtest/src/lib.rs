@@ -4,9 +4,9 @@
 //! The command line ([`cli`]) makes a [`plan::Plan`]: the requests ([`workloads`]) and their times
 //! ([`arrivals`]). [`run`] carries it out, in this process or in several. [`loops`] send single
 //! requests. A recorder ([`measure`]) takes every answer, and reads the server's `/metrics`. The
-//! [`figures`] of a run come from it. [`search`] finds the most that a server can do within a
-//! bound, and [`overload`] measures a server beyond that. The result is a [`report::Report`]:
-//! versioned JSON, a table, and a page with plots.
+//! [`figures`] of a run come from it. [`search`] finds the highest load at which a server keeps a
+//! bound, and [`overload`] measures a server under a higher load. The result is a
+//! [`report::Report`]: versioned JSON, a table, and a page with plots.
 //!
 //! # Latency
 //! In an **open loop** requests come at fixed times, however late the server is. Latency counts

@@ -1,6 +1,6 @@
-//! Overload: arrivals at several times the capacity of a server. It measures whether admitted
-//! requests are still fast, whether memory is bounded, whether live characters go on, and how soon
-//! the server recovers.
+//! Overload: requests arrive at several times the capacity of a server. The test measures the
+//! latency of admitted requests, the server's memory, the underruns of live characters, and the
+//! time until the server recovers.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,34 +12,34 @@ use crate::measure::FineBin;
 use crate::plan::{Live, Load, Plan, Workload};
 use crate::run::{Progress, once};
 
-/// Length of the time bins that show recovery, seconds.
+/// Length of the time bins by which recovery is measured, seconds.
 pub const BIN_S: f64 = 0.1;
-/// Consecutive bins that must be as usual for the server to count as recovered.
+/// The server has recovered after this many normal bins in a row.
 const STEADY_BINS: usize = 10;
 
 /// The course of an overload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Overload {
-    /// Requests a second that the server can answer. None: found by clients that wait for their
-    /// answers.
+    /// Requests a second that the server can answer. `None`: measured with clients that wait for
+    /// their answers.
     pub capacity: Option<f64>,
-    /// Clients that find the capacity.
+    /// Number of clients that measure the capacity.
     pub clients: u32,
-    /// Time to find it after the warm-up, seconds.
+    /// Time to measure the capacity after the warm-up, seconds.
     pub probe_s: f64,
     /// Arrivals as a multiple of the capacity.
     pub factor: f64,
     /// Time at 90 % of capacity, seconds.
     pub before_s: f64,
-    /// Time beyond capacity, seconds.
+    /// Time of the overload, seconds.
     pub seconds: f64,
-    /// Time afterwards, seconds.
+    /// Time after the overload, seconds.
     pub after_s: f64,
-    /// Share of capacity afterwards.
+    /// Arrivals after the overload, as a share of the capacity.
     pub after_share: f64,
-    /// Most requests in flight of each process.
+    /// Maximum number of requests in flight per process.
     pub max_in_flight: u32,
-    /// Live characters beside the requests.
+    /// Live characters in addition to the requests.
     pub beside: Option<Live>,
 }
 
@@ -51,61 +51,62 @@ const NORMAL: f64 = 0.9;
 pub struct OverloadReport {
     /// Requests a second that the server can answer.
     pub capacity_per_s: f64,
-    /// Whether this test found the capacity.
+    /// Whether this test measured the capacity. Otherwise an option gave it.
     pub capacity_found: bool,
     /// Arrivals as a multiple of the capacity.
     pub factor: f64,
-    /// At 90 % of capacity.
+    /// The stage at 90 % of capacity.
     pub before: StageResult,
-    /// In the overload. Its latencies are those of admitted requests.
+    /// The overload. Its latencies are those of admitted requests.
     pub during: StageResult,
-    /// Afterwards.
+    /// The stage after the overload.
     pub after: StageResult,
-    /// p99 of admitted requests in the overload over p99 at 90 % of capacity.
+    /// p99 of admitted requests in the overload, divided by the p99 at 90 % of capacity.
     pub p99_ratio: f64,
     /// Share of requests that were refused in the overload.
     pub refused_share: f64,
-    /// From the end of the overload to the begin of the first second in which nothing is refused
-    /// and at least 90 % of requests stay below the p99 at 90 % of capacity, seconds. None: there
-    /// was no such second.
+    /// Time from the end of the overload to the start of the first normal second, in seconds. In a
+    /// normal second no request is refused, and 90 % of requests stay below the p99 at 90 % of
+    /// capacity. None: there was no such second.
     pub recovery_s: Option<f64>,
-    /// The server's resident memory.
+    /// The server's resident memory, if it reports it.
     pub memory: Option<OverloadMemory>,
-    /// Live characters beside the requests.
+    /// Live characters in addition to the requests.
     pub beside: Option<Beside>,
 }
 
 /// The server's resident memory, bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct OverloadMemory {
-    /// When the overload began.
+    /// At the start of the overload.
     pub begin: u64,
-    /// The most while it went on.
+    /// Maximum during the overload.
     pub peak: u64,
-    /// In its last quarter more than in its second: memory that grows without bound shows here.
+    /// Growth from the second quarter of the overload to the last. Memory that grows without bound
+    /// shows here.
     pub growth_late: i64,
-    /// At the end of all.
+    /// At the end of the test.
     pub end: u64,
 }
 
-/// Live characters beside an overload.
+/// Live characters during an overload.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Beside {
-    /// How many.
+    /// Number of characters.
     pub characters: u64,
-    /// Frames of them that were slowed because a plan was late: at 90 % of capacity.
+    /// Frames that were slowed because a plan was late, at 90 % of capacity.
     pub slowed_before: u64,
-    /// In the overload.
+    /// Slowed frames in the overload.
     pub slowed_during: u64,
-    /// Afterwards.
+    /// Slowed frames after the overload.
     pub slowed_after: u64,
     /// Frames that never came.
     pub missing: u64,
-    /// 99 % of ticks were at most so late, milliseconds.
+    /// 99th percentile of the delay of ticks, milliseconds.
     pub tick_p99_ms: f64,
 }
 
-/// Makes the overload. Of the plan its warm-up and its single requests are taken.
+/// Runs an overload with the single requests and the warm-up of `plan`.
 ///
 /// # Errors
 /// See [`Failure`].
@@ -120,7 +121,7 @@ pub async fn overload(
     };
     if capacity <= 0.0 {
         return Err(Failure::Other(
-            "the server answered nothing while its capacity was looked for".to_owned(),
+            "the server gave no right answer while its capacity was measured".to_owned(),
         ));
     }
     progress.note(format!("capacity: {capacity:.1} requests/s"));
@@ -131,7 +132,7 @@ pub async fn overload(
     Ok((report, plan, run))
 }
 
-/// The load, with live characters beside it if the plan has some.
+/// Runs the load, together with live characters if the plan has some.
 async fn beside(plan: &Plan, of: &Overload, progress: &Progress) -> Result<(Run, Option<Run>), Failure> {
     let Some(live) = &of.beside else {
         return Ok((once(plan, progress).await?, None));
@@ -171,15 +172,14 @@ fn with_load(plan: &Plan, new: Load) -> Result<Plan, Failure> {
         Workload::Calls { load, .. } => *load = new,
         _ => {
             return Err(Failure::Input(
-                "an overload is made of single requests; allowed: --workload inbetween, json, http"
-                    .to_owned(),
+                "an overload needs single requests; allowed: --workload inbetween, json, http".to_owned(),
             ));
         }
     }
     Ok(plan)
 }
 
-/// One load of three stages: at 90 % of capacity, beyond it, below it.
+/// The plan of a load with three stages: at 90 % of capacity, above it, and below it.
 fn overload_plan(plan: &Plan, of: &Overload, capacity: f64) -> Result<Plan, Failure> {
     let stage = |share: f64, seconds: f64| LoadStage {
         from: capacity * share,
@@ -236,8 +236,8 @@ fn report(
     })
 }
 
-/// Seconds from the end of the overload until all is as usual. Bins count from the begin of the
-/// load; all moments are seconds.
+/// Seconds from the end of the overload until the server has recovered. Bins count from the start
+/// of the load. All times are in seconds.
 fn recovery(bins: &[FineBin], end: f64, stop: f64, normal_ms: f64) -> Option<f64> {
     let (first, last) = ((end / BIN_S).ceil() as usize, (stop / BIN_S).floor() as usize);
     let tail = bins.get(first..last.min(bins.len()))?;
@@ -300,8 +300,8 @@ mod tests {
 
     #[test]
     fn recovery_is_the_begin_of_the_first_usual_second() {
-        // 2 s of overload, 0.4 s of late answers, a refusal at 0.9 s, then as usual; one late bin
-        // at the very end.
+        // 2 s of overload, 0.4 s of late answers, a refusal at 0.9 s, then normal bins. The last
+        // bin is late.
         let mut bins = vec![bin(500, 9); 20];
         bins.extend(vec![bin(300, 0); 4]);
         bins.extend(vec![bin(10, 0); 5]);

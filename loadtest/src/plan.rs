@@ -12,8 +12,8 @@ use crate::arrivals::{Process, Stages};
 /// The plan of a load test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plan {
-    /// Address of the server, such as `http://127.0.0.1:8080`. Of the plain HTTP workload the whole
-    /// address.
+    /// Address of the server, such as `http://127.0.0.1:8080`. For the plain HTTP workload, the
+    /// full URL.
     pub server: String,
     /// Kind of load.
     pub workload: Workload,
@@ -23,13 +23,13 @@ pub struct Plan {
     pub measured_s: f64,
     /// Seed of all random choices.
     pub seed: u64,
-    /// Connections to the server, of each process.
+    /// Connections to the server per process.
     pub connections: u32,
-    /// Longest wait for one answer, seconds.
+    /// Maximum wait for one answer, seconds.
     pub timeout_s: f64,
-    /// Processes that make the load together.
+    /// Number of processes that share the load.
     pub processes: u32,
-    /// Whether latencies are kept by tenths of a second too, which show how soon a server recovers.
+    /// Whether latencies are recorded by tenths of a second too, to measure recovery.
     #[serde(default)]
     pub fine: bool,
     /// Key and certificates. Reports do not contain them.
@@ -43,18 +43,18 @@ pub struct Plan {
 pub enum Workload {
     /// Single requests.
     Calls {
-        /// Protocol and form.
+        /// Protocol and encoding of the requests.
         protocol: Protocol,
-        /// Contents.
+        /// Contents of the requests.
         requests: Requests,
-        /// Times of sending.
+        /// When requests are sent.
         load: Load,
     },
     /// Live characters on the server's clock.
     Drive(Live),
     /// Live characters on this client's clock.
     Step(Stepping),
-    /// Open sessions without any call.
+    /// Open sessions without any calls.
     Idle {
         /// Number of sessions.
         characters: u32,
@@ -67,13 +67,13 @@ pub enum Workload {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Protocol {
-    /// gRPC InBetween.
+    /// `InBetween` over gRPC.
     Grpc,
-    /// POST /v1/inbetween, as JSON.
+    /// `POST /v1/inbetween` as JSON.
     Json,
-    /// POST of bytes to any server, over HTTP/1.1.
+    /// POST requests with prepared bytes to any server, over HTTP/1.1.
     Http {
-        /// Further headers.
+        /// Additional headers.
         headers: Vec<(String, String)>,
     },
 }
@@ -81,40 +81,42 @@ pub enum Protocol {
 /// Contents of single requests.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Requests {
-    /// A folder with prepared requests. The other fields do not count then.
+    /// A folder with prepared requests. If given, the fields below except `verify_every` have no
+    /// effect.
     pub folder: Option<PathBuf>,
-    /// A clip whose frames are the keyframes. None: a walk in this program.
+    /// A clip from which keyframes are taken. None: a built-in walk.
     pub clip: Option<PathBuf>,
     /// Name of the pack. Empty: the server's default pack.
     pub pack: String,
-    /// Characters of a request.
+    /// Number of characters in a request.
     pub characters: u32,
-    /// Frames of a character's segment.
+    /// Frames of a character's segment, context and target included.
     pub frames: u32,
     /// Sampling temperature, 0 to 2.
     pub temperature: f32,
-    /// Different requests.
+    /// Number of different requests, which are sent in turn.
     pub variants: u32,
-    /// One in this many answers is decoded and checked whole; 0 for none.
+    /// One in this many answers is fully decoded and checked; 0 for none.
     pub verify_every: u32,
 }
 
-/// Times of single requests.
+/// When single requests are sent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Load {
-    /// An open loop.
+    /// An open loop: requests are sent at fixed times.
     Open {
         /// Distribution over time.
         process: Process,
         /// Requests a second.
         stages: Stages,
-        /// Most requests in flight of each process. Further requests are dropped and counted.
+        /// Maximum number of requests in flight per process. Further requests are dropped and
+        /// counted.
         max_in_flight: u32,
     },
-    /// Clients that wait for their answers.
+    /// A closed loop: clients wait for their answers.
     Closed {
-        /// Clients.
+        /// Number of clients.
         stages: Stages,
         /// Time from an answer to the next request, seconds.
         think_s: f64,
@@ -124,39 +126,41 @@ pub enum Load {
 /// Live characters that wander about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Live {
-    /// Number of characters of all processes.
+    /// Number of characters of all processes together.
     pub characters: u32,
-    /// Streams that they share, or groups that are stepped together.
+    /// Number of streams that the characters share, or of groups that are stepped together.
     pub streams: u32,
     /// Frames a second: 30, 50 or 60.
     pub rate_hz: u32,
-    /// 16-bit rotations instead of 32-bit floats.
+    /// Whether frames are compact instead of 32-bit floats.
     pub compact: bool,
     /// Name of the pack. Empty: the server's default pack.
     pub pack: String,
-    /// Names of styles. Empty: all styles of the pack that go anywhere.
+    /// Names of styles. Empty: all styles of the pack that move from place to place.
     pub styles: Vec<String>,
     /// Mean time between two commands of a character, seconds; 0 for one command at the start.
     pub command_every_s: f64,
-    /// Frames from the cursor to the start of a new plan. None: the server's.
+    /// Frames from the cursor to the start of a new plan. None: the server's default.
     pub look_ahead: Option<u32>,
-    /// Whether priorities are spread evenly from 0 to 1. Else all have the server's default.
+    /// Whether priorities are spread evenly from 0 to 1. Otherwise all characters have the server's
+    /// default.
     #[serde(default)]
     pub spread_priorities: bool,
     /// Share of the characters that act out sentences, 0 to 1.
     #[serde(default)]
     pub performers: f64,
-    /// One in this many ticks is decoded and checked whole; 0 for none.
+    /// One in this many ticks is fully decoded and checked; 0 for none.
     pub verify_every: u32,
 }
 
 /// Live characters that are stepped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Stepping {
-    /// Characters, and how they live.
+    /// The characters.
     #[serde(flatten)]
     pub live: Live,
-    /// Whether a step is due with every frame, as in a game. Else the next step follows at once.
+    /// Whether a step is due at the time of every frame, as in a game. Otherwise the next step
+    /// follows at once.
     pub paced: bool,
 }
 
@@ -171,12 +175,12 @@ impl Plan {
         Duration::from_secs_f64(self.measured_s)
     }
 
-    /// Longest wait for one answer.
+    /// Maximum wait for one answer.
     pub fn timeout(&self) -> Duration {
         Duration::from_secs_f64(self.timeout_s)
     }
 
-    /// Stages of the measured time, if it has several.
+    /// Stages of the measured time. `None` for live characters.
     pub fn stages(&self) -> Option<&Stages> {
         match &self.workload {
             Workload::Calls {
@@ -187,7 +191,7 @@ impl Plan {
         }
     }
 
-    /// The address of the server for `/metrics`. None for a server that is not Troupe.
+    /// The address of the server for `/metrics`. `None` for plain HTTP, which may go to any server.
     pub fn metrics_address(&self) -> Option<&str> {
         match &self.workload {
             Workload::Calls {
@@ -231,7 +235,7 @@ pub enum LatencyOf {
 }
 
 impl LatencyOf {
-    /// The meaning as a sentence.
+    /// Start and end of the latency in words.
     pub fn words(self) -> &'static str {
         match self {
             Self::AnswerFromDue => "from when a request was due to its answer",
@@ -243,7 +247,7 @@ impl LatencyOf {
     }
 }
 
-/// The part of a load that one of several processes makes.
+/// The part of a load that one of several processes runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Share {
     /// Index of the process, from 0.
@@ -256,12 +260,13 @@ impl Share {
     /// The whole load.
     pub const WHOLE: Self = Self { nth: 0, of: 1 };
 
-    /// This process' part of a number. Parts differ by at most one, and add up.
+    /// This process' part of `whole`. The parts of all processes differ by at most 1, and their sum
+    /// is `whole`.
     pub fn part(self, whole: u32) -> u32 {
         whole / self.of + u32::from(self.nth < whole % self.of)
     }
 
-    /// The parts of all processes before this one, summed.
+    /// The sum of the parts of all processes before this one.
     pub fn before(self, whole: u32) -> u32 {
         (0..self.nth).map(|nth| Self { nth, ..self }.part(whole)).sum()
     }

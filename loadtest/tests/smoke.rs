@@ -197,7 +197,7 @@ async fn a_search_and_an_overload() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_bound_that_is_missed_is_told_by_the_exit_code() {
+async fn the_exit_code_shows_a_missed_bound() {
     let ran = program("run --clients 1 --warmup 0.1 --duration 0.5 --expect-p99-ms 0.001").await;
     assert_eq!(ran.output.status.code(), Some(5));
     assert!(ran.text().contains("expect-p99-ms MISSED"));
@@ -245,7 +245,7 @@ async fn posts_of_bytes_to_any_server() {
 }
 
 #[tokio::test]
-async fn where_no_server_is_it_says_so() {
+async fn without_a_server_the_exit_code_is_3() {
     for processes in ["1", "2"] {
         for workload in ["inbetween", "json", "drive"] {
             let output = Command::new(env!("CARGO_BIN_EXE_troupe-loadtest"))

@@ -91,7 +91,7 @@ fn all() -> BTreeMap<String, Named> {
     schemas
 }
 
-/// The comments of a file, by the path to what they are about.
+/// The comments of a file, by the path to the commented item.
 struct Comments<'a>(BTreeMap<&'a [i32], &'a str>);
 
 impl<'a> Comments<'a> {
@@ -189,7 +189,7 @@ fn value(field: &FieldDescriptorProto, description: Option<String>, default: Opt
     schema.description(description).default(default).into()
 }
 
-/// What a field without presence is by default.
+/// The default value of a field without presence.
 fn default(field: &FieldDescriptorProto, defaults: &BTreeMap<&str, &str>) -> Value {
     match field.r#type() {
         Wire::Enum => part(field).and_then(|name| defaults.get(name).copied()).into(),

@@ -1,4 +1,4 @@
-//! Actions of characters beside moving over the ground.
+//! Actions of characters, apart from moving over the ground.
 
 use troupe_proto::v1;
 
@@ -34,7 +34,7 @@ pub enum Act {
     },
     /// Leave an interaction or a skill that is held, such as sitting, by its exit.
     EndInteraction,
-    /// Break everything off at once, let go of the object in the hand, and stand.
+    /// Stop everything at once, drop the object in the hand, and stand.
     Cancel,
     /// Put down the object in the hand.
     Drop,
@@ -80,7 +80,7 @@ impl Act {
         self
     }
 
-    /// Whether the character goes on moving.
+    /// Whether the character keeps moving.
     pub(crate) fn lets_move(&self) -> bool {
         matches!(self, Self::Drop)
     }

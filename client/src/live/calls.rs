@@ -10,7 +10,7 @@ use crate::connection::Client;
 use crate::error::{AnswerError, ClientError};
 use crate::pack::Pack;
 
-/// Sessions of a page of a list. More the server does not give.
+/// Sessions on a page of a list, which is the server's maximum.
 const PAGE: u32 = 1000;
 /// Sessions of a request to create or close them, within the default limits of a server.
 const CHUNK: usize = 1000;

@@ -18,7 +18,7 @@ use crate::error::{AnswerError, ClientError};
 use crate::pack::Pack;
 use crate::problem::Problem;
 
-/// Queries of single sessions at the same time.
+/// Maximum number of concurrent queries of single sessions.
 const QUESTIONS: usize = 32;
 
 /// Options of a crowd.
@@ -55,7 +55,7 @@ impl MemberId {
 /// A problem of one character of a crowd.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fault {
-    /// Which character has it.
+    /// The character with the problem.
     pub member: MemberId,
     /// Id of the character's session.
     pub session: String,
@@ -340,8 +340,8 @@ impl Crowd {
         }
     }
 
-    /// If the server can serve no character of a request, it answers with the problem of the first
-    /// alone. So each is queried. Other errors are the crowd's.
+    /// If the server can serve no character of a request, it answers only with the problem of the
+    /// first. So this queries each of them. Other errors concern the whole crowd.
     async fn take_error(&mut self, chunk: usize, error: ClientError) -> Result<(), ClientError> {
         let ClientError::Session(common) = error else {
             return Err(error);

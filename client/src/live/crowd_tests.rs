@@ -112,7 +112,7 @@ async fn acts_go_once_and_what_happens_comes_with_the_step() {
 }
 
 #[tokio::test]
-async fn who_left_takes_no_room_and_nobody_has_their_name() {
+async fn a_session_that_left_frees_its_room_but_not_its_index() {
     let (client, pack, _) = scripted().await;
     let (mut crowd, members) = crowd(&client, &pack, 3).await;
     assert!(crowd.remove(members[0]).is_some() && crowd.remove(members[0]).is_none());
@@ -140,7 +140,7 @@ async fn priorities_go_with_the_next_step() {
 }
 
 #[tokio::test]
-async fn who_is_gone_leaves_and_the_others_go_on() {
+async fn an_ended_session_leaves_and_the_others_go_on() {
     let (client, pack, script) = scripted().await;
     let (mut crowd, members) = crowd(&client, &pack, 4).await;
     script.lock().unwrap().broken = [
@@ -180,7 +180,7 @@ async fn who_is_gone_leaves_and_the_others_go_on() {
 }
 
 #[tokio::test]
-async fn a_request_in_which_nobody_can_be_served_is_told_one_by_one() {
+async fn a_request_without_a_served_session_reports_each_problem() {
     let (client, pack, script) = scripted().await;
     let (mut crowd, _) = crowd(&client, &pack, 3).await;
     script.lock().unwrap().broken = [
@@ -211,7 +211,7 @@ async fn refused_commands_are_faults_of_those_who_move_on() {
 }
 
 #[tokio::test]
-async fn what_was_sent_with_a_failed_step_is_sent_again() {
+async fn commands_of_a_failed_step_are_sent_again() {
     let (client, pack, script) = scripted().await;
     let (mut crowd, members) = crowd(&client, &pack, 1).await;
     *crowd.intent_mut(members[0]).unwrap() = Locomotion::walk(Vec3::Z);

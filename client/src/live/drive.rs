@@ -103,7 +103,7 @@ pub struct Drive {
     /// Ticks that came but were skipped for newer ones.
     skipped: u64,
     events: Vec<DriveEvent>,
-    /// How the stream ended. The caller gets it after all that came before.
+    /// How the stream ended. The caller gets this after all earlier messages.
     end: Option<Result<(), ClientError>>,
     ended: bool,
     /// Why the stream broke, until it is reopened.
@@ -174,8 +174,7 @@ impl Client {
 }
 
 impl Drive {
-    /// Takes sessions onto the stream. An event follows for each: it is on the stream, or could not
-    /// be taken.
+    /// Takes sessions onto the stream. For each, an event reports whether it is on the stream.
     ///
     /// # Errors
     /// [`ClientError::Unreachable`] if the stream is broken.
@@ -262,7 +261,7 @@ impl Drive {
             return;
         };
         if let Some(Ask::Command(unsent)) = unsent.into_inner().message {
-            // The last goes first, so that the order is right again.
+            // The last command is put back first, so that the order stays the same.
             for command in unsent.commands.into_iter().rev() {
                 if let Some(session) = self.sessions.get_mut(&command.session_id) {
                     session.intent_mut().unsent(command);
@@ -293,7 +292,7 @@ impl Drive {
         }
         self.flush();
         let mut newest = None;
-        // Messages without news, such as late commands, do not end the wait.
+        // Messages without a tick or event, such as late commands, do not end the wait.
         while newest.is_none() && self.events.is_empty() && self.end.is_none() {
             if self.broken.is_some() {
                 self.mend().await?;
@@ -301,7 +300,7 @@ impl Drive {
                 continue;
             }
             let first = self.answers.message().await;
-            // There is no await from here on, so that nothing is lost.
+            // There is no await after this, so nothing is lost if the future is dropped.
             let mut came = Some(first);
             while let Some(message) = came {
                 self.sort(message, &mut newest)?;
@@ -470,7 +469,7 @@ impl Drive {
         })
     }
 
-    /// Ends the stream, waits until the server has let go of its sessions, and gives them back.
+    /// Ends the stream, waits until the server has freed its sessions, and returns them.
     ///
     /// # Errors
     /// See [`ClientError`].

@@ -192,7 +192,7 @@ async fn a_stream_that_breaks_off_is_an_error_and_the_sessions_are_kept() {
 }
 
 #[tokio::test]
-async fn what_happened_comes_with_the_next_look_and_what_is_held_with_the_tick() {
+async fn events_come_with_the_next_call_and_held_objects_with_the_tick() {
     let done = v1::SessionEvent {
         frame: 7,
         kind: Some(v1::session_event::Kind::Done(v1::InteractionDone {

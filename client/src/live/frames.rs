@@ -82,7 +82,8 @@ impl<'a> Frames<'a> {
         self.roots.is_empty()
     }
 
-    /// Number of the first frame on the session's timeline, which has 30 a second; rounded down.
+    /// Number of the first frame on the session's timeline, which has 30 frames a second. Rounded
+    /// down.
     pub fn first_frame(&self) -> u64 {
         self.first_frame
     }
@@ -99,14 +100,14 @@ impl<'a> Frames<'a> {
         })
     }
 
-    /// Distance of the motion from what a robot's hinges can do, radians, one a frame: the largest
-    /// angle of any joint in the world. Empty unless frames come as `qpos`.
+    /// How far the motion is from the poses that a robot's hinges allow: the largest angle of any
+    /// joint in the world, radians, one per frame. Empty unless frames come as `qpos`.
     pub fn hinge_residuals(&self) -> &'a [f32] {
         self.hinge_residuals
     }
 
-    /// Number of a robot's hinges whose limits were exceeded, one a frame. Empty unless frames come
-    /// as `qpos`.
+    /// Number of a robot's hinges whose limits were exceeded, one per frame. Empty unless frames
+    /// come as `qpos`.
     pub fn clamped_hinges(&self) -> &'a [u32] {
         self.clamped_hinges
     }

@@ -1,4 +1,4 @@
-//! The intent of a character, and the part of it that the server knows.
+//! The intent of a character, and the part of it that was sent to the server.
 
 use glam::Vec3;
 use troupe_proto::v1;
@@ -91,7 +91,7 @@ pub(crate) struct Intent {
     wanted: Locomotion,
     sent: Option<Locomotion>,
     sequence: u64,
-    /// Whether `wanted` was ever borrowed for a change. A resumed session goes on as it was until
+    /// Whether `wanted` was ever borrowed for a change. A resumed session continues as before until
     /// then.
     touched: bool,
     /// None: unchanged on the server.
@@ -169,7 +169,7 @@ impl Intent {
         commands
     }
 
-    /// The command with all that the server does not know yet. It counts as sent from now on.
+    /// The command with all changes that were not sent yet. They count as sent from now on.
     fn changed(&mut self, session: &str) -> Option<v1::Command> {
         let (intent, priority) = (self.changed_intent(), self.changed_priority());
         if intent.is_none() && priority.is_none() {
@@ -184,7 +184,7 @@ impl Intent {
         })
     }
 
-    /// The locomotion that the server does not know yet. It counts as sent from now on.
+    /// The locomotion, if it was not sent yet. It counts as sent from now on.
     fn changed_intent(&mut self) -> Option<v1::command::Intent> {
         let same = match &self.sent {
             Some(sent) => {
@@ -201,7 +201,7 @@ impl Intent {
         (!same).then(|| self.send_wanted())
     }
 
-    /// The priority that the server does not know yet. It counts as sent from now on.
+    /// The priority, if it was not sent yet. It counts as sent from now on.
     fn changed_priority(&mut self) -> Option<f32> {
         let changed = self
             .priority
@@ -238,10 +238,10 @@ impl Intent {
     /// Marks everything as unsent, because the last command may not have arrived.
     pub(crate) fn doubt(&mut self) {
         self.sent_priority = None;
-        // A style that was sent before may hold or not, so it is sent again.
+        // The style may not have arrived either, so it is sent again.
         if let Some(sent) = self.sent.take() {
             self.wanted.style = self.wanted.style.take().or(sent.style);
-            // It differs from everything, so that the next comparison finds a change.
+            // NaN differs from every value, so the next comparison finds a change.
             self.sent = Some(Locomotion {
                 velocity: Vec3::NAN,
                 ..Locomotion::default()
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn only_changes_are_told_and_sequences_count_up() {
+    fn only_changes_are_sent_and_sequences_count_up() {
         let mut intent = Intent::default();
         assert_eq!(intent.changed("a"), None, "a new character stands by itself");
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_not_have_arrived_is_told_again_with_a_new_number() {
+    fn an_uncertain_command_is_sent_again_with_a_new_number() {
         let mut intent = Intent::after(7);
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
         assert_eq!(intent.changed("a").unwrap().sequence, 8);
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_priority_that_cannot_be_is_told_once() {
+    fn an_invalid_priority_is_sent_once() {
         let mut intent = Intent::default();
         intent.set_priority(f32::NAN);
         assert!(intent.changed("a").unwrap().priority.unwrap().is_nan());
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_taken_up_goes_on_until_it_is_told_otherwise() {
+    fn a_resumed_character_goes_on_until_its_intent_changes() {
         let mut intent = Intent::after(3);
         assert_eq!(intent.changed("a"), None);
         *intent.wanted_mut() = Locomotion::stand();
@@ -371,13 +371,13 @@ mod tests {
     }
 
     #[test]
-    fn acts_are_told_once_and_moving_again_is_told_anew() {
+    fn acts_are_sent_once_and_the_same_motion_is_sent_again_after_them() {
         let mut intent = Intent::default();
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
         intent.act(&Act::interact("chair"));
         assert_eq!(sent(&mut intent), [(1, "locomote"), (2, "interact")]);
         assert_eq!(sent(&mut intent), []);
-        // To go on as before is a command too, because it breaks the action off.
+        // The same locomotion is a command too, because it ends the action.
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
         assert_eq!(sent(&mut intent), [(3, "locomote")]);
         intent.act(&Act::Drop);
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn acts_that_were_not_sent_are_told_first() {
+    fn unsent_acts_are_sent_first() {
         let mut intent = Intent::default();
         intent.act(&Act::interact("chair"));
         *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn to_stand_after_an_act_is_told() {
+    fn standing_after_an_act_is_sent() {
         let mut intent = Intent::default();
         intent.act(&Act::interact("chair"));
         assert_eq!(sent(&mut intent), [(1, "interact")]);
@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_was_told_so_nothing_is_in_doubt() {
+    fn without_a_sent_command_nothing_is_uncertain() {
         let mut intent = Intent::default();
         intent.doubt();
         assert_eq!(intent.changed("a"), None);

@@ -14,8 +14,8 @@
 //! without harm.
 //!
 //! An [`Act`] is done once: follow a path ([`LivePath`]), act out a sentence ([`Performance`]), or
-//! use an object of a scene ([`SessionOptions::scene`]). Events report how it goes. Do not change
-//! the locomotion meanwhile, because a change breaks the act off.
+//! use an object of a scene ([`SessionOptions::scene`]). Events report its progress. Do not change
+//! the locomotion meanwhile, because a change ends the act.
 
 mod act;
 mod calls;

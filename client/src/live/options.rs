@@ -58,7 +58,7 @@ impl SessionOptions {
         self
     }
 
-    /// Sets the scene that it lives in. By default it lives in none.
+    /// Sets the scene of the character. By default it has none.
     #[must_use]
     pub fn scene(mut self, name: impl Into<String>) -> Self {
         self.message.scene = name.into();
@@ -174,8 +174,8 @@ pub enum Encoding {
     /// 32-bit floats, as exact as in the server.
     #[default]
     F32,
-    /// Under half the bytes; root to 0.1 mm and rotations to 0.01 degrees
-    /// (see [`troupe_motion::codec`] for the bounds).
+    /// Under half the bytes of [`Encoding::F32`]. Roots are exact to 0.1 mm, rotations to 0.01
+    /// degrees (see [`troupe_motion::codec`] for the bounds).
     Compact,
     /// MuJoCo's `qpos` as 32-bit floats: a quarter of the bytes of [`Encoding::F32`], for packs
     /// with a robot.
@@ -200,7 +200,7 @@ pub struct FrameOptions {
     pub rate: Rate,
     /// Encoding on the wire.
     pub encoding: Encoding,
-    /// Whether world joint positions come with them.
+    /// Whether frames have world joint positions too.
     pub positions: bool,
 }
 
@@ -251,7 +251,7 @@ mod tests {
             ),
             (Some(2000), Some(6), None)
         );
-        // A time beyond the range of the field becomes the longest.
+        // A time beyond the range of the field becomes the maximum.
         let long = SessionOptions::new().ttl(Duration::from_secs(1 << 40));
         assert_eq!(long.to_message("", "").ttl_ms, Some(u32::MAX));
     }

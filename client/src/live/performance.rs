@@ -4,8 +4,8 @@ use troupe_proto::v1;
 
 use super::act::Act;
 
-/// A sentence that a character acts out. The character goes on as before until the first frames
-/// have come, and goes on again afterwards. Events report when it begins and why it ends.
+/// A sentence that a character acts out. The character moves as before until the first frames have
+/// come, and again afterwards. Events report when the performance begins and why it ends.
 ///
 /// ```
 /// use troupe_client::{Act, Performance};
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_out_is_left_to_the_server() {
+    fn options_that_are_not_set_are_left_to_the_server() {
         let bare = Act::from(Performance::of("wave")).to_message();
         assert_eq!(
             bare,

@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_recorded_is_no_clip() {
+    fn an_empty_recording_is_no_clip() {
         let recording = Recording::new(&pack(), Convention::Native, Rate::Hz30);
         assert!(recording.is_empty());
         assert_eq!(recording.into_clip(), Err(ClipError::Empty));

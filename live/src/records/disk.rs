@@ -1,4 +1,4 @@
-//! A disk in memory whose operations fail and whose power goes, for tests.
+//! A disk in memory for tests. Its operations can fail, and it can lose power.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -8,18 +8,18 @@ use redb::{Builder, StorageBackend};
 
 use super::{Records, RecordsError};
 
-/// A disk that can be pulled: what was not synced may be there after that, or not, write by write.
+/// A disk that can lose power. Each write since the last sync then survives or is lost at random.
 #[derive(Debug, Default)]
 pub struct Disk {
     synced: Vec<u8>,
     now: Vec<u8>,
-    /// Since the last sync; in order.
+    /// Writes since the last sync, in order: offset and bytes.
     unsynced: Vec<(u64, Vec<u8>)>,
-    /// Operations until it fails; none: never.
+    /// Number of operations that still succeed. `None`: no operation fails.
     pub fails_in: Option<u32>,
 }
 
-/// A disk that outlives its records.
+/// A handle of a disk. It lives longer than the database, so a test can open the disk again.
 #[derive(Debug, Clone, Default)]
 pub struct Shared(pub Arc<Mutex<Disk>>);
 
@@ -43,7 +43,7 @@ impl Disk {
         to[at as usize..end].copy_from_slice(data);
     }
 
-    /// The power goes.
+    /// The power fails: half of the writes since the last sync are lost.
     pub fn pull(&mut self, rng: &mut ChaCha8Rng) {
         let mut left = std::mem::take(&mut self.synced);
         left.resize(left.len().max(self.now.len()), 0);
@@ -105,7 +105,7 @@ impl StorageBackend for Shared {
     }
 }
 
-/// The records on a disk.
+/// Opens the records on a disk.
 pub fn on(disk: &Shared) -> Result<Records, RecordsError> {
     let disk = disk.clone();
     let open = move || Builder::new().create_with_backend(disk.clone());

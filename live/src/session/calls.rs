@@ -1,4 +1,4 @@
-//! The calls of `troupe.v1.Sessions`, apart from how they travel.
+//! The calls of `troupe.v1.Sessions`, independent of HTTP and gRPC.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,18 +18,19 @@ use troupe_base::turns::Turns;
 use troupe_character::Path;
 use troupe_character::live::CommandError;
 
-/// Most sessions of a page of the list, and how many where nothing is said.
+/// Sessions per page of a list: maximum and default.
 const PAGE: (u32, u32) = (1000, 100);
-/// Most sessions of one call that closes some.
+/// Maximum number of sessions that one call closes.
 const MAX_CLOSED: usize = 10_000;
-/// Requests to create up to this many sessions are served on the task that received them.
+/// A request for at most this many sessions is served on the task that received it. Larger ones go
+/// to a thread for blocking work.
 const INLINE_SESSIONS: usize = 16;
 
 impl Sessions {
     /// `troupe.v1.Sessions/CreateSessions`.
     ///
     /// # Errors
-    /// [`SessionError`]; no session is open then.
+    /// [`SessionError`] if one session cannot be created. Then none is.
     pub async fn create(
         self: &Arc<Self>,
         packs: &LivePacks,
@@ -79,7 +80,7 @@ impl Sessions {
     /// `troupe.v1.Sessions/GetSession`.
     ///
     /// # Errors
-    /// [`SessionError`] where the session is not open.
+    /// [`SessionError`] if the session is not open.
     pub fn get(&self, id: &str) -> Result<v1::Session, SessionError> {
         let now = self.time().now();
         let cell = self.registry().get(id, now, &|| "id".to_owned())?;
@@ -100,7 +101,7 @@ impl Sessions {
         };
         units::count_within(&root.field("page_size"), size, 1, most)?;
         let after = (!request.page_token.is_empty()).then_some(request.page_token.as_str());
-        // One more than asked for tells whether there is another page.
+        // One more than requested shows whether there is another page.
         let (mut cells, total) = self.registry().page(after, size as usize + 1);
         let more = cells.len() > size as usize;
         cells.truncate(size as usize);
@@ -137,7 +138,7 @@ impl Sessions {
     /// `troupe.v1.Sessions/Command`.
     ///
     /// # Errors
-    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one command
+    /// [`SessionError::Field`] for a list that is empty or too long. The error of a single command
     /// is in its result.
     pub async fn command(
         self: &Arc<Self>,
@@ -152,10 +153,10 @@ impl Sessions {
         Ok(self.executor().run(turns, work).await?)
     }
 
-    /// Checks what a step asks for, and works out how much its answer takes.
+    /// Checks a step request and estimates the size of its answer.
     ///
     /// # Errors
-    /// [`SessionError::Field`] for a request that makes no sense.
+    /// [`SessionError::Field`] for the first value that is not accepted.
     pub fn plan_step(&self, request: &v1::StepRequest) -> Result<StepPlan, SessionError> {
         let now = self.time().now();
         Ok(step::check(request, self.limits(), |id| {
@@ -164,10 +165,10 @@ impl Sessions {
         })?)
     }
 
-    /// `troupe.v1.Sessions/Step`, by the plan of [`Sessions::plan_step`].
+    /// `troupe.v1.Sessions/Step`. `plan` is the result of [`Sessions::plan_step`].
     ///
     /// # Errors
-    /// [`SessionError`] where no session could be served.
+    /// [`SessionError`] if no session could be served.
     pub async fn step(
         self: &Arc<Self>,
         request: v1::StepRequest,
@@ -193,10 +194,11 @@ impl Sessions {
         })
     }
 
-    /// Where the character of a session in a scene is. The request gave its id in `field`.
+    /// Scene and position of a session's character. `field` is the field of the request that has
+    /// the session's id.
     ///
     /// # Errors
-    /// [`SessionError`] where the session is not open, or in no scene.
+    /// [`SessionError`] if the session is not open or has no scene.
     pub fn standing(&self, id: &str, field: &str) -> Result<CharacterPlace, SessionError> {
         let cell = self.registry().get(id, self.time().now(), &|| field.to_owned())?;
         let live = cell.live();
@@ -216,7 +218,7 @@ impl Sessions {
     /// `troupe.v1.Sessions/Peek`.
     ///
     /// # Errors
-    /// [`SessionError`] where the session is not open, or for a count out of range.
+    /// [`SessionError`] if the session is not open or the count is out of range.
     pub fn peek(&self, request: &v1::PeekRequest) -> Result<v1::PeekResponse, SessionError> {
         let root = Path::root();
         let most = peek::MAX_PEEK_FRAMES;

@@ -1,4 +1,4 @@
-//! One session: its character behind a lock, who advances it, and when it was last wanted.
+//! One session: its character behind a lock, its owner, and the time of its last use.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -17,30 +17,30 @@ use troupe_character::live::{Character, Stats};
 use troupe_character::scene::Resident;
 use troupe_character::style::Style;
 
-/// The next session's name to the batchers.
+/// The id by which batchers will tell the next session from others.
 static NEXT_OWNER: AtomicU64 = AtomicU64::new(0);
 
-/// The value of [`SessionCell::owner`] that no owner can take: the session is about to expire.
+/// A value of `SessionCell::owner` beyond those of [`Owner`]: the session is about to expire.
 const EXPIRING: u8 = 3;
 
-/// What is behind a session's lock.
+/// The part of a session behind its lock.
 #[derive(Debug)]
 pub struct Live {
-    /// The character.
+    /// The state machine that makes the frames.
     pub character: Character,
     /// The style of the newest command.
     pub style: Arc<Style>,
-    /// How much it matters that the character is planned for often, 0 to 1.
+    /// Importance of frequent plans for this character, 0 to 1.
     pub priority: f32,
-    /// Why plans failed since the last that did not, and how many.
+    /// Number of failed plans since the last good one, and the newest error.
     pub trouble: Option<(u32, SubmitError)>,
-    /// What happened to the character that nobody has taken yet.
+    /// Events of the character that no client has taken yet.
     pub events: EventQueue,
-    /// The words that are on their way.
+    /// The sentence that is being generated for the character.
     pub(super) performer: Option<Performer>,
-    /// Its place in its scene, until it ends.
+    /// Keeps the session's place in its scene until the session ends.
     resident: Option<Resident>,
-    /// What the metrics know of the character.
+    /// The character's statistics as the metrics counted them last.
     counted: Stats,
 }
 
@@ -57,53 +57,55 @@ pub struct SessionCell {
     ttl: Duration,
     time: TimeSource,
     born: Instant,
-    /// Milliseconds from `born` to the last sign of life.
+    /// Milliseconds from `born` to the last use.
     seen_ms: AtomicU64,
+    /// An [`Owner`] or [`EXPIRING`].
     owner: AtomicU8,
+    /// 0 while the session is open, then an [`End`].
     ended: AtomicU8,
-    /// It was there before the server started, and its client has not said yet what it saw.
+    /// The session was restored at the server's start, and its client has not resumed it yet.
     woken: AtomicBool,
     live: Mutex<Live>,
-    /// Those who watch the stream that it is on, or was on last.
+    /// The watchers of the stream that advances the session, or advanced it last.
     audience: Mutex<Weak<Audience>>,
-    /// A plan came, failed, or the session ended. One waiter at most: the owner.
+    /// Signals that a plan came or failed, or that the session ended. Only the owner waits for it.
     changed: Notify,
 }
 
-/// What a new session is made of.
-pub struct Parts {
-    /// Its id.
+/// The checked parts of a session that is about to open.
+pub struct SessionParts {
+    /// 1 to 64 letters, digits, `-`, `_` or `.`; unique within the tenant.
     pub id: Arc<str>,
-    /// Its pack.
+    /// Rig, styles and batcher of the character.
     pub pack: Arc<LivePack>,
-    /// Its convention.
+    /// Axes and units of all messages of the session.
     pub convention: Convention,
-    /// Its seed.
+    /// Seed of the character's plans.
     pub seed: u64,
-    /// Its time to live.
+    /// Time without use after which the session expires.
     pub ttl: Duration,
-    /// Its character.
+    /// The character, in its first pose.
     pub character: Character,
-    /// The style that it starts in.
+    /// The style at the start.
     pub style: Arc<Style>,
-    /// Its priority at first, 0 to 1.
+    /// The priority at the start, 0 to 1.
     pub priority: f32,
-    /// Its place in its scene, where it lives in one; then its character does too.
+    /// The session's place in its scene. `None`: the session has no scene, nor has its character.
     pub resident: Option<Resident>,
-    /// Whether it was there before the server started.
+    /// Whether the session is restored from an earlier run of the server.
     pub woken: bool,
 }
 
 impl Live {
-    /// The place in its scene; none in no scene, or where the session has ended.
+    /// The session's place in its scene. `None` without a scene, or after the session's end.
     pub fn resident(&self) -> Option<&Resident> {
         self.resident.as_ref()
     }
 }
 
 impl SessionCell {
-    /// A session that nobody advances yet.
-    pub fn new(parts: Parts, time: TimeSource) -> Self {
+    /// Makes a session without an owner.
+    pub fn new(parts: SessionParts, time: TimeSource) -> Self {
         let born = time.now();
         Self {
             id: parts.id,
@@ -134,71 +136,72 @@ impl SessionCell {
         }
     }
 
-    /// Its id.
+    /// The id by which clients name the session; unique within the tenant.
     pub fn id(&self) -> &Arc<str> {
         &self.id
     }
 
-    /// Its name to the pack's batcher. Unlike its id, no later session has it again.
+    /// The id by which the pack's batcher knows the session. Unlike [`SessionCell::id`], a later
+    /// session never gets it again.
     pub fn owner_id(&self) -> OwnerId {
         self.owner_id
     }
 
-    /// Its pack.
+    /// Rig, styles and batcher of the character.
     pub fn pack(&self) -> &Arc<LivePack> {
         &self.pack
     }
 
-    /// The convention of everything that it takes and gives.
+    /// Axes and units of all messages of the session.
     pub fn convention(&self) -> Convention {
         self.convention
     }
 
-    /// Its seed.
+    /// Seed of the character's plans, as the client chose it.
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// Name of the scene that it lives in.
+    /// Name of its scene.
     pub fn scene(&self) -> Option<&Arc<str>> {
         self.scene.as_ref()
     }
 
-    /// Time without a sign of life after which it expires.
+    /// Time without use after which it expires.
     pub fn ttl(&self) -> Duration {
         self.ttl
     }
 
-    /// Whether it was there before the server started, and this is the first time that somebody
-    /// asks.
+    /// Whether the session is restored from an earlier run of the server. Answers `true` once.
     pub(super) fn take_woken(&self) -> bool {
         self.woken.swap(false, Ordering::AcqRel)
     }
 
-    /// Its character. Never held across an await.
+    /// Locks the session. Do not hold the lock across an await.
     pub fn live(&self) -> MutexGuard<'_, Live> {
-        // A panic under the lock leaves a character that may look odd, but one that still moves.
+        // After a panic under the lock the character may look odd for a moment, but still moves.
         self.live.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Those who watch the stream that it is on, or was on last.
+    /// The watchers of the stream that advances the session, or advanced it last.
     pub(super) fn audience(&self) -> Option<Arc<Audience>> {
         let audience = self.audience.lock().unwrap_or_else(PoisonError::into_inner);
         audience.upgrade()
     }
 
-    /// Its frames go to `audience` from now on.
+    /// From now on, `audience` sees the session's frames.
     pub(super) fn show_to(&self, audience: Weak<Audience>) {
         *self.audience.lock().unwrap_or_else(PoisonError::into_inner) = audience;
     }
 
-    /// Notes a sign of life.
+    /// Notes that the session is in use now.
     pub fn touch(&self) {
         let ms = self.time.now().saturating_duration_since(self.born).as_millis() as u64;
         self.seen_ms.fetch_max(ms, Ordering::Relaxed);
     }
 
-    /// Time left at `now`: all of it while somebody advances the session.
+    /// Time until the session expires, seen from `now`. While it has an owner, its whole time to
+    /// live is left.
     pub fn left(&self, now: Instant) -> Duration {
         if self.owner() != Owner::Free {
             return self.ttl;
@@ -206,12 +209,12 @@ impl SessionCell {
         self.ttl.saturating_sub(self.idle(now))
     }
 
-    /// Who advances it.
+    /// Whether a step, a stream or no call advances the session at the moment.
     pub fn owner(&self) -> Owner {
         Owner::of(self.owner.load(Ordering::Acquire))
     }
 
-    /// How it ended, where it has.
+    /// How the session ended. `None` while it is open.
     pub fn end(&self) -> Option<End> {
         match self.ended.load(Ordering::Acquire) {
             0 => None,
@@ -220,12 +223,13 @@ impl SessionCell {
         }
     }
 
-    /// Ends it where its time is up at `now` and nobody advances it. Answers whether it did.
+    /// Ends the session if its time to live is over at `now` and it has no owner. Answers whether
+    /// it ended.
     pub(super) fn expire(&self, now: Instant) -> bool {
         self.expire_after(self.ttl, now)
     }
 
-    /// Ends it where nobody advances it, and nobody has for `limit`. Answers whether it did.
+    /// Ends the session if it has no owner and was not used for `limit`. Answers whether it ended.
     pub(super) fn expire_after(&self, limit: Duration, now: Instant) -> bool {
         let free = Owner::Free as u8;
         if self.idle(now) < limit || self.owner() != Owner::Free {
@@ -237,7 +241,7 @@ impl SessionCell {
         if taken.is_err() {
             return false;
         }
-        // Somebody may have wanted it between the look at the clock and now.
+        // It may have been used between the look at the clock and now.
         if self.idle(now) < limit {
             self.owner.store(free, Ordering::Release);
             return false;
@@ -245,13 +249,13 @@ impl SessionCell {
         self.finish(End::Expired)
     }
 
-    /// Time at `now` since the last sign of life.
+    /// Time from the last use to `now`.
     pub(super) fn idle(&self, now: Instant) -> Duration {
         let seen = self.born + Duration::from_millis(self.seen_ms.load(Ordering::Acquire));
         now.saturating_duration_since(seen)
     }
 
-    /// Ends it, whoever has it. Answers whether it was open.
+    /// Ends the session, even if it has an owner. Answers whether it was open.
     pub(super) fn finish(&self, end: End) -> bool {
         let first = self
             .ended
@@ -265,7 +269,7 @@ impl SessionCell {
         first
     }
 
-    /// Gives up what its character has in its scene, and its place there.
+    /// Releases the objects of the character and the session's place in its scene.
     fn leave_scene(&self) {
         if self.scene.is_some() {
             let mut live = self.live();
@@ -274,10 +278,11 @@ impl SessionCell {
         }
     }
 
-    /// Takes the session's clock for `owner`, until the guard is dropped.
+    /// Makes `owner` the owner of the session until the guard is dropped. `field` is the field of
+    /// the request that names the session.
     ///
     /// # Errors
-    /// [`SessionError::Busy`], or what [`SessionCell::gone`] says. `field` named the session.
+    /// [`SessionError::Busy`] if it has an owner, or the error of [`SessionCell::gone`].
     pub fn take(self: &Arc<Self>, owner: Owner, field: &dyn Fn() -> String) -> Result<Held, SessionError> {
         let (free, wanted) = (Owner::Free as u8, owner as u8);
         loop {
@@ -293,7 +298,7 @@ impl SessionCell {
                     self.touch();
                     return Ok(held);
                 }
-                // Somebody looks whether it expires; that takes a moment.
+                // Another thread checks whether the session expires, which takes microseconds.
                 Err(EXPIRING) => std::hint::spin_loop(),
                 Err(other) => {
                     return Err(SessionError::Busy {
@@ -309,7 +314,7 @@ impl SessionCell {
         }
     }
 
-    /// Why the session cannot be served any more, where it has ended.
+    /// The error for requests to a session that has ended. `None` while it is open.
     pub fn gone(&self, field: &dyn Fn() -> String) -> Option<SessionError> {
         match self.end()? {
             End::Expired => Some(SessionError::Expired {
@@ -323,8 +328,8 @@ impl SessionCell {
         }
     }
 
-    /// Waits until a plan came or failed, or the session ended, since the last wait. For the owner
-    /// only.
+    /// Waits until a plan came or failed, or the session ended, since the last wait. Only the owner
+    /// may wait.
     pub async fn changed(&self) {
         self.changed.notified().await;
     }
@@ -334,8 +339,8 @@ impl SessionCell {
         self.changed.notify_one();
     }
 
-    /// Takes the requests that the character has, where there are any, and what happened to it;
-    /// counts what it has done meanwhile, and gives up words that it wants no more.
+    /// Takes the character's requests for plans and words, and returns them. Also collects its
+    /// events, updates the metrics, and stops words that it does not want any more.
     pub fn settle(&self, live: &mut Live) -> Wants {
         let Live {
             character, events, ..
@@ -362,12 +367,12 @@ impl SessionCell {
     }
 }
 
-/// A session's clock, in somebody's hands. Dropping it lets go.
+/// Ownership of a session. Dropping it frees the session.
 #[derive(Debug)]
 pub struct Held(Arc<SessionCell>);
 
 impl Held {
-    /// The session.
+    /// The session that is owned.
     pub fn cell(&self) -> &Arc<SessionCell> {
         &self.0
     }

@@ -1,4 +1,4 @@
-//! Commands: checked one by one, so that one that is wrong does not hold up the others.
+//! Commands. Each is checked on its own, so a wrong command does not stop the others.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,14 +23,14 @@ use troupe_character::scene::MAX_ID_BYTES;
 use troupe_character::style::Style;
 use troupe_character::{FieldError, Path};
 
-/// Most commands of one request.
+/// Maximum number of commands in one request.
 pub const MAX_COMMANDS: usize = 10_000;
-/// How far ahead a command may be given, frames.
+/// Maximum number of frames from the session's frame to a command's `at_frame`.
 const MAX_FRAMES_AHEAD: u64 = 100_000;
-/// Largest velocity along an axis, m/s.
+/// Maximum velocity along an axis, m/s.
 const MAX_VELOCITY_MPS: f32 = 1000.0;
 
-/// Gives commands to their sessions and says the result of each, in order.
+/// Gives commands to their sessions. The results have the order of the commands.
 pub(super) async fn apply(
     registry: &Registry,
     time: &TimeSource,
@@ -108,7 +108,8 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     Ok(outcome)
 }
 
-/// The words that a command asks for, where it does; looked through without the session's lock.
+/// The sentence that a command asks for, if any. It is checked without the session's lock, because
+/// that takes long.
 fn words(
     path: &Path<'_>,
     command: &v1::Command,
@@ -120,7 +121,7 @@ fn words(
     (cell.pack().words.command(&path.field("perform"), asked)).map(Some)
 }
 
-/// What a command asks for, apart from words, in the native convention.
+/// The intent of a command in the native convention. `None` for sentences: [`words`] reads those.
 fn intent(
     path: &Path<'_>,
     command: &v1::Command,
@@ -186,7 +187,7 @@ fn chosen(path: &Path<'_>, name: &str) -> Result<Option<String>, FieldError> {
     }
 }
 
-/// The error of a command that the character could not carry out.
+/// The error of a command that the character refused.
 fn refused(path: &Path<'_>, refusal: CommandError) -> SessionError {
     let interact = path.field("interact");
     let skill = path.field("skill");
@@ -218,7 +219,7 @@ fn check_at(path: &Path<'_>, at: u64, frame: u64) -> Result<(), FieldError> {
     }
 }
 
-/// The style of that name; the one that the character has where it is empty.
+/// The style called `name`. An empty name means the character's present style.
 fn style(path: &Path<'_>, name: &str, cell: &SessionCell, live: &Live) -> Result<Arc<Style>, SessionError> {
     if name.is_empty() {
         return Ok(live.style.clone());
@@ -237,7 +238,7 @@ fn follow_path(
 ) -> Result<PathCommand, SessionError> {
     let convention = cell.convention();
     let style = style(path, &asked.style, cell, live)?;
-    // A list that is too long is not looked through.
+    // Of a list that is too long, no more points are read than are needed to refuse it.
     let points = asked.points.iter().take(PATH_POINTS.end() + 1).enumerate();
     let point = |(index, point): (usize, &v1::PathPoint)| {
         let path = path.element("points", index);
@@ -255,7 +256,7 @@ fn follow_path(
     Ok(PathCommand::new(path, &points, speed_mps, asked.r#loop, style)?)
 }
 
-/// What a message asks for, in the native convention.
+/// The locomotion that a message asks for, in the native convention.
 fn locomotion(
     path: &Path<'_>,
     locomote: &v1::Locomote,
@@ -287,7 +288,7 @@ fn velocity(path: &Path<'_>, locomote: &v1::Locomote, cell: &SessionCell) -> Res
         false => {
             let up = velocity.y * convention.units_per_metre();
             let path = path.field(units::up_axis(convention));
-            Err(path.error(format!("is {up}: it points up"), "0"))
+            Err(path.error(format!("is {up}, but the velocity must be horizontal"), "0"))
         }
     }
 }

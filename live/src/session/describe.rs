@@ -1,4 +1,4 @@
-//! Sessions as messages, in their own convention.
+//! Messages about sessions, in the convention of each session.
 
 use std::time::Instant;
 
@@ -12,12 +12,12 @@ use super::events;
 use crate::wire::units;
 use troupe_character::live::{Stats, View};
 
-/// The session as it stands at `now`.
+/// The state of a session at `now`.
 pub(super) fn session(cell: &SessionCell, now: Instant) -> v1::Session {
     session_of(cell, &cell.live(), now)
 }
 
-/// [`session`], under a lock that the caller holds.
+/// [`session`] for callers that hold the session's lock.
 pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::Session {
     let View {
         frame,
@@ -52,7 +52,7 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
     }
 }
 
-/// A root's heading in the session's convention, within half a turn.
+/// A root's heading in the session's convention, -π to π radians.
 pub(super) fn heading(root: GlobalRoot, convention: Convention) -> f32 {
     convention.heading_from_native(wrap_angle(root.heading))
 }

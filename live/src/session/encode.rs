@@ -1,4 +1,4 @@
-//! Frames of many characters, packed by column.
+//! Frames of many characters as columns of numbers.
 
 use troupe_motion::codec::{BYTES_PER_ROOT, BYTES_PER_ROTATION, encode_root, encode_rotation};
 use troupe_motion::conventions::Convention;
@@ -13,7 +13,7 @@ use troupe_character::{FieldError, Path};
 use troupe_motion::model::Rig;
 use troupe_motion::model::SIX_D;
 
-/// How frames are written.
+/// The form in which frames are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Form {
     /// The encoding of roots and rotations.
@@ -25,10 +25,11 @@ pub struct Form {
 }
 
 impl Form {
-    /// The form that a message asks for in `encoding`, `return_positions` and `return_six_d`.
+    /// Reads the form from the fields `encoding`, `return_positions` and `return_six_d` of the
+    /// message at `path`.
     ///
     /// # Errors
-    /// [`FieldError`] for a number that is no encoding.
+    /// [`FieldError`] for an unknown encoding.
     pub fn of(path: &Path<'_>, encoding: i32, positions: bool, six_d: bool) -> Result<Self, FieldError> {
         let encoding = v1::Encoding::try_from(encoding).map_err(|_| {
             path.field("encoding").error(
@@ -43,10 +44,11 @@ impl Form {
         })
     }
 
-    /// Checks that frames of `pack` can be written so. `path` is where the form was asked for.
+    /// Checks that frames of `rig` can be written in this form. `path` is the message that has the
+    /// form.
     ///
     /// # Errors
-    /// [`FieldError`] for `qpos` of a pack without a robot.
+    /// [`FieldError`] for `qpos` without a robot.
     pub fn check(&self, path: &Path<'_>, rig: &Rig) -> Result<(), FieldError> {
         match self.encoding == v1::Encoding::Qpos && rig.skeleton.robot.is_none() {
             true => Err(path.field("encoding").error(
@@ -58,22 +60,21 @@ impl Form {
     }
 }
 
-/// Writes the columns of one block. Every place of a column is made once; a frame is written where
-/// it belongs.
+/// Writes the columns of one block. They are allocated once; frames can be written in any order.
 #[derive(Debug)]
 pub struct BlockWriter {
     form: Form,
     joints: usize,
     frames: usize,
-    /// Numbers of a robot's `qpos`, where it is written.
+    /// Numbers of a robot's `qpos`. 0 without a robot.
     qpos_len: usize,
     block: v1::FrameBlock,
-    /// Scratch of one pose.
+    /// Scratch for the world positions and rotations of one pose.
     world: (Vec<Vec3>, Vec<Quat>),
 }
 
 impl BlockWriter {
-    /// A block for `characters` of `pack`, `frames` frames each.
+    /// Makes a block for `characters` of `rig`, with `frames` frames each.
     pub fn new(rig: &Rig, form: Form, characters: usize, frames: usize) -> Self {
         let joints = rig.skeleton.joint_count();
         let cells = characters * frames;
@@ -113,7 +114,7 @@ impl BlockWriter {
         }
     }
 
-    /// The same for a pack, which it names.
+    /// Makes a block as [`BlockWriter::new`] does, with the names of pack and body.
     pub fn of(pack: &LivePack, form: Form, characters: usize, frames: usize) -> Self {
         let mut writer = Self::new(pack.rig(), form, characters, frames);
         writer.block.pack = pack.name().to_owned();
@@ -121,12 +122,12 @@ impl BlockWriter {
         writer
     }
 
-    /// Names the next character, in the order of their places.
+    /// Sets the slot of the next character. Call it once per character, in order.
     pub fn name(&mut self, slot: u32) {
         self.block.slots.push(slot);
     }
 
-    /// Writes frame `frame` of the character at place `character`.
+    /// Writes frame number `frame` of character number `character`. Both count from 0.
     pub fn write(
         &mut self,
         (character, frame): (usize, usize),
@@ -159,7 +160,7 @@ impl BlockWriter {
     }
 
     fn write_compact(&mut self, cell: usize, out: &FrameOut, convention: Convention) {
-        // Tenths of a millimetre whatever the convention's unit.
+        // Compact roots are in 0.1 mm for every convention.
         let steps = encode_root(convention.direction_from_native(out.root));
         let row = &mut self.block.packed_roots[cell * BYTES_PER_ROOT..(cell + 1) * BYTES_PER_ROOT];
         for (bytes, step) in row.as_chunks_mut::<4>().0.iter_mut().zip(steps) {
@@ -176,9 +177,9 @@ impl BlockWriter {
         }
     }
 
-    /// In MuJoCo's own axes, whatever the convention.
+    /// Writes `qpos` in MuJoCo's axes, which do not depend on the convention.
     fn write_qpos(&mut self, cell: usize, out: &FrameOut, skeleton: &Skeleton) {
-        // A pack without a robot was refused.
+        // `Form::check` has refused packs without a robot.
         let (Some(robot), Some(&pelvis)) = (&skeleton.robot, out.rotations.first()) else {
             return;
         };
@@ -206,7 +207,7 @@ impl BlockWriter {
         }
     }
 
-    /// The block, without the characters for which `keep` says no.
+    /// Returns the block with those characters for which `keep` is true.
     pub fn finish(mut self, keep: impl Fn(usize) -> bool) -> v1::FrameBlock {
         let characters = self.block.slots.len();
         if (0..characters).all(&keep) {
@@ -229,7 +230,7 @@ impl BlockWriter {
     }
 }
 
-/// Keeps the rows of a column for which `keep` says so.
+/// Keeps those rows of a column for which `keep` is true.
 fn retain_rows<T: Copy>(column: &mut Vec<T>, rows: usize, keep: impl Fn(usize) -> bool) {
     let size = column.len() / rows.max(1);
     let mut kept = 0;

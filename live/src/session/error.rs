@@ -1,4 +1,4 @@
-//! What can be wrong with a call that is about sessions and styles.
+//! Errors of calls about sessions and styles.
 
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::world::WorldError;
@@ -10,104 +10,104 @@ use troupe_character::live::CommandError;
 /// Why a call about sessions or styles was not served.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum SessionError {
-    /// A value that is not accepted.
+    /// A value of the request is not accepted.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// A pack that is not loaded.
+    /// The requested pack is not loaded.
     #[error(transparent)]
     UnknownPack(#[from] UnknownPack),
-    /// A skeleton that its pack does not have.
+    /// The pack has no body of the requested name.
     #[error(transparent)]
     UnknownBody(#[from] UnknownBody),
-    /// A pack that cannot do what is asked of it.
+    /// The pack lacks the capability that the request needs.
     #[error(transparent)]
     CannotDo(#[from] CannotDo),
-    /// What is wrong with a session's scene, or with the upload of a style.
+    /// An error of a session's scene or of a style's upload.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// A session that ran out of its time to live.
+    /// The session's time to live is over.
     #[error("session {id:?} has expired: no command, step or stream within its ttl_ms")]
     Expired {
-        /// Its id.
+        /// The session's id, or the start of what the request gave as one.
         id: String,
-        /// The field of the request that named it.
+        /// The field of the request that has the id.
         field: String,
     },
     /// A session that is not open.
     #[error("no session has the id {id:?}")]
     Unknown {
-        /// Its id.
+        /// The session's id, or the start of what the request gave as one.
         id: String,
-        /// The field of the request that named it.
+        /// The field of the request that has the id.
         field: String,
     },
-    /// A session of that id is open already.
+    /// An open session has this id.
     #[error("a session with the id {id:?} exists already")]
     Exists {
-        /// Its id.
+        /// The session's id, or the start of what the request gave as one.
         id: String,
-        /// The field of the request that named it.
+        /// The field of the request that has the id.
         field: String,
     },
-    /// Somebody else advances the session.
+    /// Another call advances the session.
     #[error("session {id:?} is being advanced by {owner}")]
     Busy {
-        /// Its id.
+        /// The session's id, or the start of what the request gave as one.
         id: String,
-        /// The field of the request that named it.
+        /// The field of the request that has the id.
         field: String,
-        /// Who advances it.
+        /// `a step` or `a stream`.
         owner: &'static str,
     },
-    /// No room for another session, on the server or on a stream.
+    /// There is no room for another session, on the server or on a stream.
     #[error("{open} sessions are open{place}; allowed: at most {limit}")]
     TooMany {
-        /// How many there are.
+        /// Number of open sessions.
         open: usize,
-        /// How many there may be.
+        /// Maximum number of open sessions.
         limit: usize,
-        /// Where: nothing for the server, or ` on this stream`.
+        /// Empty for the server, or ` on this stream`.
         place: &'static str,
     },
-    /// No room for another stream.
+    /// There is no room for another stream.
     #[error("{limit} streams are open, and there is no room for more")]
     TooManyStreams {
-        /// How many there may be.
+        /// Maximum number of open streams.
         limit: usize,
     },
-    /// The server takes no new streams any more.
+    /// The server shuts down and takes no new streams.
     #[error("the server is shutting down")]
     ShuttingDown,
-    /// What a character is asked to do and could not.
+    /// The character refused a command.
     #[error("{refusal}")]
     Refused {
-        /// Why.
+        /// The character's reason.
         refusal: CommandError,
-        /// The field of the request that asked for it.
+        /// The field of the request that caused it.
         field: String,
     },
-    /// A style that the pack does not have.
+    /// The pack has no style of the requested name.
     #[error("{field}: there is no style {name:?}; allowed: {}", there_are.join(", "))]
     UnknownStyle {
-        /// The name that was asked for.
+        /// The requested name, cut to 64 characters.
         name: String,
-        /// The field of the request that named it.
+        /// The field of the request that has the name.
         field: String,
-        /// The names that there are.
+        /// Names of the pack's styles, at most 32.
         there_are: Vec<String>,
     },
-    /// A style that came with its pack cannot be replaced.
+    /// An upload has the name of a built-in style, which cannot be replaced.
     #[error("{field}: the style {name:?} is one of the pack's own")]
     StyleIsBuiltIn {
-        /// Its name.
+        /// Name of the built-in style.
         name: String,
-        /// The field of the request that named it.
+        /// The field of the request that has the name.
         field: String,
     },
     /// The plans of a character fail.
     #[error(transparent)]
     Plan(#[from] SubmitError),
-    /// The work of a call did not come to its end.
+    /// The call's work was stopped before its end.
     #[error(transparent)]
     Stopped(#[from] WorkerStopped),
 }

@@ -1,4 +1,4 @@
-//! Events of a session that wait for somebody to take them, and how they look as messages.
+//! Queued events of a session, and events as messages.
 
 use std::collections::VecDeque;
 
@@ -12,20 +12,20 @@ use troupe_character::live::{
     Activity, Character, CharacterEvent, EventKind, HeldObject, KeyframeError, PerformanceEnd,
 };
 
-/// Most events of a session that wait; of more, the oldest are dropped.
+/// Maximum number of events that wait in a session. Beyond it, the oldest are dropped.
 pub const MAX_WAITING_EVENTS: usize = 64;
 
-/// The events of a session that nobody has taken yet.
+/// The events of a session that no client has taken yet.
 #[derive(Debug, Default)]
 pub struct EventQueue {
     waiting: VecDeque<CharacterEvent>,
     dropped: u64,
-    /// For what comes from the character, used again.
+    /// Reused buffer for new events of the character.
     fresh: Vec<CharacterEvent>,
 }
 
 impl EventQueue {
-    /// Takes what happened to the character, and counts it.
+    /// Queues the character's new events and counts them in the metrics.
     pub(super) fn collect(
         &mut self,
         take_events: impl FnOnce(&mut Vec<CharacterEvent>),
@@ -43,12 +43,12 @@ impl EventQueue {
         }
     }
 
-    /// Events that were dropped so far.
+    /// Number of events dropped since the session was created.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
-    /// All that wait, as a message for the session in `slot`. `None`: nothing has happened.
+    /// Takes all waiting events as a message for the session in `slot`. `None` without events.
     pub(super) fn take(&mut self, slot: u32, id: &str, convention: Convention) -> Option<v1::SessionEvents> {
         if self.waiting.is_empty() {
             return None;
@@ -63,7 +63,7 @@ impl EventQueue {
     }
 }
 
-/// What is in the hand of a character, which is that of the session in `slot`.
+/// The object in a character's hand, as a message for the session in `slot`.
 pub(super) fn held(character: &Character, slot: u32, convention: Convention) -> Option<v1::HeldObject> {
     let HeldObject { instance, transform } = character.held()?;
     Some(v1::HeldObject {
@@ -74,7 +74,7 @@ pub(super) fn held(character: &Character, slot: u32, convention: Convention) -> 
     })
 }
 
-/// What a character is about, as a message.
+/// A character's activity as a message.
 pub(super) fn activity(activity: Activity) -> v1::Activity {
     let of = |kind: v1::ActivityKind, instance: &str, set: String| v1::Activity {
         kind: kind.into(),

@@ -39,18 +39,18 @@ fn the_oldest_events_are_dropped_and_counted() {
     assert_eq!(queue.take(0, "a", Convention::Native), None);
     collect(&mut queue, 0..60);
     collect(&mut queue, 60..70);
-    let told = queue.take(3, "a", Convention::Native).unwrap();
-    let frames: Vec<u64> = told.events.iter().map(|event| event.frame).collect();
+    let taken = queue.take(3, "a", Convention::Native).unwrap();
+    let frames: Vec<u64> = taken.events.iter().map(|event| event.frame).collect();
     assert_eq!(frames, (6..70).collect::<Vec<_>>());
     assert_eq!(
-        (told.slot, told.session_id.as_str(), told.events_dropped),
+        (taken.slot, taken.session_id.as_str(), taken.events_dropped),
         (3, "a", 6)
     );
-    assert_eq!(queue.take(3, "a", Convention::Native), None, "told once");
+    assert_eq!(queue.take(3, "a", Convention::Native), None, "taken once");
     collect(&mut queue, 70..71);
-    let told = queue.take(3, "a", Convention::Native).unwrap();
+    let taken = queue.take(3, "a", Convention::Native).unwrap();
     assert_eq!(
-        (told.events.len(), told.events_dropped, queue.dropped()),
+        (taken.events.len(), taken.events_dropped, queue.dropped()),
         (1, 6, 6)
     );
 }
@@ -120,16 +120,19 @@ fn places_and_heights_are_in_the_sessions_convention_and_errors_in_metres() {
 
 #[test]
 fn ends_of_performances_have_a_word_and_failures_a_message() {
-    let told = |end| {
+    let ended_as = |end| {
         let kind = kind(EventKind::Performed { number: 7, end }, Convention::Unreal);
         match kind {
             Kind::Performed(ended) => (ended.sequence, ended.reason, ended.message),
             other => panic!("{other:?}"),
         }
     };
-    assert_eq!(told(PerformanceEnd::Late), (7, "LATE".to_owned(), String::new()));
+    assert_eq!(
+        ended_as(PerformanceEnd::Late),
+        (7, "LATE".to_owned(), String::new())
+    );
     let failed = PerformanceEnd::Failed("no frames".to_owned());
-    assert_eq!(told(failed), (7, "FAILED".to_owned(), "no frames".to_owned()));
+    assert_eq!(ended_as(failed), (7, "FAILED".to_owned(), "no frames".to_owned()));
     let text: Arc<str> = "wave".into();
     let performing = activity(Activity::Performing { text });
     assert_eq!(
@@ -180,11 +183,11 @@ async fn a_tick_takes_what_happened_or_leaves_it() {
     let (frames, _) = roster.tick(SUB_FRAMES, form, Some(&mut happened)).await;
     assert!(frames.held.is_empty());
     let slot = attached.sessions[1].slot;
-    let told: Vec<_> = happened
+    let taken: Vec<_> = happened
         .iter()
         .map(|of| (of.slot, of.session_id.as_str(), of.events.len()))
         .collect();
-    assert_eq!(told, [(slot, "inside", 1)]);
+    assert_eq!(taken, [(slot, "inside", 1)]);
     happened.clear();
     roster.tick(SUB_FRAMES, form, Some(&mut happened)).await;
     assert!(happened.is_empty());

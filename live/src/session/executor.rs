@@ -1,5 +1,5 @@
-//! Threads of their own for characters: whatever many of them cost, connections and health checks
-//! go on.
+//! Separate threads for characters, so that a large crowd does not delay connections and health
+//! checks.
 
 use std::future::Future;
 use std::time::{Duration, Instant};
@@ -11,22 +11,22 @@ use tracing::Instrument as _;
 use troupe_base::offload::WorkerStopped;
 use troupe_base::turns::Turns;
 
-/// Longest that one task works before the others get a turn.
+/// A task works for at most this long before others get a turn.
 const TURN: Duration = Duration::from_millis(1);
 
-/// Runs what advances characters: steps, ticks and commands.
+/// Runs the work that advances characters: steps, ticks and commands.
 #[derive(Debug)]
 pub struct Executor {
-    /// Its threads, until it is dropped.
+    /// `None` in tests that run on the caller's runtime, and while it is dropped.
     threads: Option<Runtime>,
     handle: Handle,
 }
 
 impl Executor {
-    /// Threads for characters, one for each core that this process may use.
+    /// Starts one thread for each core that this process may use.
     ///
     /// # Errors
-    /// Where the system gives no threads.
+    /// The system's error if it cannot start threads.
     pub fn new() -> std::io::Result<Self> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let runtime = Builder::new_multi_thread()
@@ -40,8 +40,8 @@ impl Executor {
         })
     }
 
-    /// No threads but those that this is called on: a simulation has its time for everything, and a
-    /// fuzz target one order.
+    /// Runs on the caller's runtime. Simulations then control the time, and fuzz targets have a
+    /// fixed order.
     #[cfg(any(test, feature = "testing"))]
     pub fn here() -> Self {
         Self {
@@ -50,10 +50,11 @@ impl Executor {
         }
     }
 
-    /// Runs `work` there in `turns`, and gives it up where nobody waits for it any more.
+    /// Runs `work` on these threads, in the turns of `turns`. If the returned future is dropped,
+    /// the work is stopped.
     ///
     /// # Errors
-    /// [`WorkerStopped`].
+    /// [`WorkerStopped`] if the work panicked or the threads ended.
     pub async fn run<T: Send + 'static>(
         &self,
         turns: Turns,
@@ -63,7 +64,7 @@ impl Executor {
         task.await.map_err(|_| WorkerStopped)
     }
 
-    /// Runs `work` there in `turns`, whether anybody waits for it or not.
+    /// Runs `work` on these threads to its end, in the turns of `turns`.
     pub fn spawn(&self, turns: Turns, work: impl Future<Output = ()> + Send + 'static) {
         self.handle.spawn(turns.take(work).in_current_span());
     }
@@ -71,24 +72,24 @@ impl Executor {
 
 impl Drop for Executor {
     fn drop(&mut self) {
-        // A runtime must not wait for its threads where others must not wait either.
+        // The drop of a runtime blocks, which panics inside of asynchronous code. This does not.
         if let Some(runtime) = self.threads.take() {
             runtime.shutdown_background();
         }
     }
 }
 
-/// How long a task has worked since others had a turn.
+/// Measures how long a task has worked since others had a turn.
 #[derive(Debug)]
 pub struct Turn(Instant);
 
 impl Turn {
-    /// A turn that begins now.
+    /// Starts a turn now.
     pub fn begin() -> Self {
         Self(Instant::now())
     }
 
-    /// Lets others work where this task has worked long enough. Not for use while a lock is held.
+    /// Lets other tasks work if this one has used up its turn. Do not call it while a lock is held.
     pub async fn pause(&mut self) {
         if self.0.elapsed() >= TURN {
             tokio::task::yield_now().await;
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn work_ends_when_nobody_waits_for_it() {
+    async fn work_ends_when_its_caller_goes() {
         let executor = Executor::new().unwrap();
         let (alive, ended) = tokio::sync::oneshot::channel::<()>();
         let work = async move {

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use troupe_character::{FieldError, Path};
 
-/// Most characters of a session's id.
+/// Maximum length of a session's id, characters.
 pub const MAX_ID_CHARS: usize = 64;
 
-/// The id that a session is to have; a new one where it is empty.
+/// Checks the id that a client chose for a session. An empty one gets a random id.
 pub(super) fn wanted(path: &Path<'_>, wanted: &str) -> Result<Arc<str>, FieldError> {
     if wanted.is_empty() {
         return Ok(new_id());
@@ -25,7 +25,7 @@ pub(super) fn wanted(path: &Path<'_>, wanted: &str) -> Result<Arc<str>, FieldErr
     }
 }
 
-/// An id that nobody can guess.
+/// A random id that other clients cannot guess.
 fn new_id() -> Arc<str> {
     let number: u128 = rand::random();
     Arc::from(format!("{:024x}", number >> 32))

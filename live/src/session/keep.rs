@@ -1,8 +1,8 @@
-//! Keeps sessions, and what moves in scenes, so that they outlive the process.
+//! Saves sessions and the objects of scenes, so that they survive a restart.
 //!
-//! A round notes all that has changed since the last, and writes it at once: what is on the disk is
-//! a moment of every session. A session is locked for the few microseconds that it takes to copy
-//! it.
+//! A round collects everything that has changed since the last round and writes it in one
+//! transaction, so the file always has one consistent state. A session is locked only while it is
+//! copied, for a few microseconds.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use troupe_motion::conventions::Convention;
 use troupe_motion::model::Capability;
 
 use super::LivePacks;
-use super::cell::{Parts, SessionCell};
+use super::cell::{SessionCell, SessionParts};
 use super::space::{Spaces, of_record};
 use crate::records::{Changes, Kind, Records, RecordsError};
 use crate::world::Store;
@@ -26,31 +26,31 @@ use troupe_character::scene::Holder;
 
 const AGE: Metric = Metric::new(
     "troupe_store_age_seconds",
-    "Time since the state of sessions and scenes was written last",
+    "Time since the state of sessions and scenes was last written",
 );
 const BYTES: Metric = Metric::new("troupe_store_written_bytes_total", "Bytes of records written");
 const FAILURES: Metric = Metric::new(
     "troupe_store_failures_total",
-    "Times that the state could not be written",
+    "Failed attempts to write the state of sessions and scenes",
 );
 const RESTORED: Metric = Metric::new(
     "troupe_store_sessions_total",
-    "Sessions of the process before, by whether they were restored or left out",
+    "Sessions found in the store at the start, by result: restored or left_out",
 );
 
-/// Changes with what a record is. Records of another format are left out.
+/// Version of the record format. Records of other versions are not restored.
 const FORMAT: u32 = 2;
-/// Sessions of one look at the registry.
+/// Number of sessions that are read from the registry under one lock.
 const PAGE: usize = 256;
-/// Rounds take at most this share of the time of one core.
+/// Rounds take at most one part in this many of one core's time.
 const SHARE: u32 = 10;
 
-/// A session as it is kept. Its tenant and id are the record's name.
+/// A saved session. The name of the record has its tenant and id.
 #[derive(Debug, Serialize, Deserialize)]
 struct Record<'a> {
     format: u32,
     pack: &'a str,
-    /// Empty for packs of one skeleton.
+    /// Empty for packs with one skeleton.
     body: &'a str,
     convention: Convention,
     seed: u64,
@@ -61,49 +61,50 @@ struct Record<'a> {
     character: &'a [u8],
 }
 
-/// What is known of a session when it was noted last.
+/// The state of a session when it was last saved. A different stamp means that it has changed.
 #[derive(Debug, PartialEq)]
 struct Stamp {
-    /// Tells it from a later session of its id.
+    /// Differs for a later session with the same id.
     owner: u64,
     character: (i64, u64, i64),
     priority: f32,
 }
 
-/// By the names of records.
+/// By the names of the records.
 type Stamps = HashMap<String, Stamp>;
 
-/// What a round did.
+/// The result of a round.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Round {
-    /// Records that were written or removed: sessions and scenes.
+    /// Records of sessions and scenes that were written or removed.
     pub records: usize,
-    /// Bytes of them.
+    /// Total size of the written records, bytes.
     pub bytes: usize,
 }
 
-/// Keeps the sessions of a server.
+/// Saves and restores the sessions of a server.
 #[derive(Debug)]
 pub struct Keeper {
     spaces: Arc<Spaces>,
     records: Records,
     sessions: Stamps,
-    /// Revisions, by the names of records.
+    /// Saved revisions, by the names of the records.
     scenes: HashMap<String, u64>,
     buffer: Vec<u8>,
     age: Gauge,
     bytes: Counter,
     failures: Counter,
-    told: Seldom,
+    /// Limits how often a failure is logged.
+    reported: Seldom,
     written: Instant,
 }
 
 impl Keeper {
-    /// Restores the sessions and scenes of `records`, and keeps them from now on. What cannot be
-    /// restored is left out with a warning, and goes with the next round.
+    /// Restores the sessions and scenes of `records`. A record that cannot be restored causes a
+    /// warning, and the next round removes it.
     ///
     /// # Errors
-    /// [`RecordsError`] where the records cannot be read.
+    /// [`RecordsError`] if the records cannot be read.
     pub fn new(
         spaces: &Arc<Spaces>,
         mut records: Records,
@@ -121,10 +122,13 @@ impl Keeper {
             counter.increment(count as u64);
         }
         if !restored.is_empty() {
-            tracing::info!(sessions = restored.len(), "sessions of the process before go on");
+            tracing::info!(
+                sessions = restored.len(),
+                "sessions of the last run were restored"
+            );
         }
         let mut sessions = restored;
-        // They are not there, so the first round removes their records.
+        // The registry does not have these, so the first round removes their records.
         sessions.extend(left_out);
         Ok(Self {
             spaces: spaces.clone(),
@@ -135,13 +139,13 @@ impl Keeper {
             age: telemetry.gauge(&AGE, &labels),
             bytes: telemetry.counter(&BYTES, &labels),
             failures: telemetry.counter(&FAILURES, &labels),
-            told: Seldom::default(),
+            reported: Seldom::default(),
             written: Instant::now(),
         })
     }
 }
 
-/// Restores what sessions can be: those, and those that cannot.
+/// Restores sessions. Returns the restored ones and those that could not be restored.
 fn restore(spaces: &Spaces, records: &mut Records) -> Result<(Stamps, Stamps), RecordsError> {
     let (mut restored, mut left_out) = (Stamps::new(), Stamps::new());
     for (name, record) in records.all(Kind::Session)? {
@@ -151,7 +155,7 @@ fn restore(spaces: &Spaces, records: &mut Records) -> Result<(Stamps, Stamps), R
                 tracing::warn!(
                     session = name,
                     reason,
-                    "a session of the process before is left out"
+                    "a session of the last run cannot be restored"
                 );
                 left_out.insert(name, Stamp::NONE);
             }
@@ -174,7 +178,7 @@ fn restore_session(spaces: &Spaces, name: &str, record: &[u8]) -> Result<Arc<Ses
 }
 
 impl Stamp {
-    /// That of no session.
+    /// A stamp that no session has.
     const NONE: Self = Self {
         owner: u64::MAX,
         character: (0, 0, 0),
@@ -191,20 +195,23 @@ fn stamp(cell: &SessionCell) -> Stamp {
     }
 }
 
-/// A session as its record has it.
-fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Result<Parts, String> {
-    let told = |error: &dyn std::fmt::Display| error.to_string();
-    let record: Record<'_> = postcard::from_bytes(record).map_err(|error| told(&error))?;
+/// Reads the parts of a session from its record.
+fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Result<SessionParts, String> {
+    let text = |error: &dyn std::fmt::Display| error.to_string();
+    let record: Record<'_> = postcard::from_bytes(record).map_err(|error| text(&error))?;
     if record.format != FORMAT {
-        return Err(format!("it is of format {}; allowed: {FORMAT}", record.format));
+        return Err(format!(
+            "the record has format {}; allowed: {FORMAT}",
+            record.format
+        ));
     }
     let pack = packs.find(&Path::root(), record.pack, record.body);
-    let pack = pack.map_err(|error| told(&error))?;
-    (pack.loaded.require(Capability::Live, "pack")).map_err(|error| told(&error))?;
+    let pack = pack.map_err(|error| text(&error))?;
+    (pack.loaded.require(Capability::Live, "pack")).map_err(|error| text(&error))?;
     let style = pack.styles().get(record.style);
     let style = style.ok_or_else(|| format!("there is no style {:?}", record.style))?;
     let resident =
-        (record.scene.map(|name| world.scenes().enter(name)).transpose()).map_err(|error| told(&error))?;
+        (record.scene.map(|name| world.scenes().enter(name)).transpose()).map_err(|error| text(&error))?;
     let around = Surroundings {
         rig: pack.rig().clone(),
         styles: pack.styles().clone(),
@@ -215,8 +222,8 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
             holder: Holder::new(id.clone()),
         }),
     };
-    let character = saved::restore(record.character, &around).map_err(|error| told(&error))?;
-    Ok(Parts {
+    let character = saved::restore(record.character, &around).map_err(|error| text(&error))?;
+    Ok(SessionParts {
         id: id.clone(),
         pack: pack.clone(),
         convention: record.convention,
@@ -233,13 +240,14 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
 /// Reads the record of a session, for fuzz targets.
 ///
 /// # Errors
-/// Why it would be left out.
+/// The reason why the session cannot be restored.
 #[cfg(feature = "testing")]
 pub fn read_record(id: &str, record: &[u8], packs: &LivePacks, world: &Store) -> Result<(), String> {
     parts(&Arc::from(id), record, packs, world).map(drop)
 }
 
-/// Restores what scenes can be; their revisions. Those that cannot have none.
+/// Restores the objects of scenes. Returns a revision for every record, so that the next round
+/// writes or removes it.
 fn restore_scenes(spaces: &Spaces, records: &mut Records) -> Result<HashMap<String, u64>, RecordsError> {
     let mut revisions = HashMap::new();
     for (name, record) in records.all(Kind::Scene)? {
@@ -249,10 +257,10 @@ fn restore_scenes(spaces: &Spaces, records: &mut Records) -> Result<HashMap<Stri
             tracing::warn!(
                 scene = name,
                 reason,
-                "objects of a scene are left where its file has them"
+                "the objects of a scene cannot be restored and stay as in its file"
             );
         }
-        // The next round writes it as it is, or removes it.
+        // No scene has this revision.
         revisions.insert(name, u64::MAX);
     }
     Ok(revisions)
@@ -262,7 +270,7 @@ impl Keeper {
     /// Writes what has changed since the last round. This blocks.
     ///
     /// # Errors
-    /// [`RecordsError`]; the next round writes it then.
+    /// [`RecordsError`]. The next round then writes the same changes.
     pub fn round(&mut self) -> Result<Round, RecordsError> {
         let mut changes = Changes::default();
         let sessions = self.note_sessions(&mut changes);
@@ -281,14 +289,14 @@ impl Keeper {
         Ok(round)
     }
 
-    /// A round. Says where it fails, once a minute. Answers how long to wait until the next, where
-    /// rounds come every `interval`.
+    /// Does a round and returns the time to wait until the next. Rounds start every `interval`, or
+    /// less often if they take long. A failure is logged at most once a minute.
     pub fn go_on(&mut self, interval: Duration) -> Duration {
         let begun = Instant::now();
         if let Err(error) = self.round() {
             self.failures.increment(1);
-            if let Some(held_back) = self.told.next(begun.into_std()) {
-                tracing::error!(%error, held_back, "the state of sessions is not kept");
+            if let Some(held_back) = self.reported.next(begun.into_std()) {
+                tracing::error!(%error, held_back, "the state of sessions cannot be saved");
             }
         }
         self.age.set(self.written.elapsed().as_secs_f64());
@@ -296,7 +304,7 @@ impl Keeper {
         interval.saturating_sub(took).max(took * (SHARE - 1))
     }
 
-    /// Notes sessions that changed, and those that are gone. What is known of all of them then.
+    /// Adds changed and ended sessions to `changes`. Returns the stamps of all open sessions.
     fn note_sessions(&mut self, changes: &mut Changes) -> Stamps {
         let mut now = Stamps::with_capacity(self.sessions.len());
         for space in self.spaces.all() {
@@ -341,11 +349,11 @@ impl Keeper {
             style: &style.name,
             character: &self.buffer,
         };
-        // A vector takes all that there is.
+        // Writing to a vector does not fail.
         postcard::to_allocvec(&record).unwrap_or_default()
     }
 
-    /// Notes scenes that changed, and those that are gone; the revisions of all.
+    /// Adds changed and deleted scenes to `changes`. Returns the revisions of all scenes.
     fn note_scenes(&self, changes: &mut Changes) -> HashMap<String, u64> {
         let mut now = HashMap::new();
         for space in self.spaces.all() {

@@ -1,20 +1,20 @@
-//! How many sessions and streams there may be, and how long they last.
+//! Limits of the number and the lifetime of sessions and streams.
 
 use std::time::Duration;
 
 /// Limits of sessions and streams.
 #[derive(Debug, Clone, Copy)]
 pub struct SessionLimits {
-    /// Most open sessions.
+    /// Maximum number of open sessions.
     pub sessions: usize,
-    /// Most sessions of one request.
+    /// Maximum number of sessions in one request.
     pub per_request: usize,
-    /// Most sessions on one stream.
+    /// Maximum number of sessions on one stream.
     pub per_stream: usize,
-    /// Most open streams.
+    /// Maximum number of open streams.
     pub streams: usize,
-    /// Time to live of sessions that do not say, milliseconds.
+    /// Default time to live of sessions, milliseconds.
     pub ttl_ms: u32,
-    /// How long a stream's reader may take nothing.
+    /// A stream is closed after its reader has taken no message for this long.
     pub stall_timeout: Duration,
 }

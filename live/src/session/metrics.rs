@@ -23,11 +23,11 @@ const REPLANS: Metric = Metric::new(
 );
 const LATE_PLANS: Metric = Metric::new(
     "troupe_late_plans_total",
-    "Plans that came after the frame where they were to take over",
+    "Plans that came after the frame at which they should have taken over",
 );
 const FAILED_PLANS: Metric = Metric::new(
     "troupe_failed_plans_total",
-    "Plans that failed, or found the queue full",
+    "Plans that failed or met a full queue",
 );
 const UNDERRUNS: Metric = Metric::new(
     "troupe_underruns_total",
@@ -35,31 +35,31 @@ const UNDERRUNS: Metric = Metric::new(
 );
 const INTERACTIONS: Metric = Metric::new(
     "troupe_interactions_total",
-    "Interactions with objects, by the result of them: started, done, failed or interrupted",
+    "Interactions with objects, by outcome: started, done, failed or interrupted",
 );
 const FAILED_INTERACTIONS: Metric = Metric::new(
     "troupe_failed_interactions_total",
-    "Interactions that could not go on, by reason",
+    "Interactions that failed, by reason",
 );
 const PERFORMANCES: Metric = Metric::new(
     "troupe_performances_total",
-    "Sentences that characters acted out, by how it went: started, then done, interrupted, failed, late or restarted",
+    "Sentences that characters acted out, by outcome: started, done, interrupted, failed, late or restarted",
 );
 const FALLS: Metric = Metric::new(
     "troupe_falls_total",
-    "Times that the ground ended under a character",
+    "Falls of characters, because the ground under them ended",
 );
 const DROPPED_EVENTS: Metric = Metric::new(
     "troupe_dropped_events_total",
-    "Events of sessions that were dropped because nobody took them",
+    "Events of sessions that were dropped because no client took them",
 );
 const PRESSURE: Metric = Metric::new(
     "troupe_crowd_pressure",
-    "How much intervals and lengths of plans are stretched: 0 not at all, 1 to a plan a second, 2 as far as it goes",
+    "Stretch of the intervals and lengths of plans under load: 0 none, 1 to a plan a second, 2 the maximum",
 );
 const PLAN_INTERVAL: Metric = Metric::new(
     "troupe_plan_interval_frames",
-    "Frames from where a plan takes over to where the next one does, by band of priority",
+    "Frames between the takeovers of a plan and of the next, by band of priority",
 );
 const PLAN_LENGTH: Metric = Metric::new(
     "troupe_plan_length_frames",
@@ -67,18 +67,18 @@ const PLAN_LENGTH: Metric = Metric::new(
 );
 const LEAD_TIME: Metric = Metric::new(
     "troupe_lead_time_seconds",
-    "From a plan's arrival to the frame where it takes over, in the character's time",
+    "Time from a plan's arrival to the frame at which it takes over, in the character's time",
 );
 
-/// Bands of priority as metric labels: below a third, below two, and above.
+/// Bands of priority as metric labels: below 1/3, below 2/3, and the rest.
 const BANDS: [&str; 3] = ["low", "middle", "high"];
 
 /// Why a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Eviction {
-    /// A caller closed it.
+    /// A client closed it.
     Closed,
-    /// Nobody wanted anything of it for its time to live.
+    /// No client used it for its time to live.
     Expired,
 }
 
@@ -111,7 +111,7 @@ struct Band {
 }
 
 impl SessionMetrics {
-    /// The metrics of the sessions of that pack.
+    /// Registers the metrics of a pack's sessions.
     pub fn new(telemetry: &Telemetry, model: &str, version: &str) -> Self {
         let labels = Labels::of_pack(model, version);
         let counter = |metric| telemetry.counter(metric, &labels);
@@ -145,12 +145,12 @@ impl SessionMetrics {
         }
     }
 
-    /// Sessions have opened.
+    /// Counts sessions that were opened.
     pub fn opened(&self, sessions: usize) {
         self.active.increment(sessions as f64);
     }
 
-    /// A session has ended.
+    /// Counts a session that has ended.
     pub fn ended(&self, why: Eviction) {
         self.active.decrement(1.0);
         match why {
@@ -159,17 +159,17 @@ impl SessionMetrics {
         }
     }
 
-    /// Frames went to a caller.
+    /// Counts frames that were handed to a caller.
     pub fn sent(&self, frames: usize) {
         self.frames_sent.increment(frames as u64);
     }
 
-    /// Frames of a stream were not sent.
+    /// Counts frames that a stream did not send.
     pub fn dropped(&self, frames: u64) {
         self.dropped_frames.increment(frames);
     }
 
-    /// A plan was asked for.
+    /// Counts a request for a plan.
     pub fn asked(&self, cause: PlanCause) {
         let index = match cause {
             PlanCause::Command => 0,
@@ -180,8 +180,8 @@ impl SessionMetrics {
         self.replans[index].increment(1);
     }
 
-    /// A character of this priority asks for a plan of `length` frames, where that is settled,
-    /// `interval` frames after the one before, where there was one.
+    /// Records a plan for a character of this priority. `interval` is the number of frames since
+    /// the plan before, if there was one. `length` is the plan's number of frames, if known.
     pub fn paced(&self, priority: f32, interval: Option<u32>, length: Option<usize>) {
         let last = BANDS.len() - 1;
         let band = &self.bands[((priority * BANDS.len() as f32) as usize).min(last)];
@@ -193,7 +193,7 @@ impl SessionMetrics {
         }
     }
 
-    /// Something happened to a character.
+    /// Counts an event of a character.
     pub fn happened(&self, kind: &EventKind) {
         let [started, done, failed, interrupted] = &self.interactions;
         match kind {
@@ -225,22 +225,22 @@ impl SessionMetrics {
         }
     }
 
-    /// An event was dropped because nobody took it.
+    /// Counts an event that was dropped because no client took it.
     pub fn event_dropped(&self) {
         self.dropped_events.increment(1);
     }
 
-    /// The pressure on the crowd has changed.
+    /// Sets the stretch of intervals and lengths of plans, 0 to 2.
     pub fn pressed(&self, pressure: f32) {
         self.pressure.set(f64::from(pressure));
     }
 
-    /// A plan came this long before the frame where it takes over.
+    /// Records that a plan came `lead_s` seconds before the frame at which it takes over.
     pub fn came(&self, lead_s: f64) {
         self.lead_time.record(lead_s);
     }
 
-    /// What a character has done between two looks.
+    /// Counts the difference between two states of a character's statistics.
     pub fn progressed(&self, before: &Stats, now: &Stats) {
         let counters = [
             (&self.late_plans, before.late_plans, now.late_plans),
@@ -255,7 +255,7 @@ impl SessionMetrics {
     }
 }
 
-/// How many streams are open.
+/// The gauge of open streams.
 pub(super) fn streams(telemetry: &Telemetry) -> Gauge {
     telemetry.gauge(&STREAMS, &Labels::default())
 }

@@ -1,19 +1,19 @@
-//! Live characters: the pure state machine of a session, and what runs many of them.
+//! Sessions of live characters, and the tasks that advance them.
 //!
-//! The character itself is pure (`troupe-character`): it knows no clock, no thread and no engine. A
-//! cell holds one behind a lock, the registry holds all cells, and [`Sessions`] has the calls.
-//! Plans go through the pack's batcher.
+//! The character itself is a pure state machine (`troupe-character`) without clock, threads or
+//! engine. A cell holds one character behind a lock, the registry holds all cells, and [`Sessions`]
+//! has the calls. Plans go through the pack's batcher.
 //!
 //! | files, bottom up | hold |
 //! |---|---|
-//! | `id`, `owner`, `limits`, `error`, `results`, `wants`, `time` | what the others speak of |
-//! | `words`, `pack` | packs as sessions know them |
-//! | `events`, `encode`, [`stream`] | what goes out: events, frames, the messages of a stream |
+//! | `id`, `owner`, `limits`, `error`, `results`, `wants`, `time` | small types that the others use |
+//! | `words`, `pack` | packs, with the data that their sessions share |
+//! | `events`, `encode`, [`stream`] | output: events, frames, the messages of a stream |
 //! | `cell`, `registry` | one session, all sessions |
-//! | `planner`, `performer` | the ways of a plan and of words through the batcher |
+//! | `planner`, `performer` | requests for plans and for words through the batcher |
 //! | `options`, `commands`, `describe`, `peek`, `step`, [`styles`] | the parts of calls |
 //! | `sessions`, `calls`, `resume`, `drive` | the calls, and the task behind a stream |
-//! | `space`, `keep` | what each tenant has, and what outlives a restart |
+//! | `space`, `keep` | the data of each tenant, and the state that survives a restart |
 
 mod calls;
 mod cell;

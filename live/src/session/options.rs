@@ -1,4 +1,4 @@
-//! What a new session is asked to be: every value checked, and in the native convention.
+//! The options of a new session: checks every value and converts it to the native convention.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use troupe_motion::conventions::Convention;
 use troupe_motion::{GlobalRoot, Vec3};
 use troupe_proto::v1;
 
-use super::cell::Parts;
+use super::cell::SessionParts;
 use super::id::{self, MAX_ID_CHARS};
 use super::{LivePacks, SessionError, SessionLimits};
 use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context, to_native, units};
@@ -20,25 +20,25 @@ use troupe_character::style::{Style, StyleTable};
 use troupe_character::{FieldError, Path};
 use troupe_motion::model::{Capability, Rig};
 
-/// A session's time to live, milliseconds.
+/// Allowed time to live of a session, milliseconds.
 pub const TTL_RANGE_MS: RangeInclusive<u32> = 1000..=86_400_000;
-/// Frames of look-ahead, and the default.
+/// Look-ahead, frames: minimum, maximum and default.
 const LOOK_AHEAD: (u32, u32, u32) = (2, 12, 4);
-/// Frames between plans.
+/// Frames between plans: minimum and maximum.
 const INTERVAL: (u32, u32) = (3, 30);
-/// Priority of a session that names none.
+/// Default priority of a session.
 const DEFAULT_PRIORITY: f32 = 0.5;
-/// Highest root interpolation ratio.
+/// Maximum root interpolation ratio.
 const MAX_ROOT_RATIO: f32 = 1.2;
 
-/// Checks what a session is asked to be and makes its parts.
+/// Checks the options of a session and makes its parts.
 pub(super) fn parts(
     path: &Path<'_>,
     options: &v1::SessionOptions,
     packs: &LivePacks,
     store: &Store,
     limits: &SessionLimits,
-) -> Result<Parts, SessionError> {
+) -> Result<SessionParts, SessionError> {
     let id = id::wanted(&path.field("id"), &options.id)?;
     let pack = packs.find(path, &options.pack, &options.body)?.clone();
     pack.loaded.require(Capability::Live, path.field("pack"))?;
@@ -63,7 +63,7 @@ pub(super) fn parts(
         height_m: None,
     };
     let character = Character::in_world(pack.rig().clone(), character, start, command, world);
-    Ok(Parts {
+    Ok(SessionParts {
         id,
         convention,
         seed: options.seed,
@@ -77,7 +77,7 @@ pub(super) fn parts(
     })
 }
 
-/// A place in the scene of that name; none where it is empty.
+/// Enters the scene called `name`. An empty name means no scene.
 fn resident(path: &Path<'_>, name: &str, store: &Store) -> Result<Option<Resident>, SessionError> {
     if name.is_empty() {
         return Ok(None);
@@ -127,7 +127,7 @@ fn ttl(
     Ok(Duration::from_millis(ms.into()))
 }
 
-/// The style of that name; the pack's default where it is empty.
+/// The style called `name`. An empty name means the pack's default style.
 fn style(path: &Path<'_>, name: &str, styles: &StyleTable) -> Result<Arc<Style>, SessionError> {
     let found = match name {
         "" => styles.default_style(),
@@ -136,11 +136,11 @@ fn style(path: &Path<'_>, name: &str, styles: &StyleTable) -> Result<Arc<Style>,
     found.ok_or_else(|| unknown_style(path, name, styles))
 }
 
-/// Names that the error of an unknown style lists at most: one call may carry thousands of such
+/// Maximum number of names in the error of an unknown style. One answer may have thousands of such
 /// errors.
 const MAX_LISTED_STYLES: usize = 32;
 
-/// The error of a style that is not there.
+/// The error of an unknown style.
 pub(super) fn unknown_style(path: &Path<'_>, name: &str, styles: &StyleTable) -> SessionError {
     SessionError::UnknownStyle {
         name: name.chars().take(MAX_ID_CHARS).collect(),
@@ -183,7 +183,7 @@ fn start(
         .collect();
     let mut frames = check_context(path, "context", &native, pack).map_err(|error| match convention {
         Convention::Native => error,
-        // It has a convention of its own.
+        // `qpos` always has MuJoCo's axes.
         _ if error.field.contains(".qpos") => error,
         _ => FieldError {
             message: format!("{}, in the native convention", error.message),

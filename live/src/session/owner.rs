@@ -1,16 +1,16 @@
-//! Who advances a session, and how it ended.
+//! The owner of a session, and how a session ended.
 
 use troupe_proto::v1;
 
-/// Who advances a session.
+/// The kind of call that advances a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Owner {
-    /// Nobody at the moment.
+    /// No call at the moment.
     Free = 0,
-    /// A step.
+    /// A `Step` call: frames come when the client asks.
     Step = 1,
-    /// A stream.
+    /// A `Drive` stream: frames come at a fixed rate.
     Drive = 2,
 }
 
@@ -38,7 +38,7 @@ impl From<Owner> for v1::Clock {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum End {
-    /// A caller closed it.
+    /// A client closed it.
     Closed = 1,
     /// Its time to live ran out.
     Expired = 2,

@@ -1,4 +1,4 @@
-//! Packs as sessions know them: with what their characters' plans are measured by.
+//! Packs, with the metrics and load that the sessions of a pack share.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,26 +13,26 @@ use troupe_character::live::load::PlanLoad;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_motion::model::{Body, Rig};
 
-/// A pack and one of its bodies with a tenant's styles, and what the sessions of all tenants and
-/// bodies share of it.
+/// One body of a pack with a tenant's styles. Metrics and load are shared by the sessions of all
+/// tenants and bodies of the pack.
 #[derive(Debug)]
 pub struct LivePack {
-    /// The pack.
+    /// The pack, with the tenant's styles.
     pub loaded: Arc<LoadedPack>,
     /// The metrics of its sessions.
     pub metrics: Arc<SessionMetrics>,
-    /// When it was last told that a plan failed.
+    /// Limits how often a failed plan is logged.
     pub failures: Arc<Mutex<Seldom>>,
-    /// How busy it is with their plans.
+    /// The measured load of the networks by plans.
     pub load: Arc<PlanLoad>,
-    /// The packs whose words its characters can act out.
+    /// The packs that can turn sentences into motion for its characters.
     pub words: Arc<WordsPacks>,
-    /// Place of the body among the pack's.
+    /// Index of the body in the pack's bodies.
     place: usize,
 }
 
 impl LivePack {
-    /// A pack without sessions, with the first of its bodies.
+    /// Makes a pack without sessions, with its first body.
     pub fn new(loaded: Arc<LoadedPack>, telemetry: &Telemetry) -> Self {
         let version = &loaded.pack.manifest.version;
         Self {
@@ -45,7 +45,8 @@ impl LivePack {
         }
     }
 
-    /// The same pack, as `loaded` has it, with another body, whose characters can act out `words`.
+    /// The same pack for a tenant's `loaded` and for the body with index `place`. Its characters
+    /// can act out `words`.
     fn of(&self, loaded: &Arc<LoadedPack>, place: usize, words: WordsPacks) -> Self {
         Self {
             loaded: loaded.clone(),
@@ -57,22 +58,22 @@ impl LivePack {
         }
     }
 
-    /// The pack's name.
+    /// Name of the pack, without that of the body.
     pub fn name(&self) -> &str {
         self.loaded.pack.name()
     }
 
-    /// The body of its characters, for packs of many.
+    /// The body of its characters. `None` for packs with one skeleton.
     pub fn body(&self) -> Option<&Arc<Body>> {
         self.loaded.pack.bodies.get(self.place)
     }
 
-    /// The name of the body; empty for packs of one skeleton.
+    /// Name of the body. Empty for packs with one skeleton.
     pub fn body_name(&self) -> &str {
         self.body().map_or("", |body| &body.name)
     }
 
-    /// The skeleton of its characters, and how they are planned for.
+    /// Skeleton, frame rate and dimensions of its characters.
     pub fn rig(&self) -> &Arc<Rig> {
         self.loaded.rig(self.place)
     }
@@ -83,20 +84,20 @@ impl LivePack {
     }
 }
 
-/// By the pack's name, in the order of its bodies.
+/// By the pack's name: one entry per body, in the order of the bodies.
 type ByName = BTreeMap<String, Vec<Arc<LivePack>>>;
 
-/// All packs of a server, with their sessions. Clones share them.
+/// All packs of a server, as sessions use them. Clones share metrics and load.
 #[derive(Debug, Clone)]
 pub struct LivePacks {
     table: PackTable,
     by_name: Arc<ByName>,
-    /// Places for characters that act out words.
+    /// Limits how many characters act out words at a time.
     places: Places,
 }
 
 impl LivePacks {
-    /// Those of `table`, without sessions.
+    /// The packs of `table`, without sessions.
     pub fn new(table: PackTable, telemetry: &Telemetry) -> Self {
         Self::of(table, Places::default(), |loaded| {
             LivePack::new(loaded.clone(), telemetry)
@@ -122,10 +123,10 @@ impl LivePacks {
         }
     }
 
-    /// The same packs for a tenant, with added styles of its own, kept in `folder`.
+    /// The same packs for a tenant, with the tenant's own styles, which `folder` keeps.
     ///
     /// # Errors
-    /// [`StyleError`] where its styles cannot be read.
+    /// [`StyleError`] if the tenant's styles cannot be read.
     pub fn of_tenant(&self, folder: Option<&Path>) -> Result<Self, StyleError> {
         let table = self.table.of_tenant(folder.map(Path::to_owned))?;
         Ok(Self::of(table, self.places.clone(), |loaded| {
@@ -133,13 +134,13 @@ impl LivePacks {
         }))
     }
 
-    /// The packs themselves.
+    /// The packs without the data of sessions.
     pub fn table(&self) -> &PackTable {
         &self.table
     }
 
-    /// A pack with one of its bodies. The request named them in the fields `pack` and `body` of
-    /// `path`; the defaults where they are empty.
+    /// Finds a pack and one of its bodies, named in the fields `pack` and `body` of `path`. An
+    /// empty name means the default.
     ///
     /// # Errors
     /// [`SessionError::UnknownPack`] or [`SessionError::UnknownBody`].

@@ -1,4 +1,4 @@
-//! The buffered future of a session and the plan behind it.
+//! The buffered future frames of a session, and the plan that they come from.
 
 use std::time::Instant;
 
@@ -20,10 +20,10 @@ use troupe_character::primitives::path::PathPoint;
 use troupe_character::primitives::{LocomotionCommand, PathCommand, TargetKey};
 use troupe_motion::model::Rig;
 
-/// Most frames of a peek.
+/// Maximum number of frames in one answer.
 pub const MAX_PEEK_FRAMES: u32 = 64;
 
-/// At most `frames` frames of the future, and the plan behind them.
+/// The state of the session, at most `frames` of its future frames, and its newest plan.
 pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekResponse {
     let (session, peek) = {
         let live = cell.live();
@@ -126,7 +126,7 @@ fn root(root: GlobalRoot, convention: Convention) -> v1::Root {
     }
 }
 
-/// Position, cosine and sine of the heading.
+/// Position x, y, z, then cosine and sine of the heading.
 fn five(root: GlobalRoot, convention: Convention) -> [f32; 5] {
     let Vec3 { x, y, z } = convention.position_from_native(root.position);
     let (sin, cos) = convention.heading_from_native(root.heading).sin_cos();
@@ -149,7 +149,7 @@ fn target(key: &TargetKey, convention: Convention) -> v1::Keyframe {
         root: key.root.map(|key| root(key, convention)),
         velocity: key.velocity.map(|local| {
             let ground = convention.position_from_native(Vec3::new(local.vx, 0.0, local.vz));
-            // The message knows two axes of the ground: those that are not up.
+            // The message has the two axes of the ground: x, and the other one that is not up.
             let second = match units::up_axis(convention) {
                 "z" => ground.y,
                 _ => ground.z,

@@ -1,9 +1,9 @@
-//! The way of words: from a character's request through the batcher of a pack of words, and back
-//! part by part.
+//! Generates the motion of sentences. A character's request goes through the batcher of a pack that
+//! understands words, and frames come back in parts.
 //!
-//! A session has one stream of words at most. Parts are read as they come, and frames wait with the
-//! character. Every request leads to its last part or to
-//! [`words_failed`](troupe_character::live::Character::words_failed), a panic on the way included.
+//! A session has at most one such request at a time. The character buffers the frames of all parts.
+//! Every request ends with its last part or with
+//! [`words_failed`](troupe_character::live::Character::words_failed), even after a panic.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -17,12 +17,13 @@ use troupe_character::live::{PartReader, WordsPart, WordsRequest};
 use troupe_engine::EngineError;
 use troupe_motion::model::{Output, Task};
 
-/// Shortest wait before a place in a full queue is asked for again.
+/// Minimum wait before the next attempt to enter a full queue.
 const MIN_RETRY: Duration = Duration::from_millis(5);
-/// Words that have not begun by then are of no use to a stream.
+/// On a stream, words must begin within this time. Later they are of no use.
 const MAX_WAIT: Duration = Duration::from_secs(10);
 
-/// Has words made, and tells the character and whoever waits for it. Returns at once.
+/// Requests the motion of words for a character and wakes the session's owner when frames come.
+/// Returns at once.
 pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
     let number = request.number;
     let awaited = Awaited {
@@ -32,18 +33,18 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
     };
     let Some(words) = cell.pack().words.get(&request.command.pack) else {
         let name = &request.command.pack;
-        return awaited.failed(&format!("the pack {name:?} is not loaded any more"));
+        return awaited.failed(&format!("the pack {name:?} is no longer loaded"));
     };
     let Some(place) = cell.pack().words.places.take() else {
         return awaited.failed(&format!(
-            "{MAX_PERFORMERS} characters perform, and there is no place for more"
+            "{MAX_PERFORMERS} characters perform already; allowed: at most {MAX_PERFORMERS}"
         ));
     };
     let (batcher, reader) = (words.loaded.batcher.clone(), words.reader.clone());
     let order = order(cell, &request, patience);
     let task = task(&request.command, request.past, request.seed);
     let turns = Turns::current();
-    // A tick's words enter the queue now, and not when their task first runs.
+    // On a stream, words enter the queue now instead of when their task first runs.
     let entered = match patience {
         Patience::Fails => Ok(batcher.stream(task, order)),
         Patience::Waits => Err(task),
@@ -62,7 +63,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
     cell.live().performer = Some(performer);
 }
 
-/// Words have no owner: a session's plans do not wait for them.
+/// The batcher's order for words. It has no owner, so that the session's plans do not wait for it.
 fn order(cell: &SessionCell, request: &WordsRequest, patience: Patience) -> Order {
     let frames = request.splice_in_frames as f32;
     let now = Instant::now();
@@ -82,8 +83,7 @@ fn order(cell: &SessionCell, request: &WordsRequest, patience: Patience) -> Orde
     }
 }
 
-/// Words that a character waits for. Where they are dropped before their last part, they have
-/// failed.
+/// Words that a character waits for. If this is dropped before the last part, the words fail.
 struct Awaited {
     cell: Arc<SessionCell>,
     number: u64,
@@ -91,7 +91,7 @@ struct Awaited {
 }
 
 impl Awaited {
-    /// A stream of parts. Where there is no place for it, it is asked for again.
+    /// Enters the queue and returns the stream of parts. Tries again while the queue is full.
     async fn patient_stream(
         &self,
         batcher: &Batcher,
@@ -108,7 +108,7 @@ impl Awaited {
         }
     }
 
-    /// Brings the character one part after another, until the last or until nobody wants more.
+    /// Hands the parts to the character, until the last one or until the character wants no more.
     async fn follow(mut self, mut stream: AnswerStream, mut reader: PartReader) {
         while let Some(piece) = stream.next().await {
             let is_last = piece.as_ref().is_ok_and(|piece| piece.is_last);
@@ -126,7 +126,7 @@ impl Awaited {
         }
     }
 
-    /// Hands over frames; whether more are wanted.
+    /// Hands frames to the character. Answers whether it wants more.
     fn arrived(&self, part: WordsPart, is_last: bool) -> bool {
         let wanted = {
             let mut live = self.cell.live();
@@ -168,7 +168,7 @@ impl Drop for Awaited {
     }
 }
 
-/// The frames of a part.
+/// Reads the frames of a part.
 fn read(reader: &mut PartReader, piece: Piece) -> Result<WordsPart, SubmitError> {
     let motion = match piece.output {
         Output::Motion(motion) => motion,

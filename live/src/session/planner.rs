@@ -1,9 +1,10 @@
-//! The way of a plan: from a character's request through its pack's batcher and back.
+//! Generates plans. A character's request goes through the batcher of its pack and comes back as a
+//! plan.
 //!
-//! Every plan travels on its own, so that it shares batches with everybody else's. A character has
-//! at most one under way: it asks for the next only after
-//! [`Character::plan_arrived`](super::Character::plan_arrived), which every request leads to,
-//! whatever becomes of it, a panic on the way included.
+//! Every plan is a request of its own, so plans of different sessions share batches. A character
+//! has at most one request under way. Every request ends with
+//! [`Character::plan_arrived`](troupe_character::live::Character::plan_arrived), even after a
+//! failure or a panic. Only after that does the character request the next plan.
 
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
@@ -23,10 +24,10 @@ use troupe_engine::EngineError;
 use troupe_engine::pack::Pack;
 use troupe_motion::model::{Body, Motion, PathTask, Task};
 
-/// Shortest wait before a place in a full queue is asked for again.
+/// Minimum wait before the next attempt to enter a full queue.
 const MIN_RETRY: Duration = Duration::from_millis(5);
 
-/// Has all made that a character wants. Returns at once.
+/// Requests everything that a character wants. Returns at once.
 pub fn serve(cell: &Arc<SessionCell>, wants: Wants, patience: Patience) {
     if let Some(request) = wants.plan {
         ask(cell, request, patience);
@@ -36,7 +37,7 @@ pub fn serve(cell: &Arc<SessionCell>, wants: Wants, patience: Patience) {
     }
 }
 
-/// Has a plan made, and tells the character and whoever waits for it. Returns at once.
+/// Requests a plan for a character, hands it over and wakes the session's owner. Returns at once.
 pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let asked = Instant::now();
     let awaited = Awaited::new(cell.clone(), request.number);
@@ -45,8 +46,8 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let task = task(cell.pack(), request.item);
     let (shape, pins) = (request.shape, request.pins);
     let turns = Turns::current();
-    // A tick's plan enters the queue now, in the order of the calls, and not when its task first
-    // runs.
+    // On a stream, a plan enters the queue now, so the order is that of the calls. Its task may run
+    // later.
     let entered = match patience {
         Patience::Fails => {
             let order = Order::live(cell.owner_id(), deadline);
@@ -72,20 +73,20 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
             .and_then(|raw| finish(&raw, &shape, pins.as_deref(), cell.pack()));
         awaited.arrived(plan);
     };
-    // What is made of its motion takes as long as the rest of a character's frames, and counts for
-    // the same client.
+    // Finishing the motion takes as long as the character's other work. It counts for the same
+    // client, so it runs in that client's turns.
     tokio::spawn(turns.take(work));
 }
 
-/// The answer to a plan that a step waits for. Where there is no place for it, it is asked for
-/// again.
+/// Generates a plan that a step waits for. Tries again while the queue is full.
 async fn step_plan(
     cell: &SessionCell,
     task: Task,
     deadline: Instant,
     turns: &Turns,
 ) -> Result<Served, SubmitError> {
-    // However many characters a client steps, others wait for so many of its plans at most.
+    // Limits the plans that one client has in the queue, so that other clients do not wait for a
+    // large step.
     let _place = turns.plan().await;
     let order = Order::step(cell.owner_id(), deadline);
     loop {
@@ -101,12 +102,12 @@ async fn step_plan(
     }
 }
 
-/// What a plan asks of the pack's generator.
+/// The task of a plan for the pack's generator.
 fn task(pack: &LivePack, item: PlanItem) -> Task {
     match (item, pack.body()) {
         (PlanItem::Keyframes(task), _) => task.into(),
         (PlanItem::Path(item), Some(body)) => path_task(pack, body, item).into(),
-        // Rigs that are planned for by paths are those of bodies.
+        // Only rigs of bodies use plans by path.
         (PlanItem::Path(_), None) => unreachable!("a plan by a path for a pack without bodies"),
     }
 }
@@ -129,8 +130,8 @@ fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
     }
 }
 
-/// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of
-/// the runtime, it has failed: the character asks for another, and nobody counts on it any more.
+/// A plan that a character waits for. A panic or the end of the runtime can drop this without an
+/// answer. Then the plan fails, and the character requests another.
 struct Awaited {
     cell: Arc<SessionCell>,
     number: u64,
@@ -170,7 +171,7 @@ impl Drop for Awaited {
     }
 }
 
-/// The moment from which on a plan that is asked for now is missed.
+/// The time by which a plan requested now is needed.
 fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
     let frames = request.due_in_frames as f32;
     Instant::now() + Duration::from_secs_f32(frames / cell.pack().rig().fps)
@@ -204,7 +205,7 @@ fn finish(
     Ok(plan)
 }
 
-/// Tells the character, and wakes the one who waits for it.
+/// Hands a plan, or its failure, to the character and wakes the session's owner.
 fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitError>) {
     let fps = cell.pack().rig().fps;
     let mut live = cell.live();
@@ -213,7 +214,7 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
             live.trouble = None;
             Ok(plan)
         }
-        // The character goes on with the newer one.
+        // A newer plan of the same character replaced this one.
         Err(SubmitError::Superseded) => Err(PlanFailed),
         Err(error) => {
             let failures = cell.pack().failures.lock();
@@ -266,13 +267,13 @@ mod tests {
             matches!(trouble, SubmitError::Engine(EngineError::Panicked(_))),
             "{trouble}"
         );
-        // Whoever waits is told, and the character asks for another.
+        // The owner wakes up, and the character requests another plan.
         cell.changed().await;
         assert_eq!(asks(), Some(number + 1));
     }
 
     #[tokio::test]
-    async fn that_a_newer_plan_took_its_place_is_no_failure() {
+    async fn a_plan_replaced_by_a_newer_one_is_no_failure() {
         let setup = Setup::new(1).await;
         let cell = setup.cell("a");
         let awaited = Awaited::new(cell.clone(), 7);

@@ -1,4 +1,4 @@
-//! All open sessions by tenant and id, and the ids of those that expired lately.
+//! All open sessions by tenant and id, and the ids of recently expired sessions.
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::ops::Bound;
@@ -12,24 +12,24 @@ use super::metrics::Eviction;
 use super::owner::End;
 use troupe_base::tenant::Tenant;
 
-/// About the most memory that an open session takes, bytes. 38 KiB were measured for one that walks
-/// in the default pack. One in a scene keeps events and keyframes besides. A path of 1,024 points
-/// takes 28 KiB: once while it is followed, once while it waits.
+/// Estimated maximum memory of an open session, bytes. A session that walks in the default pack was
+/// measured at 38 KiB. A session in a scene also keeps events and keyframes. A path of 1,024 points
+/// takes 28 KiB, twice if another one waits.
 pub const MAX_SESSION_BYTES: u64 = 128 << 10;
-/// Most ids of expired sessions that are remembered: a few megabytes.
+/// Maximum number of remembered ids of expired sessions. They take a few megabytes.
 const MAX_TOMBSTONES: usize = 65_536;
 
 type ById = BTreeMap<Arc<str>, Arc<SessionCell>>;
 
-/// The open sessions of one tenant. Those of others share room and time with them, and do not exist
-/// otherwise.
+/// The open sessions of one tenant. All tenants share the limit, but a registry finds only the
+/// sessions of its own tenant.
 #[derive(Debug)]
 pub struct Registry {
     all: Arc<All>,
     tenant: Tenant,
 }
 
-/// Those of all tenants.
+/// The sessions of all tenants.
 #[derive(Debug)]
 struct All {
     open: RwLock<Open>,
@@ -64,7 +64,7 @@ impl Open {
         Some(removed)
     }
 
-    /// Each with whose it is.
+    /// All sessions, each with its tenant.
     fn each(&self) -> impl Iterator<Item = (&Tenant, &Arc<SessionCell>)> {
         let of = |(tenant, own)| ById::values(own).map(move |cell| (tenant, cell));
         self.of.iter().flat_map(of)
@@ -84,9 +84,9 @@ impl All {
         self.expired.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Removes an expired session and remembers its id.
+    /// Removes an expired session and remembers its id as expired.
     fn bury(&self, tenant: &Tenant, cell: &SessionCell) {
-        // In this order, so that nobody finds it neither open nor expired.
+        // In this order, so that at every moment the id is open or expired.
         self.tombstones().add((tenant.clone(), cell.id().clone()));
         let removed = self.write().remove(tenant, cell.id());
         cell.pack().metrics.ended(Eviction::Expired);
@@ -95,7 +95,7 @@ impl All {
 }
 
 impl Registry {
-    /// A registry of at most `limit` sessions over all tenants: that of callers without a tenant.
+    /// Makes a registry for callers without a tenant. `limit` counts the sessions of all tenants.
     pub fn new(limit: usize) -> Self {
         Self {
             all: Arc::new(All {
@@ -107,7 +107,7 @@ impl Registry {
         }
     }
 
-    /// The sessions of another tenant.
+    /// The registry of another tenant, with the same limit.
     pub fn of_tenant(&self, tenant: Tenant) -> Self {
         Self {
             all: self.all.clone(),
@@ -115,17 +115,17 @@ impl Registry {
         }
     }
 
-    /// Open sessions of all tenants.
+    /// Number of open sessions of all tenants.
     pub fn len(&self) -> usize {
         self.all.read().count
     }
 
-    /// Whether `more` sessions may be opened: a look ahead of the work of making them. Those whose
-    /// time is up at `now` make room, and so do those that nobody has wanted for `usual_ttl`
-    /// although they may live longer.
+    /// Checks that `more` sessions may be opened, before the work of creating them. To make room,
+    /// this ends sessions that are expired at `now`. If that is not enough, it also ends sessions
+    /// that were not used for `usual_ttl`, even if their own time to live is longer.
     ///
     /// # Errors
-    /// [`SessionError::TooMany`].
+    /// [`SessionError::TooMany`] if there is not enough room.
     pub fn room_for(&self, more: usize, usual_ttl: Duration, now: Instant) -> Result<(), SessionError> {
         if self.check_room(self.len(), more).is_ok() {
             return Ok(());
@@ -137,9 +137,8 @@ impl Registry {
         self.check_room(self.len(), more)
     }
 
-    /// Ends sessions that nobody has wanted for `usual_ttl`, although they may live longer, until
-    /// there is room for `more`: the longest idle first. Where there is room enough for all others
-    /// they stay.
+    /// Ends sessions that were not used for `usual_ttl`, until there is room for `more`. It starts
+    /// with the one that is idle for longest. If this cannot make enough room, it ends none.
     fn expire_idle(&self, more: usize, usual_ttl: Duration, now: Instant) {
         let (mut idle, open): (Vec<_>, usize) = {
             let open = self.all.read();
@@ -170,8 +169,8 @@ impl Registry {
         }
     }
 
-    /// Opens sessions, all or none. `field` names the id of one by its place. An id whose session's
-    /// time is up at `now` is free.
+    /// Opens all of `cells` or none. `field` returns the field of the request that has the id of
+    /// the cell with that index. The id of a session that is expired at `now` is free.
     ///
     /// # Errors
     /// [`SessionError::Exists`] or [`SessionError::TooMany`].
@@ -203,7 +202,7 @@ impl Registry {
         Ok(())
     }
 
-    /// Ends the sessions that have an id of `cells` and whose time is up.
+    /// Ends expired sessions that have the id of one of `cells`.
     fn expire_named(&self, cells: &[Arc<SessionCell>], now: Instant) {
         let named: Vec<Arc<SessionCell>> = {
             let open = self.all.read();
@@ -224,11 +223,11 @@ impl Registry {
         self.all.read().of.get(&self.tenant)?.get(id).cloned()
     }
 
-    /// The session of that id, which the request gave in `field`.
+    /// The open session with this id. `field` is the field of the request that has the id.
     ///
     /// # Errors
-    /// [`SessionError::Expired`] where its time is up at `now`, or was lately;
-    /// [`SessionError::Unknown`].
+    /// [`SessionError::Expired`] if the session has expired by `now` and the registry remembers it,
+    /// [`SessionError::Unknown`] for any other id.
     pub fn get(
         &self,
         id: &str,
@@ -253,8 +252,8 @@ impl Registry {
         }
     }
 
-    /// Up to `count` sessions whose ids come after `after`, by id, and how many the tenant has in
-    /// all.
+    /// At most `count` sessions with ids after `after`, sorted by id, and the number of all
+    /// sessions of the tenant.
     pub fn page(&self, after: Option<&str>, count: usize) -> (Vec<Arc<SessionCell>>, usize) {
         let open = self.all.read();
         let Some(own) = open.of.get(&self.tenant) else {
@@ -268,7 +267,7 @@ impl Registry {
         )
     }
 
-    /// Closes the session of that id. Answers whether it was open at `now`.
+    /// Closes the session with this id. Answers whether it was open at `now`.
     pub fn close(&self, id: &str, now: Instant) -> bool {
         let Ok(cell) = self.get(id, now, &String::new) else {
             return false;
@@ -288,7 +287,7 @@ impl Registry {
         closed
     }
 
-    /// Ends sessions of all tenants whose time is up at `now`; answers how many.
+    /// Ends sessions of all tenants that are expired at `now`. Returns their number.
     pub fn sweep(&self, now: Instant) -> usize {
         let due: Vec<(Tenant, Arc<SessionCell>)> = {
             let open = self.all.read();
@@ -306,13 +305,13 @@ impl Registry {
     }
 }
 
-/// A session's id, and whose it is.
+/// A session's tenant and id.
 type Name = (Tenant, Arc<str>);
 
-/// The ids of the last so many expired sessions.
+/// The ids of recently expired sessions. Beyond `limit`, the oldest are forgotten.
 #[derive(Debug)]
 struct Tombstones {
-    /// By age; an entry counts only while `by_id` has the same number for its id.
+    /// Oldest first. An entry is valid only while `by_id` has the same number for its id.
     by_age: VecDeque<(u64, Name)>,
     by_id: HashMap<Name, u64>,
     next: u64,

@@ -160,7 +160,7 @@ async fn a_session_that_is_held_does_not_expire_and_its_time_begins_when_it_is_l
 }
 
 #[tokio::test]
-async fn who_holds_a_session_that_is_closed_hears_of_it() {
+async fn the_owner_of_a_closed_session_gets_an_error() {
     let setup = Setup::new(2).await;
     setup.open("a").unwrap();
     let held = setup.take("a", Owner::Step).unwrap();
@@ -173,7 +173,7 @@ async fn who_holds_a_session_that_is_closed_hears_of_it() {
 }
 
 #[tokio::test]
-async fn an_expired_session_is_in_nobodys_way_before_the_sweep() {
+async fn an_expired_session_makes_room_before_the_sweep() {
     let setup = Setup::new(2).await;
     setup.open("a").unwrap();
     setup.open("b").unwrap();
@@ -203,13 +203,13 @@ async fn an_expired_session_is_in_nobodys_way_before_the_sweep() {
 }
 
 #[tokio::test]
-async fn sessions_that_live_long_and_are_not_wanted_make_room_where_it_is_needed() {
+async fn idle_sessions_with_a_long_time_to_live_make_room_if_needed() {
     let setup = Setup::new(2).await;
     setup.open("old").unwrap();
     setup.pass(TTL / 4);
     setup.open("new").unwrap();
     setup.pass(TTL / 2);
-    // Nobody has been idle for as long as is usual.
+    // No session has been idle for the usual time to live.
     let usual = TTL;
     assert_eq!(
         kind(&setup.registry.room_for(1, usual, setup.now()).unwrap_err()),
@@ -293,7 +293,7 @@ proptest! {
         let mut model = Model::default();
         for deed in deeds {
             let now = setup.passed_ms.load(Ordering::Relaxed);
-            // Sessions that nobody asks for keep their place until the sweep.
+            // Expired sessions without requests stay open until the sweep.
             setup.registry.sweep(setup.now());
             model.expire(now);
             match deed {

@@ -1,4 +1,4 @@
-//! What an answer for many sessions says of each.
+//! Results of single sessions and commands in an answer for many.
 
 use troupe_character::live::CommandOutcome;
 
@@ -8,22 +8,22 @@ use super::id::MAX_ID_CHARS;
 /// Result of a command.
 #[derive(Debug)]
 pub struct CommandResult {
-    /// Its session's id, or the start of what the command gave as one.
+    /// Id of the session, or the start of what the command gave as one.
     pub session_id: String,
-    /// Its number.
+    /// The number that the client gave the command.
     pub sequence: u64,
-    /// Result of it.
+    /// Whether the session took the command, or why not.
     pub outcome: Result<CommandOutcome, SessionError>,
 }
 
-/// A session that a call for many could not serve.
+/// A session that a call for many sessions could not serve.
 #[derive(Debug, Clone)]
 pub struct SessionProblem {
-    /// Its place in the request.
+    /// Index of the session in the request.
     pub slot: u32,
-    /// Its id, or the start of what the request gave as one.
+    /// Id of the session, or the start of what the request gave as one.
     pub session_id: String,
-    /// Why.
+    /// The reason.
     pub error: SessionError,
 }
 

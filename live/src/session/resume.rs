@@ -1,4 +1,4 @@
-//! Clients that come back: to a server that was started again, or after their connection broke.
+//! Clients that come back after a restart of the server or a broken connection.
 
 use std::sync::Arc;
 
@@ -13,12 +13,12 @@ use troupe_base::turns::Turns;
 use troupe_character::live::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 use troupe_character::{FieldError, Path};
 
-/// Sessions that were taken up again.
+/// The answer to a call that resumes sessions.
 #[derive(Debug, Default)]
 pub struct Resumed {
-    /// Those.
+    /// Sessions that were resumed.
     pub sessions: Vec<v1::ResumedSession>,
-    /// Those that could not be.
+    /// Sessions that could not be resumed.
     pub problems: Vec<SessionProblem>,
 }
 
@@ -26,8 +26,8 @@ impl Sessions {
     /// `troupe.v1.Sessions/ResumeSessions`.
     ///
     /// # Errors
-    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one session
-    /// is in its problem.
+    /// [`SessionError::Field`] for a list that is empty or too long. The error of a single session
+    /// is among the problems.
     pub async fn resume(
         self: &Arc<Self>,
         request: v1::ResumeSessionsRequest,
@@ -66,7 +66,7 @@ impl Sessions {
         let now = self.time().now();
         let cell = self.registry().get(&asked.session_id, now, &field)?;
         let seen = seen(path, asked, &cell)?;
-        // Nobody else advances it meanwhile.
+        // While this owns the session, no other call advances it.
         let held = cell.take(Owner::Step, &field)?;
         let mut live = cell.live();
         let found = live.character.frame();
@@ -84,7 +84,7 @@ impl Sessions {
     }
 }
 
-/// The last frame that the client says that it saw; none where it says none.
+/// The last frame that the client saw, according to its request. `None` if the request has none.
 fn seen(
     path: &Path<'_>,
     asked: &v1::SessionResume,

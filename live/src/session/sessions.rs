@@ -1,4 +1,4 @@
-//! The sessions of a tenant, and what the sessions of all tenants share.
+//! The sessions of a tenant, and the limits and threads that all tenants share.
 
 use std::sync::Arc;
 
@@ -11,14 +11,14 @@ use troupe_base::telemetry::{Gauge, Telemetry};
 use troupe_base::tenant::Tenant;
 use troupe_base::turns::Turns;
 
-/// The sessions of one tenant, and how all of them run.
+/// The sessions of one tenant, with the limits and threads that all tenants share.
 #[derive(Debug)]
 pub struct Sessions {
     registry: Arc<Registry>,
     common: Arc<Common>,
 }
 
-/// What the sessions of all tenants share.
+/// Shared by the sessions of all tenants.
 #[derive(Debug)]
 struct Common {
     limits: SessionLimits,
@@ -30,7 +30,7 @@ struct Common {
 }
 
 impl Sessions {
-    /// A server's sessions: none yet, of callers without a tenant. `executor` runs their
+    /// Makes the sessions of callers without a tenant. None is open yet. `executor` runs their
     /// characters.
     pub fn new(limits: SessionLimits, time: TimeSource, executor: Executor, telemetry: &Telemetry) -> Self {
         Self {
@@ -46,7 +46,7 @@ impl Sessions {
         }
     }
 
-    /// Those of another tenant. Limits, threads and the end are the same.
+    /// The sessions of another tenant. They share limits, threads and shutdown with these.
     pub fn of_tenant(&self, tenant: Tenant) -> Self {
         Self {
             registry: Arc::new(self.registry.of_tenant(tenant)),
@@ -54,22 +54,22 @@ impl Sessions {
         }
     }
 
-    /// The limits.
+    /// Limits of the sessions and streams of all tenants together.
     pub fn limits(&self) -> &SessionLimits {
         &self.common.limits
     }
 
-    /// Open sessions of all tenants.
+    /// Number of open sessions of all tenants.
     pub fn open(&self) -> usize {
         self.registry.len()
     }
 
-    /// Ends sessions of all tenants whose time is up; answers how many. To be called now and then.
+    /// Ends expired sessions of all tenants and returns their number. Call it regularly.
     pub fn sweep(&self) -> usize {
         self.registry.sweep(self.common.time.now())
     }
 
-    /// Places for streams, as many as there may be.
+    /// One permit for each stream that may be open.
     pub(super) fn places(&self) -> &Arc<Semaphore> {
         &self.common.places
     }
@@ -82,7 +82,7 @@ impl Sessions {
     /// Waits until no stream is open.
     pub async fn streams_ended(&self) {
         let all = self.common.limits.streams as u32;
-        // The semaphore is never closed; were it, there would be no stream either.
+        // The only error is a closed semaphore, and this one is never closed.
         let _ = self.common.places.acquire_many(all).await;
     }
 
@@ -102,7 +102,7 @@ impl Sessions {
         self.common.draining.subscribe()
     }
 
-    /// Notes how many streams are open, `leaving` of which are about to go.
+    /// Updates the metric of open streams. `leaving` streams are about to end and do not count.
     pub(super) fn streams_changed(&self, leaving: usize) {
         let free = self.common.places.available_permits() + leaving;
         self.common
@@ -114,8 +114,8 @@ impl Sessions {
         commands::apply(&self.registry, &self.common.time, commands).await
     }
 
-    /// Runs a stream, or what else advances characters, on the threads for that, in the turns of
-    /// its client.
+    /// Runs a stream or other work that advances characters. It runs on the threads for characters,
+    /// in the turns of its client.
     pub fn spawn(&self, turns: Turns, work: impl Future<Output = ()> + Send + 'static) {
         self.common.executor.spawn(turns, work);
     }

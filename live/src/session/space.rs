@@ -1,5 +1,5 @@
-//! What each tenant has of its own: sessions, added styles, scenes and object definitions. Those of
-//! one do not exist for another.
+//! The data of each tenant: sessions, added styles, scenes and object definitions. A tenant cannot
+//! see the data of another.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,24 +9,24 @@ use super::{LivePacks, Sessions};
 use crate::world::{Folders, Store};
 use troupe_base::tenant::Tenant;
 
-/// Between a tenant and what it names, in the names of records. Neither has it in its name.
+/// Separates tenant and name in the name of a record. It cannot occur in either.
 const BETWEEN: char = '/';
 
-/// One tenant's own.
+/// The data of one tenant.
 #[derive(Debug)]
 pub struct Space {
-    /// Whose it is.
+    /// `None` for callers without a tenant.
     pub tenant: Tenant,
-    /// The packs, with its styles.
+    /// The server's packs with the tenant's styles.
     pub packs: LivePacks,
-    /// Its scenes and definitions.
+    /// Scenes and object definitions.
     pub store: Arc<Store>,
-    /// Its sessions.
+    /// The tenant's open sessions.
     pub sessions: Arc<Sessions>,
 }
 
 impl Space {
-    /// The name of a record of this tenant.
+    /// The name of this tenant's record for the session or scene `name`.
     pub(super) fn record_name(&self, name: &str) -> String {
         match &self.tenant {
             Some(tenant) => format!("{tenant}{BETWEEN}{name}"),
@@ -35,7 +35,7 @@ impl Space {
     }
 }
 
-/// Whose record has this name, and what it is called there.
+/// Splits the name of a record into the tenant and the name of the session or scene.
 pub(super) fn of_record(name: &str) -> (Tenant, &str) {
     match name.split_once(BETWEEN) {
         Some((tenant, name)) => (Some(tenant.into()), name),
@@ -43,12 +43,12 @@ pub(super) fn of_record(name: &str) -> (Tenant, &str) {
     }
 }
 
-/// Where tenants keep their own, and how many there may be.
+/// Options for tenants.
 #[derive(Debug, Clone, Default)]
 pub struct TenantOptions {
-    /// A folder with a folder for each. `None`: what they upload lasts until the server stops.
+    /// Has a subfolder for each tenant. `None`: uploads are lost when the server stops.
     pub folder: Option<PathBuf>,
-    /// Most tenants at a time.
+    /// Maximum number of tenants that the server keeps in memory.
     pub most: usize,
 }
 
@@ -58,32 +58,32 @@ pub enum SpaceError {
     /// The server has no room for another tenant.
     #[error("the server has no room for another tenant; allowed: at most {most}")]
     TooMany {
-        /// Most tenants of a server.
+        /// Maximum number of tenants.
         most: usize,
     },
-    /// The tenant's files cannot be read. The reason names files of the server, so it is only in
-    /// the log.
+    /// The tenant's files cannot be read. Only the log has the reason, because it names files of
+    /// the server.
     #[error("the files of tenant {tenant:?} cannot be read; the server's log has the reason")]
     Unreadable {
-        /// Name of the tenant.
+        /// The tenant, as its key names it.
         tenant: Arc<str>,
     },
 }
 
-/// Added styles take of the memory of uploads.
+/// Counts added styles as memory of uploads.
 fn count_styles(packs: &LivePacks, store: &Store) {
     for table in packs.table().all().flat_map(|loaded| &loaded.styles) {
         store.memory().count(table);
     }
 }
 
-/// What all tenants have.
+/// The data of all tenants.
 #[derive(Debug)]
 pub struct Spaces {
-    /// That of callers without a tenant.
+    /// For callers without a tenant.
     common: Arc<Space>,
     tenants: RwLock<ByTenant>,
-    /// One is made at a time.
+    /// Held while a space is made, so that only one is made at a time.
     making: Mutex<()>,
     options: TenantOptions,
 }
@@ -91,7 +91,7 @@ pub struct Spaces {
 type ByTenant = BTreeMap<Arc<str>, Arc<Space>>;
 
 impl Spaces {
-    /// With that of callers without a tenant; those of others are made when they are asked for.
+    /// Starts with the space of callers without a tenant. Other spaces are made on first use.
     pub fn new(packs: LivePacks, store: Arc<Store>, sessions: Arc<Sessions>, options: TenantOptions) -> Self {
         count_styles(&packs, &store);
         Self {
@@ -111,12 +111,12 @@ impl Spaces {
         self.tenants.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// That of callers without a tenant.
+    /// The space of callers without a tenant.
     pub fn common(&self) -> &Arc<Space> {
         &self.common
     }
 
-    /// That of `tenant`, if it is there already.
+    /// The space of `tenant`, if it was made already.
     pub fn known(&self, tenant: &Tenant) -> Option<Arc<Space>> {
         match tenant {
             None => Some(self.common.clone()),
@@ -124,10 +124,10 @@ impl Spaces {
         }
     }
 
-    /// That of `tenant`. The first time this reads its files, which blocks.
+    /// The space of `tenant`. The first call for a tenant reads its files, which blocks.
     ///
     /// # Errors
-    /// [`SpaceError`].
+    /// [`SpaceError`] if there are too many tenants, or a file cannot be read.
     pub fn of(&self, tenant: &Tenant) -> Result<Arc<Space>, SpaceError> {
         if let Some(space) = self.known(tenant) {
             return Ok(space);
@@ -135,8 +135,7 @@ impl Spaces {
         let Some(name) = tenant else {
             return Ok(self.common.clone());
         };
-        // Files are read under this lock alone, so that callers of other tenants do not wait for
-        // them.
+        // Files are read without the lock of `tenants`, so callers of other tenants do not wait.
         let making = self.making.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(space) = self.known(tenant) {
             return Ok(space);
@@ -181,7 +180,7 @@ impl Spaces {
         })
     }
 
-    /// All that there are.
+    /// All spaces that were made.
     pub fn all(&self) -> Vec<Arc<Space>> {
         let tenants = self.read();
         let all = std::iter::once(&self.common).chain(tenants.values());

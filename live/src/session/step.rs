@@ -1,11 +1,10 @@
-//! Client-clocked frames: each call advances many characters, and waits for the plans that they
-//! need.
+//! Client-clocked frames. A call advances many characters and waits for the plans that they need.
 //!
-//! Every character runs until it is done or needs a plan; then all plans that are missing are
-//! waited for together, and so on. Plans of one round travel in the same batches.
+//! Every character runs until it is done or needs a plan. Then the call waits for all missing plans
+//! together, and repeats. The plans of one round share batches.
 //!
-//! Characters that share a scene go frame by frame, in the order of their names: who gets an
-//! object, and what stands in whose way, must not depend on whose plan came first.
+//! Characters in the same scene advance frame by frame, in the order of their ids. So the result
+//! does not depend on whose plan came first, for example when two want the same object.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
@@ -29,27 +28,27 @@ use troupe_character::{FieldError, Path};
 use troupe_engine::EngineError;
 use troupe_motion::model::SIX_D;
 
-/// Most frames of a step.
+/// Maximum number of frames in a step.
 pub const MAX_STEP_FRAMES: u32 = 120;
-/// Most frames of all characters of a step together: an answer is made as a whole.
+/// Maximum number of frames of all characters in a step, because the answer is built in memory.
 pub const MAX_STEP_CHARACTER_FRAMES: usize = 131_072;
-/// Frame rates that the timeline divides into.
+/// Frame rates with a whole number of sub-frames per frame.
 const RATES_HZ: [u32; 3] = [30, 50, 60];
-/// Plans that may fail one after the other before the session counts as one that cannot be served.
+/// After this many failed plans in a row, a session is reported as a problem.
 const MAX_FAILURES: u32 = 3;
-/// Numbers of a frame that belong to no joint: root, contacts, hinges.
+/// Estimated numbers of a frame apart from those of joints: root, contacts, hinges.
 const NUMBERS_OF_A_FRAME: usize = 40;
-/// Frames that a character goes before it asks whether others want a turn.
+/// A character without others in its scene advances this many frames before other tasks get a turn.
 const FRAMES_ALONE: usize = 8;
 
-/// Sub-frames of the timeline that a tick at `rate_hz` takes; 0 stands for 30.
+/// Number of sub-frames in one frame at `rate_hz`. A rate of 0 means 30.
 ///
 /// # Errors
-/// [`FieldError`] for a rate that is not offered.
+/// [`FieldError`] for any other rate than 0, 30, 50 and 60.
 pub(super) fn sub_frames(path: &Path<'_>, rate_hz: u32) -> Result<u32, FieldError> {
     let rate = if rate_hz == 0 { 30 } else { rate_hz };
     match RATES_HZ.contains(&rate) {
-        // The timeline is one of 30 frames a second.
+        // `SUB_FRAMES` is the number of sub-frames in a frame at 30 Hz.
         true => Ok(SUB_FRAMES * 30 / rate),
         false => Err(path
             .field("rate_hz")
@@ -57,7 +56,7 @@ pub(super) fn sub_frames(path: &Path<'_>, rate_hz: u32) -> Result<u32, FieldErro
     }
 }
 
-/// A checked request.
+/// A checked step request.
 #[derive(Debug)]
 pub struct StepPlan {
     frames: usize,
@@ -66,8 +65,8 @@ pub struct StepPlan {
     form: Form,
 }
 
-/// Checks what a step asks for, apart from its commands and the sessions themselves. `joints_of`
-/// gives the number of joints of a session that is open.
+/// Checks a step request, apart from its commands and whether its sessions are open. `joints_of`
+/// returns the number of joints of an open session.
 pub(super) fn check(
     request: &v1::StepRequest,
     limits: &SessionLimits,
@@ -81,7 +80,7 @@ pub(super) fn check(
         if !seen.insert(id.as_str()) {
             return Err(root
                 .element("session_ids", index)
-                .error("is there twice", "each session once"));
+                .error("is listed twice", "each session once"));
         }
     }
     let frames = request.frames.max(1);
@@ -90,7 +89,7 @@ pub(super) fn check(
         let most = (MAX_STEP_CHARACTER_FRAMES / ids.len()).max(1);
         return Err(root.field("frames").error(
             format!("is {frames} for {} sessions", ids.len()),
-            format!("1 to {most} for so many, {MAX_STEP_CHARACTER_FRAMES} frames in all"),
+            format!("1 to {most} for this many sessions: {MAX_STEP_CHARACTER_FRAMES} frames in all"),
         ));
     }
     let commands = &root.field("commands");
@@ -113,53 +112,54 @@ pub(super) fn check(
 }
 
 impl StepPlan {
-    /// About how many bytes the frames take, as numbers in memory.
+    /// Estimated size of all frames in memory, bytes.
     pub fn answer_bytes(&self) -> usize {
         self.answer_bytes
     }
 }
 
-/// About how many bytes a frame of a character takes, as numbers in memory.
+/// Estimated size of one frame of a character in memory, bytes.
 fn frame_bytes(form: Form, joints: usize) -> usize {
     let numbers_of_a_joint = 4 + 3 * usize::from(form.positions) + SIX_D * usize::from(form.six_d);
     (joints * numbers_of_a_joint + NUMBERS_OF_A_FRAME) * size_of::<f32>()
 }
 
-/// A character on its way.
+/// The progress of one character in a step.
 struct CharacterStep {
-    /// Place in the request.
+    /// Index in the request.
     slot: usize,
     held: Held,
-    /// Its block and its place there.
+    /// Index of its block.
     block: usize,
+    /// Index within the block.
     place: usize,
-    /// Whether a frame has begun that is not written: it lacks a plan.
+    /// Whether a frame was begun but not written, because a plan is missing.
     begun: bool,
     /// Frames written so far.
     done: usize,
     trouble: Option<SessionError>,
 }
 
-/// Frames and what else a step gives.
+/// The result of a step.
 #[derive(Debug, Default)]
 pub struct Stepped {
-    /// Frames, a block for each pack and body.
+    /// Frames, one block for each pack and body.
     pub blocks: Vec<v1::FrameBlock>,
-    /// Results of the commands.
+    /// Results of the commands, in their order.
     pub commands: Vec<CommandResult>,
-    /// Sessions that could not be served, by place in the request.
+    /// Sessions that could not be served, sorted by their index in the request.
     pub problems: Vec<SessionProblem>,
-    /// What happened to characters.
+    /// Events of the characters.
     pub events: Vec<v1::SessionEvents>,
-    /// What is in their hands.
+    /// Objects in the characters' hands.
     pub held: Vec<v1::HeldObject>,
-    /// Time that went by while plans were made.
+    /// Time spent waiting for plans.
     pub waited: Duration,
-    /// Time of the whole step.
+    /// Duration of the whole step.
     pub total: Duration,
 }
 
-/// Advances the sessions. Those that cannot be served are among the problems.
+/// Advances the sessions. Sessions that cannot be served become problems.
 pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String], plan: StepPlan) -> Stepped {
     let mut turn = Turn::begin();
     let mut stepped = Stepped::default();
@@ -178,7 +178,7 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
         let mut waiting = Vec::new();
         for group in going {
             let mut waits_for = None;
-            // Alone a character goes some frames at a time, with others frame by frame.
+            // A single character advances some frames at a time, a group frame by frame.
             let frames_at_once = if group.len() == 1 { FRAMES_ALONE } else { 1 };
             while waits_for.is_none()
                 && let Some(until) = next_stop(&walkers, &group, plan.frames, frames_at_once)
@@ -205,7 +205,7 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
     stepped
 }
 
-/// Takes the sessions' clocks, and gives each a place in the block of its pack.
+/// Becomes the owner of the sessions, and gives each a place in the block of its pack.
 fn gather(
     (registry, time): (&Registry, &TimeSource),
     ids: &[String],
@@ -230,8 +230,8 @@ fn gather(
         };
         {
             let mut live = held.cell().live();
-            // What failed for an earlier caller need not fail for this one, and this one waits for
-            // its plans.
+            // Plans may work again after failures for an earlier caller. A step waits for its
+            // plans, so the load on the networks does not matter.
             live.trouble = None;
             live.character.under_load(Strain::default());
         }
@@ -255,7 +255,8 @@ fn gather(
     (walkers, blocks)
 }
 
-/// Walkers that go on together: those of one scene, by name, and each of the others alone.
+/// Groups characters that advance together. The characters of a scene form a group, sorted by id.
+/// Every other character is a group of its own.
 fn groups(walkers: &[CharacterStep]) -> Vec<Vec<usize>> {
     let mut groups = Vec::with_capacity(walkers.len());
     let mut scenes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -272,8 +273,8 @@ fn groups(walkers: &[CharacterStep]) -> Vec<Vec<usize>> {
     groups
 }
 
-/// How far a group goes next, frames of the step: `frames_at_once` beyond the one that is last.
-/// `None`: all are there.
+/// The frame of the step to which a group advances next: `frames_at_once` beyond its slowest
+/// character. `None` if all are done.
 fn next_stop(
     walkers: &[CharacterStep],
     group: &[usize],
@@ -288,7 +289,7 @@ fn next_stop(
 
 impl CharacterStep {
     /// Runs until the character has done `until` frames of the step, cannot be served, or needs a
-    /// plan; answers whether it is the last.
+    /// plan. Answers whether it needs a plan.
     fn run(&mut self, plan: &StepPlan, until: usize, writer: &mut BlockWriter, out: &mut FrameOut) -> bool {
         if self.trouble.is_some() || self.done >= until {
             return false;
@@ -300,14 +301,14 @@ impl CharacterStep {
             return false;
         }
         let mut live = cell.live();
-        // What is left of a frame, if anything: of this step before its plan came, or of an earlier
-        // one that was cut off.
+        // Finishes a begun frame, if any: of this step before its plan came, or of an earlier step
+        // that was stopped.
         let mut moved = live.character.advance(0, Clock::Waits);
         loop {
             let wants = cell.settle(&mut live);
             if !wants.is_empty() {
-                // The answer comes over another task, or, where the runtime ends, from within: it
-                // takes the lock.
+                // The answer takes the lock. It comes from another task, or from this call if the
+                // runtime ends.
                 drop(live);
                 planner::serve(&cell, wants, Patience::Waits);
                 live = cell.live();
@@ -335,7 +336,7 @@ impl CharacterStep {
     }
 }
 
-/// Why it is no use to wait for another plan, where it is none.
+/// The error of a session whose plans keep failing. `None` if it should wait for another plan.
 fn trouble(failures: Option<&(u32, SubmitError)>) -> Option<SessionError> {
     let (count, error) = failures?;
     let stopped = matches!(error, SubmitError::Engine(EngineError::Stopped));
@@ -370,7 +371,7 @@ fn finish(
     }
 }
 
-/// Notes what happened to the session, and what is in its hand.
+/// Adds the events of a session and the object in its character's hand to the result.
 fn report(walker: &CharacterStep, stepped: &mut Stepped) {
     let cell = walker.held.cell();
     let (slot, convention) = (walker.slot as u32, cell.convention());

@@ -1,4 +1,4 @@
-//! The styles of a pack as messages.
+//! The calls for the styles of a pack.
 
 use troupe_proto::v1;
 
@@ -49,10 +49,10 @@ pub fn get(pack: &LoadedPack, body: &str, name: &str) -> Result<v1::Style, Sessi
     }
 }
 
-/// `troupe.v1.Sessions/PutStyle`. Blocks where added styles are kept in a folder.
+/// `troupe.v1.Sessions/PutStyle`. Blocks if added styles are kept in a folder.
 ///
 /// # Errors
-/// [`SessionError`] for the first value that is not accepted, or where the style cannot be kept.
+/// [`SessionError`] for the first value that is not accepted, or if the style cannot be written.
 pub fn put(
     pack: &LoadedPack,
     body: &str,
@@ -87,7 +87,7 @@ pub fn put(
         }),
         Err(PutError::TooMany) => Err(name
             .error(
-                "is new, and the pack has as many added styles as it may",
+                "is new, but the pack has no room for another style",
                 format!("at most {MAX_ADDED_STYLES} added styles"),
             )
             .into()),

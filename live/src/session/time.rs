@@ -1,20 +1,20 @@
-//! Where the time of expiry comes from.
+//! The clock for the expiry of sessions.
 
 use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Tells the time; tests bring their own. Clones tell the same.
+/// A clock, which tests can replace. Clones are the same clock.
 #[derive(Clone)]
 pub struct TimeSource(Arc<dyn Fn() -> Instant + Send + Sync>);
 
 impl TimeSource {
-    /// A source that asks `now`, which must not go back.
+    /// Makes a clock from `now`, which must not go back.
     pub fn new(now: impl Fn() -> Instant + Send + Sync + 'static) -> Self {
         Self(Arc::new(now))
     }
 
-    /// The time now.
+    /// Reads the clock.
     pub fn now(&self) -> Instant {
         (self.0)()
     }

@@ -1,28 +1,28 @@
-//! What a character wants made of the networks.
+//! The requests of a character to the networks.
 
 use troupe_character::live::{PlanRequest, WordsRequest};
 
-/// What a character wants made.
+/// The requests of a character to the networks, at most one of each kind.
 #[derive(Debug, Default)]
 pub struct Wants {
-    /// A plan.
+    /// The next frames of its motion, to replace or extend the buffered ones.
     pub plan: Option<PlanRequest>,
-    /// Words.
+    /// The motion of a sentence.
     pub words: Option<WordsRequest>,
 }
 
 impl Wants {
-    /// Whether it is nothing.
+    /// Whether there is no request.
     pub fn is_empty(&self) -> bool {
         self.plan.is_none() && self.words.is_none()
     }
 }
 
-/// What to do where the batcher's queue is full.
+/// What to do if the batcher's queue is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Patience {
-    /// Ask again until there is a place: the character waits for this very plan.
+    /// Try again until there is room, because the character cannot advance without this plan.
     Waits,
-    /// Give up: the character asks again at its next frame, from where it then is.
+    /// Give up. The character sends a fresh request with its next frame.
     Fails,
 }

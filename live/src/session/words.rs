@@ -1,5 +1,5 @@
-//! Sentences that characters act out: the packs that make motion of them, and what a command may
-//! ask of those.
+//! Sentences that characters act out: the packs that generate their motion, and the checks of the
+//! commands.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,36 +19,37 @@ use troupe_character::{FieldError, Path};
 use troupe_engine::pack::TaskRefusal;
 use troupe_motion::model::{Capability, GLOBAL_ROOT, KeyTensors, PromptTask, Rig, SamplingTask, Task};
 
-/// Shortest and longest performance that may be asked for, seconds.
+/// Minimum and maximum length of a performance, seconds.
 const SECONDS: (f32, f32) = (0.5, 30.0);
-/// Most characters of all tenants that perform at a time; one more is told so.
+/// Maximum number of characters that perform at a time, over all tenants.
 pub const MAX_PERFORMERS: usize = 512;
-/// About the most memory that one of them takes beside its session, bytes: its frames wait there.
+/// Estimated maximum memory of a performing character in addition to its session, bytes. It is for
+/// the frames that wait.
 pub const PERFORMER_BYTES: u64 = 384 << 10;
-/// Most characters of an unknown word that are told, and of a pack's name.
+/// Maximum number of characters of an unknown word or a pack's name in an answer.
 const MAX_ECHO: usize = 64;
 
-/// A pack of words for the characters of another pack.
+/// A pack that generates motion from words, for the characters of another pack.
 #[derive(Debug)]
 pub struct WordsPack {
-    /// The pack.
+    /// The pack that generates the motion.
     pub loaded: Arc<LoadedPack>,
-    /// Reads what it makes.
+    /// Converts its motion to the skeleton of the characters.
     pub reader: PartReader,
 }
 
-/// Why the characters of a pack cannot act out what another makes.
+/// Why a pack's characters cannot act out the motion of another pack.
 #[derive(Debug, Clone)]
 enum WhyNot {
-    /// It makes nothing of words.
+    /// It does not generate motion from words.
     CannotDo(CannotDo),
-    /// Its skeleton or rate is another.
+    /// It has another skeleton or frame rate.
     Skeleton(OtherSkeleton),
-    /// It reads so many past frames.
+    /// It needs this many past frames, which is too many.
     Past(usize),
 }
 
-/// Places for characters that perform; clones share them.
+/// Limits how many characters perform at a time. Clones share the limit.
 #[derive(Debug, Clone)]
 pub struct Places(Arc<Semaphore>);
 
@@ -59,13 +60,13 @@ impl Default for Places {
 }
 
 impl Places {
-    /// One of them, where there is one.
+    /// Takes a place for one character. `None` if all are taken.
     pub fn take(&self) -> Option<OwnedSemaphorePermit> {
         self.0.clone().try_acquire_owned().ok()
     }
 }
 
-/// A stream of words, and a place for its frames. Dropping it gives up both.
+/// A running performance and its place. Dropping it stops the performance and frees the place.
 #[derive(Debug)]
 pub struct Performer {
     number: u64,
@@ -74,7 +75,7 @@ pub struct Performer {
 }
 
 impl Performer {
-    /// The words of the command `number`, which `task` brings.
+    /// The performance of the command `number`. `task` brings its frames.
     pub(super) fn new(number: u64, place: OwnedSemaphorePermit, task: JoinHandle<()>) -> Self {
         Self {
             number,
@@ -83,24 +84,25 @@ impl Performer {
         }
     }
 
-    /// Number of the command whose words it brings.
+    /// Number of the command that asked for the performance.
     pub fn number(&self) -> u64 {
         self.number
     }
 }
 
-/// All packs of a server, as what the characters of one of them can act out.
+/// All packs of a server, each with whether the characters of one pack can act out its motion.
 #[derive(Debug, Default)]
 pub struct WordsPacks {
-    /// Where they take a place for it.
+    /// Limits how many characters perform at a time.
     pub places: Places,
     by_name: BTreeMap<String, Result<WordsPack, WhyNot>>,
-    /// Name of the pack for those who name none.
+    /// Name of the pack for commands that name none.
     default: Option<String>,
 }
 
 impl WordsPacks {
-    /// Those of `table`, for characters of `own`, who take one of `places` each.
+    /// Checks which packs of `table` fit the characters of `own`. Performances take places from
+    /// `places`.
     pub fn new(table: &PackTable, own: &Arc<Rig>, places: &Places) -> Self {
         let named = |loaded: &Arc<LoadedPack>| (loaded.pack.name().to_owned(), words_pack(loaded, own));
         let by_name: BTreeMap<_, _> = table.all().map(named).collect();
@@ -115,30 +117,29 @@ impl WordsPacks {
         }
     }
 
-    /// The pack of that name, where characters can act out what it makes.
+    /// The pack called `name`, if the characters can act out its motion.
     pub fn get(&self, name: &str) -> Option<&WordsPack> {
         self.by_name.get(name)?.as_ref().ok()
     }
 
-    /// Name of the pack for those who name none, where there is one.
+    /// Name of the pack for commands that name none. `None` if no pack fits.
     pub fn default_name(&self) -> Option<&str> {
         self.default.as_deref()
     }
 
-    /// The pack that a request names in the field at `path`; the default where it names none.
+    /// The pack called `name`, which the field at `path` has. An empty name means the default.
     fn find(&self, path: &Path<'_>, name: &str) -> Result<&WordsPack, SessionError> {
         let allowed = || {
             let fit = self.by_name.iter().filter(|(_, pack)| pack.is_ok());
             let names: Vec<&str> = fit.map(|(name, _)| name.as_str()).collect();
             match names.is_empty() {
-                true => {
-                    "none: no pack of this server makes motion of words for the session's skeleton".to_owned()
-                }
+                true => "none: no pack of this server turns words into motion for the session's skeleton"
+                    .to_owned(),
                 false => names.join(", "),
             }
         };
         let name = match (name, &self.default) {
-            ("", None) => return Err(path.error("is empty, and there is no default", allowed()).into()),
+            ("", None) => return Err(path.error("is empty, but there is no default", allowed()).into()),
             ("", Some(default)) => default.as_str(),
             (name, _) => name,
         };
@@ -153,9 +154,9 @@ impl WordsPacks {
                 Err(path.error(format!("is {name:?}: {why}"), allowed()).into())
             }
             Some(Err(WhyNot::Past(frames))) => {
-                let message = format!("is {name:?}, which reads {frames} past frames");
+                let message = format!("is {name:?}, which needs {frames} past frames");
                 Err(path
-                    .error(message, format!("packs that read at most {MAX_PAST_FRAMES}"))
+                    .error(message, format!("packs that need at most {MAX_PAST_FRAMES}"))
                     .into())
             }
             None => Err(UnknownPack {
@@ -167,7 +168,7 @@ impl WordsPacks {
         }
     }
 
-    /// Checks a command.
+    /// Checks a command and completes it with the pack's name and dimensions.
     ///
     /// # Errors
     /// [`SessionError`] for the first value that is not accepted.
@@ -205,7 +206,7 @@ fn words_pack(loaded: &Arc<LoadedPack>, own: &Arc<Rig>) -> Result<WordsPack, Why
     })
 }
 
-/// The task of a command, which goes on from `past`.
+/// The generator's task for a command. Its motion continues the frames of `past`.
 pub(super) fn task(command: &PerformCommand, past: Vec<KeyTensors>, seed: u64) -> Task {
     Task::Prompt(PromptTask {
         text: command.text.to_string(),
@@ -222,7 +223,7 @@ pub(super) fn task(command: &PerformCommand, past: Vec<KeyTensors>, seed: u64) -
 }
 
 impl WordsPack {
-    /// Words of a text that captions of the pack's training have not used.
+    /// Words of a text that do not occur in the captions of the pack's training data.
     fn unknown_words(&self, text: &str) -> Vec<String> {
         let Some(language) = self.loaded.pack.language() else {
             return Vec::new();
@@ -234,13 +235,13 @@ impl WordsPack {
             .collect()
     }
 
-    /// Checks what the pack's model may be asked for.
+    /// Checks that the pack's model accepts the command.
     fn check(&self, path: &Path<'_>, command: &PerformCommand) -> Result<(), FieldError> {
         let pack = &self.loaded.pack;
         let Some(language) = pack.language() else {
             return Ok(());
         };
-        // Any frames will do: how many there are is what counts.
+        // The check needs the number of past frames, but not their content.
         let key = KeyTensors {
             local_root: None,
             global_root: Some([0.0; GLOBAL_ROOT]),
@@ -264,5 +265,5 @@ impl WordsPack {
     }
 }
 
-/// Numbers of a joint's pose.
+/// Numbers per joint in a pose tensor.
 const POSE_NUMBERS: usize = troupe_motion::features::FEATURES_PER_JOINT;

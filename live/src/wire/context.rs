@@ -1,4 +1,4 @@
-//! Context keyframes on their own: where a live character begins.
+//! Context keyframes: the past frames from which a live character starts.
 
 use troupe_character::{FieldError, Path};
 use troupe_motion::conventions::Convention;
@@ -9,17 +9,16 @@ use troupe_proto::v1;
 
 use super::keyframe::{self, Role};
 
-/// A frame in the world.
+/// A frame in world coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContextFrame {
     /// Position of the root joint, metres.
     pub root: Vec3,
-    /// One for each joint, unit length: joint 0 in the world, others relative to their parents.
+    /// One unit quaternion per joint: joint 0 in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
 }
 
-/// Checks the keyframes of the field `name` of `path`, as a request's context is checked, and gives
-/// their frames.
+/// Checks the keyframes in the field `name` of `path`, and returns their frames.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -41,7 +40,7 @@ pub fn check_context(
         .collect()
 }
 
-/// Checks a keyframe that has root and pose, and gives its frame.
+/// Checks a keyframe with root and pose, and returns its frame.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -50,7 +49,7 @@ pub fn check_frame(path: &Path<'_>, key: &v1::Keyframe, rig: &Rig) -> Result<Con
         return Err(path.field("velocity").error("is given", "root and pose only"));
     }
     let checked = keyframe::check(path, key, Role::Context, &rig.skeleton)?;
-    // Distances count from the origin: a character's first place has no other.
+    // A character's first position has no earlier frame, so the distance is from the origin.
     keyframe::check_reach(path, &checked, Vec3::ZERO)?;
     let world = SegmentFrame::from_root(GlobalRoot::new(Vec3::ZERO, 0.0));
     let given = checked.given(&world);
@@ -59,11 +58,11 @@ pub fn check_frame(path: &Path<'_>, key: &v1::Keyframe, rig: &Rig) -> Result<Con
             root: root.position,
             rotations,
         }),
-        _ => Err(path.error("is not whole", "root and pose")),
+        _ => Err(path.error("is incomplete", "root and pose")),
     }
 }
 
-/// A keyframe in the native convention. Values are not checked yet.
+/// Converts a keyframe to the native convention. It does not check the values.
 pub fn to_native(key: &v1::Keyframe, convention: Convention) -> v1::Keyframe {
     if convention == Convention::Native {
         return key.clone();

@@ -1,4 +1,4 @@
-//! Robots: keyframes as MuJoCo's `qpos`.
+//! Keyframes of robots, given as MuJoCo's `qpos`.
 
 use troupe_character::limits::UNIT_TOLERANCE;
 use troupe_character::{FieldError, Path};
@@ -9,8 +9,8 @@ use troupe_proto::v1;
 
 use super::ANGLE_TOLERANCE_RAD;
 
-/// The root and the pose (joint 0 in the world, others parent-relative) that the `qpos` of a
-/// keyframe says.
+/// Checks the `qpos` of a keyframe, and returns root and pose. In the pose, joint 0 is in the world
+/// and others are relative to their parents.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.

@@ -1,4 +1,4 @@
-//! One keyframe: its checks.
+//! The checks of one keyframe.
 
 use troupe_character::keyframe::{Checked, CheckedPose};
 use troupe_character::limits::{HEADING_TOLERANCE, MAX_HEIGHT_M, UNIT_TOLERANCE};
@@ -11,20 +11,20 @@ use troupe_proto::v1;
 use super::hinges::check_qpos;
 use super::{HEIGHT_TOLERANCE_M, MAX_DISTANCE_M, MAX_VELOCITY};
 
-/// Least part of the character's left that must lie on the ground for its pose to have a heading
-/// worth comparing: below it the left is within six degrees of the vertical.
+/// A pose has a usable heading if the horizontal part of the character's left axis, a unit vector,
+/// is longer than this. Below it, the axis is within six degrees of the vertical.
 const MIN_GROUND_LEFT: f32 = 0.1;
 
-/// Whether a keyframe must be complete.
+/// The use of a keyframe, which decides the fields that it must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Root position and pose are required.
     Context,
-    /// Any subset, but something.
+    /// At least one of root, velocity and pose is required.
     Target,
 }
 
-/// Checks the values of one keyframe. Distances from the context are checked once that is known:
+/// Checks the values of one keyframe, except for its distance from the context, for which there is
 /// [`check_reach`].
 pub fn check(
     path: &Path<'_>,
@@ -123,7 +123,7 @@ fn check_position(path: &Path<'_>, root: &v1::Root) -> Result<Vec3, FieldError> 
     Ok(Vec3::new(x, y, z))
 }
 
-/// The root joint's height, from the first field that gives it; the others must give the same.
+/// The root joint's height from the first field that has it. Other fields must have the same.
 fn check_heights(path: &Path<'_>, key: &v1::Keyframe, ground_y_m: f32) -> Result<Option<f32>, FieldError> {
     let (root, pose, velocity) = (path.field("root"), path.field("pose"), path.field("velocity"));
     let position = root.field("position");
@@ -150,7 +150,7 @@ fn check_heights(path: &Path<'_>, key: &v1::Keyframe, ground_y_m: f32) -> Result
     Ok(height)
 }
 
-/// Checks a height of the root joint.
+/// Checks that a height of the root joint, metres, is near that of the ground.
 pub fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), FieldError> {
     if (finite(path, value)? - ground_y_m).abs() > MAX_HEIGHT_M {
         let (low, high) = (ground_y_m - MAX_HEIGHT_M, ground_y_m + MAX_HEIGHT_M);
@@ -159,9 +159,9 @@ pub fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), 
     Ok(())
 }
 
-/// What a keyframe gives of its root's height once more.
+/// Checks a second field with the root's height against the first.
 fn check_same_height(path: &Path<'_>, value: f32, height: f32) -> Result<(), FieldError> {
-    // NaN is another.
+    // NaN fails this comparison and is refused.
     if (value - height).abs() <= HEIGHT_TOLERANCE_M {
         return Ok(());
     }
@@ -171,7 +171,7 @@ fn check_same_height(path: &Path<'_>, value: f32, height: f32) -> Result<(), Fie
     ))
 }
 
-/// The heading of a pelvis; none where it lies on its side.
+/// The heading of a pelvis. `None` if it lies on its side.
 pub fn facing(pelvis: Quat, skeleton: &Skeleton) -> Option<f32> {
     let left = pelvis * skeleton.left_axis;
     (left.x.hypot(left.z) > MIN_GROUND_LEFT).then(|| heading_of(pelvis, skeleton.left_axis))
@@ -240,7 +240,7 @@ fn check_rotations(path: &Path<'_>, pose: &v1::Pose, skeleton: &Skeleton) -> Res
         }
         let rotation = from_wxyz(*wxyz);
         let length = rotation.length();
-        // An overflow to infinity, or NaN, is outside too.
+        // This also refuses NaN and an overflow to infinity.
         if !(1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length) {
             return Err(path.element("rotations", joint * 4).error(
                 format!(
@@ -292,7 +292,7 @@ fn check_velocity(
     })
 }
 
-/// A number that is finite.
+/// Checks that a number is finite.
 pub fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
     if value.is_finite() {
         Ok(value)
@@ -301,11 +301,11 @@ pub fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
     }
 }
 
-/// Checks that a keyframe is within reach of `anchor`, the last context frame's root position.
+/// Checks the distance of a keyframe's root from `anchor`, the last context frame's root position.
 pub fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Result<(), FieldError> {
     if let Some(root) = key.root {
         let distance = root.position.distance(anchor);
-        // An overflow to infinity, or NaN, is outside too.
+        // This also refuses NaN and an overflow to infinity.
         if !(0.0..=MAX_DISTANCE_M).contains(&distance) {
             let path = path.field("root");
             return Err(path.field("position").error(

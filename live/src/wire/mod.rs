@@ -1,8 +1,8 @@
-//! Values of messages: checked, brought into native units and axes, and back.
+//! Checks the values of messages and converts between them and native units and axes.
 //!
-//! Conventions are dealt with here, at the edge; everything that comes out is in metres, radians
-//! and the native axes. [`units`] has single values, [`keyframe`] keyframes, [`context`] those that
-//! a live character begins with.
+//! The rest of the crate knows only metres, radians and the native axes. [`units`] handles single
+//! values, [`keyframe`] keyframes, and [`context`] the keyframes from which a live character
+//! starts.
 
 mod context;
 mod hinges;
@@ -14,14 +14,14 @@ pub use troupe_character::limits::MAX_DISTANCE_M;
 pub use context::check_frame;
 pub(crate) use context::{ContextFrame, check_context, to_native};
 
-/// How far apart the heights that one keyframe gives may be, in metres.
+/// Maximum difference between the heights that one keyframe gives in several fields, metres.
 pub const HEIGHT_TOLERANCE_M: f32 = 1e-3;
-/// Largest given velocity of a keyframe, in m/s along an axis and in rad/s.
+/// Maximum velocity of a keyframe: m/s along an axis, and rad/s.
 pub(crate) const MAX_VELOCITY: f32 = 1e3;
-/// How far outside of its hinge's limits an angle of a keyframe may be, radians; it is taken as the
-/// limit.
+/// An angle of a keyframe may exceed its hinge's limits by this much, radians. It is then set to
+/// the limit.
 pub(crate) const ANGLE_TOLERANCE_RAD: f32 = 0.01;
-/// Highest sampling temperature.
+/// Maximum sampling temperature.
 pub const MAX_TEMPERATURE: f32 = 2.0;
-/// Most characters of a sentence to act out.
+/// Maximum length of a sentence to act out, characters.
 pub const MAX_PROMPT_CHARS: usize = 1000;

@@ -1,4 +1,4 @@
-//! Single values, in a convention.
+//! Checks and conversions of single values.
 
 use troupe_motion::conventions::Convention;
 use troupe_motion::rotation::to_wxyz;
@@ -8,10 +8,10 @@ use troupe_proto::v1;
 use super::MAX_PROMPT_CHARS;
 use troupe_character::{FieldError, Path};
 
-/// Largest heading either way, radians: beyond it a 32-bit float is coarse.
+/// Maximum heading in both directions, radians. Beyond it, a 32-bit float is too coarse.
 pub(crate) const MAX_HEADING: f32 = 1000.0;
 
-/// The convention that a message names.
+/// Reads the convention of a message.
 pub fn convention(path: &Path<'_>, value: i32) -> Result<Convention, FieldError> {
     match v1::Convention::try_from(value) {
         Ok(v1::Convention::Native) => Ok(Convention::Native),
@@ -25,7 +25,7 @@ pub fn convention(path: &Path<'_>, value: i32) -> Result<Convention, FieldError>
     }
 }
 
-/// The convention as messages name it.
+/// The value of a convention in messages.
 pub(crate) fn convention_name(convention: Convention) -> v1::Convention {
     match convention {
         Convention::Native => v1::Convention::Native,
@@ -35,7 +35,7 @@ pub(crate) fn convention_name(convention: Convention) -> v1::Convention {
     }
 }
 
-/// A sentence to act out: 1 to [`MAX_PROMPT_CHARS`] characters, and not all of them blank.
+/// Checks a sentence to act out: 1 to [`MAX_PROMPT_CHARS`] characters, not all of them blank.
 pub fn sentence(path: &Path<'_>, text: &str) -> Result<(), FieldError> {
     let allowed = format!("1 to {MAX_PROMPT_CHARS} characters");
     if text.trim().is_empty() {
@@ -47,7 +47,7 @@ pub fn sentence(path: &Path<'_>, text: &str) -> Result<(), FieldError> {
     }
 }
 
-/// A number from `low` to `high`.
+/// Checks a number, which must be from `low` to `high`.
 pub fn within(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<f32, FieldError> {
     match (low..=high).contains(&value) {
         true => Ok(value),
@@ -55,12 +55,12 @@ pub fn within(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<f32, F
     }
 }
 
-/// A priority: 0 to 1.
+/// Checks a priority, which must be from 0 to 1.
 pub fn priority(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
     within(path, value, 0.0, 1.0)
 }
 
-/// A whole number from `low` to `high`.
+/// Checks a whole number, which must be from `low` to `high`.
 pub fn count_within(path: &Path<'_>, value: u32, low: u32, high: u32) -> Result<u32, FieldError> {
     match (low..=high).contains(&value) {
         true => Ok(value),
@@ -68,13 +68,13 @@ pub fn count_within(path: &Path<'_>, value: u32, low: u32, high: u32) -> Result<
     }
 }
 
-/// A heading in the session's convention, as the native one.
+/// Checks a heading in `convention` and makes it native.
 pub fn heading(path: &Path<'_>, value: f32, convention: Convention) -> Result<f32, FieldError> {
     within(path, value, -MAX_HEADING, MAX_HEADING).map(|value| convention.heading_to_native(value))
 }
 
-/// A vector in the session's convention, each of its numbers at most `limit` metres (or metres per
-/// second) either way, as the native one.
+/// Checks a vector in `convention` and makes it native. Each of its numbers must be from -`limit`
+/// to `limit`, in metres or metres per second.
 pub fn vector(
     path: &Path<'_>,
     value: v1::Vec3,
@@ -88,7 +88,7 @@ pub fn vector(
     Ok(convention.position_to_native(Vec3::new(value.x, value.y, value.z)))
 }
 
-/// The name of the axis that points up.
+/// Name of the axis that points up.
 pub(crate) fn up_axis(convention: Convention) -> &'static str {
     match convention {
         Convention::Native | Convention::Unity => "y",
@@ -96,19 +96,19 @@ pub(crate) fn up_axis(convention: Convention) -> &'static str {
     }
 }
 
-/// A native position in the session's convention.
+/// Converts a native position to `convention`.
 pub fn position(value: Vec3, convention: Convention) -> v1::Vec3 {
     let Vec3 { x, y, z } = convention.position_from_native(value);
     v1::Vec3 { x, y, z }
 }
 
-/// A native rotation in the session's convention.
+/// Converts a native rotation to `convention`.
 pub(crate) fn quat(rotation: Quat, convention: Convention) -> v1::Quat {
     let [w, x, y, z] = to_wxyz(convention.rotation_from_native(rotation));
     v1::Quat { w, x, y, z }
 }
 
-/// A list's length, from `low` to `high`.
+/// Checks the length of a list, which must be from `low` to `high`.
 pub fn length(path: &Path<'_>, found: usize, low: usize, high: usize) -> Result<(), FieldError> {
     match found {
         _ if (low..=high).contains(&found) => Ok(()),
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_are_told_in_the_sessions_unit() {
+    fn errors_give_ranges_in_the_sessions_unit() {
         let root = Path::root();
         let path = root.field("velocity");
         let far = v1::Vec3 {
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_that_is_not_finite_is_within_a_range() {
+    fn values_that_are_not_finite_are_in_no_range() {
         let root = Path::root();
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             assert!(within(&root, bad, -1.0, 1.0).is_err());

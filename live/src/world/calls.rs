@@ -1,4 +1,4 @@
-//! The calls of `troupe.v1.Scenes`, apart from how they travel. Those that write files block.
+//! The calls of `troupe.v1.Scenes`, independent of HTTP and gRPC. Calls that write files block.
 
 use std::sync::Arc;
 
@@ -16,26 +16,26 @@ use troupe_character::scene::{
 };
 use troupe_motion::model::Rig;
 
-/// Results of objects of a scene that were to be changed.
+/// The answer to a call that changes objects of a scene.
 #[derive(Debug)]
 pub struct ObjectsChanged {
-    /// Of each, in the request's order.
+    /// One result per object, in the request's order.
     pub objects: Vec<ObjectOutcome>,
-    /// The scene's revision after it.
+    /// The scene's revision after the change.
     pub revision: u64,
 }
 
 /// Result of one object.
 #[derive(Debug)]
 pub struct ObjectOutcome {
-    /// Its id, or the start of what the request gave as one.
+    /// Id of the object, or the start of what the request gave as one.
     pub id: String,
-    /// Why it was not changed.
+    /// Why the object was not changed. `None`: it was changed.
     pub error: Option<WorldError>,
 }
 
 impl Store {
-    /// The scene of this name, which the request gave at `path`.
+    /// The scene called `name`, which the field at `path` has.
     pub(super) fn scene(&self, name: &str, path: &Path<'_>) -> Result<Arc<SceneCell>, WorldError> {
         self.scenes().get(name).map_err(|error| WorldError::Scene {
             error,
@@ -46,8 +46,8 @@ impl Store {
     /// `troupe.v1.Scenes/PutScene`.
     ///
     /// # Errors
-    /// [`WorldError`] for the first value that is not accepted, or where the scene cannot be kept;
-    /// then nothing has changed.
+    /// [`WorldError`] for the first value that is not accepted, or if the scene cannot be written.
+    /// Then nothing has changed.
     pub fn put(&self, request: &v1::PutSceneRequest) -> Result<v1::SceneSummary, WorldError> {
         let root = Path::root();
         let name = match (&request.scene, &request.document) {
@@ -66,7 +66,9 @@ impl Store {
             }
             (Some(_), Some(_)) => {
                 let path = root.field("document");
-                return Err(path.error("is given beside scene", "one of the two").into());
+                return Err(path
+                    .error("is given together with scene", "one of the two")
+                    .into());
             }
         };
         let cell = self.scene(&name, &root.field("name"))?;
@@ -86,7 +88,7 @@ impl Store {
     /// `troupe.v1.Scenes/GetScene`.
     ///
     /// # Errors
-    /// [`WorldError`] where there is no such scene, or convention.
+    /// [`WorldError`] for an unknown scene or convention.
     pub fn get(&self, request: &v1::GetSceneRequest) -> Result<v1::Scene, WorldError> {
         let root = Path::root();
         let convention = units::convention(&root.field("convention"), request.convention)?;
@@ -111,7 +113,7 @@ impl Store {
     /// `troupe.v1.Scenes/DeleteScene`.
     ///
     /// # Errors
-    /// [`WorldError`] where there is no such scene, or where sessions are in it.
+    /// [`WorldError`] for an unknown scene, or if sessions are in it.
     pub fn delete(&self, request: &v1::DeleteSceneRequest) -> Result<v1::DeleteSceneResponse, WorldError> {
         self.delete_scene(&request.name)?;
         Ok(v1::DeleteSceneResponse {})
@@ -120,7 +122,7 @@ impl Store {
     /// `troupe.v1.Scenes/AddObjects`.
     ///
     /// # Errors
-    /// [`WorldError`] for the request as a whole; what is wrong with one object is in its result.
+    /// [`WorldError`] for the request as a whole. The error of a single object is in its result.
     pub fn add_objects(&self, request: &v1::AddObjectsRequest) -> Result<ObjectsChanged, WorldError> {
         let root = Path::root();
         let (cell, convention) = self.place_of(&root, &request.scene, request.convention)?;
@@ -141,7 +143,7 @@ impl Store {
     /// `troupe.v1.Scenes/MoveObjects`.
     ///
     /// # Errors
-    /// [`WorldError`] for the request as a whole; what is wrong with one move is in its result.
+    /// [`WorldError`] for the request as a whole. The error of a single move is in its result.
     pub fn move_objects(&self, request: &v1::MoveObjectsRequest) -> Result<ObjectsChanged, WorldError> {
         let root = Path::root();
         let (cell, convention) = self.place_of(&root, &request.scene, request.convention)?;
@@ -157,7 +159,7 @@ impl Store {
     /// `troupe.v1.Scenes/RemoveObjects`.
     ///
     /// # Errors
-    /// [`WorldError`] for the request as a whole; what is wrong with one id is in its result.
+    /// [`WorldError`] for the request as a whole. The error of a single id is in its result.
     pub fn remove_objects(&self, request: &v1::RemoveObjectsRequest) -> Result<ObjectsChanged, WorldError> {
         let root = Path::root();
         let cell = self.scene(&request.scene, &root.field("scene"))?;
@@ -187,8 +189,8 @@ impl Store {
     /// `troupe.v1.Scenes/PutObjectDefinition`, for `pack`.
     ///
     /// # Errors
-    /// [`WorldError`] for the first thing that is wrong with the document, or where it cannot be
-    /// kept; then nothing has changed.
+    /// [`WorldError`] for the first error of the document, or if it cannot be written. Then nothing
+    /// has changed.
     pub fn put_object(
         &self,
         request: &v1::PutObjectDefinitionRequest,
@@ -220,7 +222,7 @@ impl Store {
     /// `troupe.v1.Scenes/GetObjectDefinition`.
     ///
     /// # Errors
-    /// [`WorldError`] where there is no such definition, or format.
+    /// [`WorldError`] for an unknown definition or format.
     pub fn get_object(
         &self,
         request: &v1::GetObjectDefinitionRequest,
@@ -251,7 +253,7 @@ impl Store {
     /// `troupe.v1.Scenes/DeleteObjectDefinition`.
     ///
     /// # Errors
-    /// [`WorldError`] where there is no such definition, or where scenes have objects of it.
+    /// [`WorldError`] for an unknown definition, or if scenes have objects of it.
     pub fn delete_object(
         &self,
         request: &v1::DeleteObjectDefinitionRequest,
@@ -295,7 +297,7 @@ fn at(path: &Path<'_>, error: SceneError) -> WorldError {
     }
 }
 
-/// Does `change` with each of `list`, all in one change of the scene, and says the result of each.
+/// Calls `change` for each entry of `list` within one update of the scene. Returns all results.
 fn change_each<T>(
     cell: &SceneCell,
     list: &[T],

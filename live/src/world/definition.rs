@@ -12,7 +12,7 @@ use troupe_character::scene::SceneTable;
 use troupe_character::{FieldError, Path};
 use troupe_motion::model::Rig;
 
-/// Checks that a document is there, and how it is written.
+/// Checks that a request has a document. Returns its text and format.
 pub(super) fn document<'a>(
     path: &Path<'_>,
     document: Option<&'a v1::Document>,
@@ -23,7 +23,7 @@ pub(super) fn document<'a>(
     Ok((&document.text, format(&path.field("format"), document.format)?))
 }
 
-/// The format that a message names.
+/// Reads the format of a message.
 pub(super) fn format(path: &Path<'_>, value: i32) -> Result<Format, FieldError> {
     match v1::DocumentFormat::try_from(value) {
         Ok(v1::DocumentFormat::Toml) => Ok(Format::Toml),
@@ -35,7 +35,7 @@ pub(super) fn format(path: &Path<'_>, value: i32) -> Result<Format, FieldError> 
     }
 }
 
-/// Checks that what a document says is its name is the one that the request wants.
+/// Checks that the name in a document is the name in the request, unless the request has none.
 pub(super) fn check_name(name: &str, wanted: &str) -> Result<(), FieldError> {
     if wanted.is_empty() || wanted == name {
         return Ok(());
@@ -63,7 +63,7 @@ pub(super) fn read_definition(
     })
 }
 
-/// A definition in short. `objects` are those of it in all scenes.
+/// The summary of a definition. `objects` is the number of its objects in all scenes.
 pub(super) fn write(definition: &Definition, revision: u64, objects: u32) -> v1::ObjectDefinition {
     let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect();
     v1::ObjectDefinition {
@@ -81,7 +81,7 @@ pub(super) fn write(definition: &Definition, revision: u64, objects: u32) -> v1:
     }
 }
 
-/// The ways to use an object.
+/// The ways to use an object, with their weights.
 pub(super) fn variants(definition: &Definition) -> Vec<v1::ObjectVariant> {
     let each = definition.variants.iter().map(|variant| v1::ObjectVariant {
         name: variant.name.clone(),
@@ -90,7 +90,7 @@ pub(super) fn variants(definition: &Definition) -> Vec<v1::ObjectVariant> {
     each.collect()
 }
 
-/// All of a definition, as text.
+/// The whole definition as text.
 pub(super) fn write_document(definition: &Definition, format: Format) -> Result<v1::Document, WorldError> {
     let (text, format) = match format {
         Format::Toml => (
@@ -108,7 +108,7 @@ pub(super) fn write_document(definition: &Definition, format: Format) -> Result<
     })
 }
 
-/// How many objects of each definition all scenes have.
+/// The number of objects of each definition in all scenes.
 pub(super) fn count_objects(scenes: &SceneTable) -> HashMap<Arc<str>, u32> {
     let mut counts = HashMap::new();
     for cell in scenes.all().values() {
@@ -119,7 +119,7 @@ pub(super) fn count_objects(scenes: &SceneTable) -> HashMap<Arc<str>, u32> {
     counts
 }
 
-/// A listed definition in short.
+/// The summary of a definition in a list. `counts` has the numbers of objects by definition.
 pub(super) fn write_listed(listed: &Listed, counts: &HashMap<Arc<str>, u32>) -> v1::ObjectDefinition {
     let definition = &listed.definition;
     let objects = counts.get(definition.name.as_str()).copied().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! What a character, or any box, reaches.
+//! The call `Detect`: the objects in front of a character, or on the way of any box.
 
 use std::sync::Arc;
 
@@ -17,41 +17,40 @@ use troupe_character::{FieldError, Path};
 
 /// Half the size of a character's box: to the sides, up and down, and to front and back, metres.
 const CHARACTER_HALF_EXTENTS_M: Vec3 = Vec3::new(0.25, 0.9, 0.25);
-/// Farthest that a character's box is moved ahead, metres.
+/// Maximum distance by which a character's box is moved ahead, metres.
 const MAX_AHEAD_M: f32 = 100.0;
 
-/// Where a session's character is.
+/// Scene and position of a session's character.
 #[derive(Debug)]
 pub struct CharacterPlace {
-    /// Name of its scene.
+    /// Name of the scene.
     pub scene: Arc<str>,
-    /// Its scene.
+    /// The scene and its objects.
     pub cell: Arc<SceneCell>,
-    /// Its root.
+    /// Position in metres and heading in radians, native axes.
     pub root: GlobalRoot,
-    /// The convention of the session.
+    /// Axes and units of the answer.
     pub convention: Convention,
-    /// Name of its pack.
+    /// Name of the character's pack.
     pub pack: String,
 }
 
-/// A question, all of it checked.
+/// A checked request.
 struct Question {
     scene: Arc<str>,
     cell: Arc<SceneCell>,
     trace: BoxTrace,
     convention: Convention,
-    /// The pack of the character that asks.
+    /// Name of the character's pack. `None` for a box.
     pack: Option<String>,
     only_free: bool,
 }
 
 impl Store {
-    /// `troupe.v1.Scenes/Detect`. `standing` says where the character of a session is.
+    /// `troupe.v1.Scenes/Detect`. `standing` returns the place of a session's character.
     ///
     /// # Errors
-    /// [`WorldError`] for a value that is not accepted, and for a session or scene that is not
-    /// there.
+    /// [`WorldError`] for a value that is not accepted, or for an unknown session or scene.
     pub fn detect<E: From<WorldError>>(
         &self,
         request: &v1::DetectRequest,
@@ -68,7 +67,7 @@ impl Store {
             (Some(_), _) => {
                 let error = root
                     .field("box")
-                    .error("is given beside session_id", "one of the two");
+                    .error("is given together with session_id", "one of the two");
                 Err(error.into())
             }
         };
@@ -154,8 +153,8 @@ impl Question {
             free: instance.state == State::Free,
             ..v1::Detected::default()
         };
-        // A definition is not removed while there are objects of it; this scene may be a moment
-        // old.
+        // A definition with objects cannot be removed. But this snapshot may be older than its
+        // removal.
         if let Ok(listed) = definitions.get(&instance.object) {
             let definition = &listed.definition;
             let side = definition.side_of(instance.transform, self.trace.center());

@@ -1,4 +1,4 @@
-//! What can be wrong with a call that is about scenes and definitions.
+//! Errors of calls about scenes and definitions.
 
 use std::fmt::Display;
 
@@ -12,44 +12,44 @@ use troupe_character::{FieldError, Path};
 /// Why a call about scenes or definitions was not served.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum WorldError {
-    /// A value that is not accepted.
+    /// A value of the request is not accepted.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// A scene or an object definition that is written wrongly.
+    /// The text of a scene or an object definition has an error.
     #[error("{0}")]
     Document(Box<DocumentError>),
-    /// A scene that is not there, cannot be there, or cannot go.
+    /// A scene is unknown, cannot be added, or cannot be deleted.
     #[error("{error}")]
     Scene {
-        /// Why.
+        /// The reason.
         error: TableError,
-        /// The field of the request that named it.
+        /// The field of the request that names the scene.
         field: String,
     },
-    /// An object of a scene that is not there, or cannot be changed so.
+    /// An object of a scene is unknown, or a change of it is not allowed.
     #[error("{error}")]
     Object {
-        /// Why.
+        /// The reason.
         error: SceneError,
-        /// The field of the request that named it.
+        /// The field of the request that names the object.
         field: String,
     },
-    /// An object definition that is not there, cannot be there, or cannot go.
+    /// An object definition is unknown, cannot be added, or cannot be deleted.
     #[error("{error}")]
     Definition {
-        /// Why.
+        /// The reason.
         error: DefinitionsError,
-        /// The field of the request that named it.
+        /// The field of the request that names the definition.
         field: String,
     },
-    /// An upload would take more memory than all uploads may.
+    /// With this upload, all uploads together would exceed their memory limit.
     #[error("{what} {name:?} {cause}")]
     NoMemory {
-        /// `scene`, `definition` or `style`.
+        /// `scene`, `object definition` or `style`.
         what: &'static str,
         /// Name of the upload.
         name: String,
-        /// Its size, that of all others, and the limit.
+        /// Size of the upload, size of all others, and the limit.
         cause: NoMemory,
         /// The field of the request that is too large.
         field: String,
@@ -57,12 +57,12 @@ pub enum WorldError {
     /// The file of an upload could not be written or removed.
     #[error("{message}")]
     NotKept {
-        /// Which file, and why.
+        /// The name of the upload and the reason.
         message: String,
         /// Whether the disk is full.
         is_disk_full: bool,
     },
-    /// A document could not be made.
+    /// A definition could not be written as a document.
     #[error("{0}")]
     Internal(String),
 }
@@ -71,7 +71,7 @@ impl WorldError {
     /// The error of a file that was not written or removed.
     pub(crate) fn not_kept(error: &dyn Display, is_disk_full: bool) -> Self {
         if !is_disk_full {
-            tracing::error!(%error, "an upload was not kept");
+            tracing::error!(%error, "the file of an upload cannot be written or removed");
         }
         Self::NotKept {
             message: error.to_string(),
@@ -81,7 +81,7 @@ impl WorldError {
 }
 
 impl From<DocumentError> for WorldError {
-    /// What is echoed of the document is cut.
+    /// Cuts the parts of the document that the error repeats.
     fn from(error: DocumentError) -> Self {
         Self::Document(Box::new(DocumentError {
             field: cut(&error.field, MAX_PATH),

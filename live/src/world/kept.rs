@@ -1,19 +1,20 @@
-//! What moves in scenes, as records: where objects are, and whose. The scenes themselves are kept
-//! as files.
+//! Records of a scene's objects: where each object is, and which session has it. The scenes
+//! themselves are kept as files.
 
 use serde::{Deserialize, Serialize};
 
 use super::Store;
 use troupe_character::scene::{Holder, Instance, Scene, SceneError, State, Transform};
 
-/// Changes with what a record is. Records of another format are left out.
+/// Version of the record format. Records of other versions are not restored.
 const FORMAT: u32 = 1;
 
 /// The objects of a scene.
 #[derive(Debug, Serialize, Deserialize)]
 struct Record {
     format: u32,
-    /// Of the scene's file when the record was made: that of another file is left out.
+    /// [`super::store::KeptScene::content`] when the record was made. A record of other content is
+    /// not restored.
     content: u64,
     objects: Vec<Object>,
 }
@@ -28,7 +29,7 @@ struct Object {
 
 #[derive(Debug, Serialize, Deserialize)]
 enum Whose {
-    Nobody,
+    Free,
     ReservedBy(String),
     HeldBy(String),
 }
@@ -41,7 +42,7 @@ impl Object {
             definition: instance.object.to_string(),
             transform: instance.transform,
             state: match &instance.state {
-                State::Free => Whose::Nobody,
+                State::Free => Whose::Free,
                 State::Reserved(by) => Whose::ReservedBy(session(by)),
                 State::Held(by) => Whose::HeldBy(session(by)),
             },
@@ -50,7 +51,7 @@ impl Object {
 }
 
 impl Store {
-    /// The record of a scene's objects. One that is not kept as a file has none.
+    /// The record of a scene's objects. `None` for a scene that is not kept as a file.
     pub fn record_of(&self, name: &str, scene: &Scene) -> Option<Vec<u8>> {
         let content = self.kept().get(name).map(|file| file.content)?;
         let record = Record {
@@ -61,24 +62,27 @@ impl Store {
         match postcard::to_allocvec(&record) {
             Ok(bytes) => Some(bytes),
             Err(error) => {
-                tracing::error!(scene = name, %error, "the objects of a scene are not kept");
+                tracing::error!(scene = name, %error, "the objects of a scene cannot be saved");
                 None
             }
         }
     }
 
-    /// Puts the objects of a scene where its record says that they were.
+    /// Restores the objects of a scene from its record.
     ///
     /// # Errors
-    /// Why the record is of no use; then nothing has changed.
+    /// The reason why the record cannot be used. Then nothing has changed.
     pub fn restore_scene(&self, name: &str, record: &[u8]) -> Result<(), String> {
         let record: Record = postcard::from_bytes(record).map_err(|error| error.to_string())?;
         if record.format != FORMAT {
-            return Err(format!("it is of format {}; allowed: {FORMAT}", record.format));
+            return Err(format!(
+                "the record has format {}; allowed: {FORMAT}",
+                record.format
+            ));
         }
         let content = self.kept().get(name).map(|file| file.content);
         if content != Some(record.content) {
-            return Err("the scene's file is another".to_owned());
+            return Err("the scene's file has changed since the record was written".to_owned());
         }
         let cell = self.scenes().get(name).map_err(|error| error.to_string())?;
         self.definitions()
@@ -103,13 +107,13 @@ impl Store {
                                     scene = name,
                                     object = object.id,
                                     definition = object.definition,
-                                    "an object is left out: there is no such definition any more"
+                                    "an object is not restored, because its definition no longer exists"
                                 );
                                 continue;
                             }
                         }
                         match &object.state {
-                            Whose::Nobody => {}
+                            Whose::Free => {}
                             Whose::ReservedBy(by) => scene.reserve(&object.id, &Holder::new(by.as_str()))?,
                             Whose::HeldBy(by) => scene.hold(&object.id, &Holder::new(by.as_str()))?,
                         }
@@ -120,7 +124,7 @@ impl Store {
             .map_err(|error| error.to_string())
     }
 
-    /// Frees what sessions have that do not stay.
+    /// Frees the objects of all sessions for which `stays` is false.
     pub fn free_all_but(&self, stays: impl Fn(&str) -> bool) {
         for cell in self.scenes().all().values() {
             cell.free_each(|holder| !stays(&holder.session));

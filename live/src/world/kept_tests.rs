@@ -46,7 +46,7 @@ fn note(store: &Store) -> Vec<u8> {
 }
 
 #[test]
-fn objects_are_where_they_were_and_whose_they_were() {
+fn objects_are_restored_with_their_places_and_holders() {
     let folder = TempFolder::new("kept-scenes");
     let store = load(&folder);
     store.put_definition(definition(), CUP, Format::Toml).unwrap();
@@ -79,7 +79,7 @@ fn objects_are_where_they_were_and_whose_they_were() {
     // A file that somebody has changed is right, and the record is not.
     put(&store, &YARD.replace("1.0, 2.0]", "1.0, 4.0]"));
     let error = store.restore_scene("yard", &record).unwrap_err();
-    assert_eq!(error, "the scene's file is another");
+    assert_eq!(error, "the scene's file has changed since the record was written");
     assert!(store.restore_scene("nowhere", &record).is_err());
     assert!(store.restore_scene("yard", &record[..5]).is_err());
     assert!(

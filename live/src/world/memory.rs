@@ -1,5 +1,4 @@
-//! What clients have uploaded and the server holds in memory, all tenants together: scenes, object
-//! definitions, styles.
+//! The memory that uploads of all tenants share: scenes, object definitions and styles.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -8,9 +7,9 @@ use troupe_character::object::Definitions;
 use troupe_character::scene::SceneTable;
 use troupe_character::style::StyleTable;
 
-/// Something that holds uploads.
+/// A table that holds uploads.
 pub trait Holder: Debug + Send + Sync {
-    /// About how much memory they take, bytes.
+    /// Estimated memory of its uploads, bytes.
     fn bytes(&self) -> usize;
 }
 
@@ -37,21 +36,22 @@ impl Holder for StyleTable {
     }
 }
 
-/// Uploads would take more memory than they may.
+/// With a new upload, all uploads together would exceed their memory limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "takes about {bytes} bytes, and all other scenes, definitions and styles {taken}; allowed: at most {most} in all (max_scene_memory_mib)"
+    "takes about {bytes} bytes, and all other scenes, definitions and styles take {taken}; \
+     allowed: at most {most} in all (max_scene_memory_mib)"
 )]
 pub struct NoMemory {
-    /// What the new one takes.
+    /// Estimated size of the new upload, bytes.
     pub bytes: usize,
-    /// What the others take.
+    /// Estimated size of all other uploads, bytes.
     pub taken: usize,
-    /// What all may take.
+    /// Limit for all uploads, bytes.
     pub most: usize,
 }
 
-/// The memory that all uploads of a server share.
+/// The memory limit that all uploads of a server share.
 #[derive(Debug)]
 pub struct UploadMemory {
     max_bytes: usize,
@@ -59,7 +59,7 @@ pub struct UploadMemory {
 }
 
 impl UploadMemory {
-    /// Of so many bytes.
+    /// Makes a limit of `max_bytes`.
     pub fn new(max_bytes: usize) -> Self {
         Self {
             max_bytes,
@@ -67,7 +67,7 @@ impl UploadMemory {
         }
     }
 
-    /// Counts what `holder` holds, as long as it is there.
+    /// Counts the uploads of `holder` until it is dropped.
     pub fn count<H: Holder + 'static>(&self, holder: &Arc<H>) {
         let holder: Weak<H> = Arc::downgrade(holder);
         let mut holders = self.holders.lock().unwrap_or_else(PoisonError::into_inner);
@@ -75,11 +75,11 @@ impl UploadMemory {
         holders.push(holder);
     }
 
-    /// Whether there is room for `bytes` in the place of `replaced`. Two that ask at the same time
-    /// may both get the last room.
+    /// Checks that there is room for an upload of `bytes`, which replaces one of `replaced` bytes.
+    /// Nothing is reserved, so two concurrent uploads can exceed the limit together.
     ///
     /// # Errors
-    /// [`NoMemory`].
+    /// [`NoMemory`] if there is no room.
     pub fn check(&self, bytes: usize, replaced: usize) -> Result<(), NoMemory> {
         let holders = self.holders.lock().unwrap_or_else(PoisonError::into_inner);
         let all = holders.iter().filter_map(Weak::upgrade);

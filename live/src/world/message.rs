@@ -81,14 +81,14 @@ fn place_colliders(
         .map_err(|(index, error)| collider_error(path, index, error))
 }
 
-/// The error of the collider of this index, or of all together.
+/// The error of the collider with this index, or of all colliders together.
 fn collider_error(path: &Path<'_>, index: Option<usize>, error: SceneError) -> FieldError {
     let Some(index) = index else {
         return field_error(&path.field("colliders"), error);
     };
     let path = path.element("colliders", index);
     match error {
-        // Single values were checked with their places.
+        // The coordinates were checked before, so only the shape as a whole can be wrong.
         SceneError::Shape { cause, .. } => path.field("shape").field("convex").field("points").error(
             cause.to_string(),
             "points apart from each other that span a volume",
@@ -134,10 +134,11 @@ pub(super) fn check_id(path: &Path<'_>, id: &str) -> Result<(), FieldError> {
     }
 }
 
-/// Position, heading and rotation as a message has them.
+/// Position, heading and rotation as in a message.
 pub(super) type Given = (Option<v1::Vec3>, Option<f32>, Option<v1::Quat>);
 
-/// Checks where a thing is, and makes it native; what is not given is that of `at`.
+/// Checks position and rotation of a message and makes them native. Values that are not given come
+/// from `at`.
 pub(super) fn place(
     path: &Path<'_>,
     (position, heading, rotation): Given,
@@ -155,13 +156,13 @@ pub(super) fn place(
         (Some(_), Some(_)) => {
             return Err(path
                 .field("rotation")
-                .error("is given beside heading", "at most one of the two"));
+                .error("is given together with heading", "at most one of the two"));
         }
     };
     Ok(Transform::new(position, rotation))
 }
 
-/// Checks a rotation's length, and makes it exactly 1.
+/// Checks that a rotation's length is about 1, and makes it exactly 1.
 fn unit(path: &Path<'_>, given: v1::Quat) -> Result<Quat, FieldError> {
     let rotation = Quat::from_xyzw(given.x, given.y, given.z, given.w);
     let length = rotation.length();
@@ -202,7 +203,7 @@ pub(super) fn write_scene(
     }
 }
 
-/// The message of a scene in a list.
+/// The message of a scene in a list of scenes.
 pub(super) fn summary(name: &str, cell: &SceneCell) -> v1::SceneSummary {
     let scene = cell.snapshot();
     v1::SceneSummary {

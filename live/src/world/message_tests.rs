@@ -303,14 +303,14 @@ fn errors_name_the_field_and_its_range_in_the_requests_unit() {
         ),
     ];
     for (change, field, allowed) in cases {
-        let (found, told) = wrong(change);
+        let (found, hint) = wrong(change);
         assert_eq!(found, field);
-        assert!(told.starts_with(allowed), "{field}: {told}");
+        assert!(hint.starts_with(allowed), "{field}: {hint}");
     }
 }
 
 #[test]
-fn what_is_not_given_stays_as_it_is() {
+fn values_that_are_not_given_stay_unchanged() {
     let at = Transform::upright(Vec3::new(1.0, 2.0, 3.0), 0.5);
     let place = |given| place(&Path::root(), given, Convention::Native, at).unwrap();
     assert_eq!(place((None, None, None)), at);

@@ -1,11 +1,11 @@
-//! What the characters of a server live among: its scenes and the definitions of their objects.
+//! The scenes of a server and the definitions of their objects.
 //!
-//! A [`Store`] has them all, reads them from folders as the server starts, and keeps what is
-//! uploaded there. The rest is how they look as messages: messages to scenes and back ([`message`],
-//! [`shape`]), definitions as messages ([`definition`]), and what a box reaches ([`detect`]).
-//! [`calls`] are the calls of `troupe.v1.Scenes`.
+//! A [`Store`] has all of them. It reads them from folders at the server's start and writes uploads
+//! there. [`calls`] has the calls of `troupe.v1.Scenes`. The other modules convert between messages
+//! and scenes ([`message`], [`shape`]) or definitions ([`definition`]), and find the objects on the
+//! way of a box ([`detect`]).
 //!
-//! Scenes are native; the convention of a request is dealt with here, at the edge.
+//! Scenes use the native convention. This module converts from and to the convention of a request.
 
 mod calls;
 mod definition;

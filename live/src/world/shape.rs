@@ -26,8 +26,8 @@ pub(super) fn read(
         (None, None, Some(shape)) => {
             read_heightfield(&path.field("heightfield"), shape, convention.units_per_metre())
         }
-        (None, None, None) => Err(path.error("is none", wanted)),
-        _ => Err(path.error("is more than one", wanted)),
+        (None, None, None) => Err(path.error("has no shape", wanted)),
+        _ => Err(path.error("has more than one shape", wanted)),
     }
 }
 
@@ -55,7 +55,7 @@ pub(super) fn half_extents(
     for (name, value) in [("x", half.x), ("y", half.y), ("z", half.z)] {
         units::within(&path.field(name), value, low, high)?;
     }
-    // Axes may turn round; a size has no sign.
+    // The conversion may flip axes, but a size has no sign.
     Ok(convention
         .position_to_native(Vec3::new(half.x, half.y, half.z))
         .abs())

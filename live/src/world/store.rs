@@ -1,4 +1,4 @@
-//! The scenes and definitions of a server, and the folders that they are kept in.
+//! The scenes and definitions of a server, and the folders in which they are kept.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
@@ -15,14 +15,14 @@ use troupe_motion::model::Rig;
 
 use super::memory::{NoMemory, UploadMemory};
 
-/// Where scenes and definitions are read from as the server starts, and kept when they are
-/// uploaded.
+/// The folders of scenes and definitions. The server reads them at its start and writes uploads to
+/// them.
 #[derive(Debug, Clone, Default)]
 pub struct Folders {
-    /// Scenes, a file each. `None`: uploaded ones last until the server stops.
+    /// Scenes, one file each. `None`: uploads are lost when the server stops.
     pub scenes: Option<PathBuf>,
-    /// Definitions: a folder for each pack, named as the pack, with a file each. `None`: uploaded
-    /// ones last until the server stops.
+    /// Definitions: one folder per pack, with the pack's name, and one file per definition. `None`:
+    /// uploads are lost when the server stops.
     pub objects: Option<PathBuf>,
 }
 
@@ -33,76 +33,76 @@ pub struct Store {
     definitions: Arc<Definitions>,
     folders: Folders,
     memory: Arc<UploadMemory>,
-    /// The definitions that the kept files of scenes name. One upload or deletion at a time has it.
+    /// Facts about the scenes' files. The lock also allows only one upload or deletion at a time.
     kept: Mutex<Kept>,
 }
 
 /// The scenes that are kept as files, by name.
 type Kept = BTreeMap<String, KeptScene>;
 
-/// A scene as its file has it.
+/// Facts about the file of a scene.
 #[derive(Debug)]
 pub(super) struct KeptScene {
-    /// The definitions that it names.
+    /// Names of the definitions of its objects.
     definitions: BTreeSet<String>,
-    /// Tells it from a file of other content.
+    /// Start of a hash of the content.
     pub(super) content: u64,
 }
 
-/// A file as the server starts that cannot be used.
+/// Why the folders cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// It is not what it should be.
+    /// A folder or file cannot be read.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// More definitions than a server may have.
+    /// There are more definitions than a server may have.
     #[error(transparent)]
     Definitions(#[from] DefinitionsError),
-    /// More scenes than a server may have.
+    /// There are more scenes than a server may have.
     #[error(transparent)]
     Scenes(#[from] TableError),
 }
 
-/// Why nothing was uploaded or deleted.
+/// Why an upload or a deletion failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// A definition that is not there, cannot be there, or cannot go.
+    /// A definition is unknown, cannot be added, or cannot be deleted.
     #[error(transparent)]
     Definitions(#[from] DefinitionsError),
-    /// A scene that is not there, cannot be there, or cannot go.
+    /// A scene is unknown, cannot be added, or cannot be deleted.
     #[error(transparent)]
     Scenes(#[from] TableError),
-    /// A scene that takes more room as a file than can be read again.
+    /// The file of a scene would be too long to be read again.
     #[error(
-        "scene {name:?} takes {bytes} bytes as a file, of at most {}",
+        "the file of scene {name:?} would have {bytes} bytes; allowed: at most {}",
         SceneDoc::MAX_BYTES
     )]
     TooLong {
-        /// The scene.
+        /// Name of the scene.
         name: String,
-        /// How long it is.
+        /// Length of the file.
         bytes: usize,
     },
-    /// Uploads would take more memory than they may.
+    /// With this upload, all uploads together would exceed their memory limit.
     #[error("{what} {name:?} {cause}")]
     NoMemory {
-        /// What it is.
+        /// `scene` or `object definition`.
         what: &'static str,
-        /// Its name.
+        /// Name of the upload.
         name: String,
-        /// What takes how much.
+        /// Size of the upload, size of all others, and the limit.
         cause: NoMemory,
     },
-    /// It could not be written to its folder, or removed from there.
+    /// A file could not be written or removed.
     #[error("{what} {name:?} cannot be written to its folder: {cause}")]
     Keep {
-        /// What it is.
+        /// `scene` or `object definition`.
         what: &'static str,
-        /// Its name.
+        /// Name of the scene or definition.
         name: String,
-        /// Why.
+        /// The system's reason.
         cause: String,
         /// Whether the disk is full.
         full: bool,
@@ -110,12 +110,12 @@ pub enum StoreError {
 }
 
 impl Store {
-    /// Reads all files of `folders`. Definitions are checked for that of `packs` whose folder they
-    /// are in. A file that cannot be used is left out with a warning. Scenes, definitions and
-    /// whatever else [`Store::memory`] counts may take `max_bytes` in all.
+    /// Reads all files of `folders`. A definition is checked against the pack whose folder has it.
+    /// A file that cannot be used is skipped with a warning. `max_bytes` limits the memory of all
+    /// uploads that [`Store::memory`] counts.
     ///
     /// # Errors
-    /// [`LoadError`] where a folder cannot be read, or holds more than a server may have.
+    /// [`LoadError`] if a folder cannot be read, or has more entries than a server may have.
     pub fn load<'a>(
         folders: Folders,
         max_bytes: usize,
@@ -124,7 +124,7 @@ impl Store {
         Self::load_within(folders, Arc::new(UploadMemory::new(max_bytes)), packs)
     }
 
-    /// Reads the files of a tenant's `folders`. They share the memory with those of this store.
+    /// Reads the files of a tenant's `folders`. They share the memory limit with this store.
     ///
     /// # Errors
     /// [`LoadError`], as [`Store::load`].
@@ -169,17 +169,17 @@ impl Store {
         })
     }
 
-    /// The scenes.
+    /// All scenes by name, with the sessions in them.
     pub fn scenes(&self) -> &SceneTable {
         &self.scenes
     }
 
-    /// The definitions.
+    /// All object definitions by name.
     pub fn definitions(&self) -> &Arc<Definitions> {
         &self.definitions
     }
 
-    /// What all uploads of the server may take.
+    /// The memory limit of all uploads of the server.
     pub fn memory(&self) -> &Arc<UploadMemory> {
         &self.memory
     }
@@ -188,13 +188,15 @@ impl Store {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a scene, or replaces the one of its name: those who are in it are in the new one at
-    /// once. `make` makes it, of the definitions as they are and will be until this is done; `text`
-    /// is what it was made from, where it was from a text. Writes it to the folder of scenes, where
-    /// there is one: this blocks. Gives the scene's name.
+    /// Adds a scene, or replaces the scene with its name. Sessions in the old scene are then in the
+    /// new one. Returns the scene's name.
+    ///
+    /// `make` makes the scene. The definitions that it gets do not change until this returns.
+    /// `text` is the scene's text, if it was uploaded as one. If there is a folder of scenes, this
+    /// writes the scene to it, which blocks.
     ///
     /// # Errors
-    /// That of `make`, or [`StoreError`]; then nothing has changed.
+    /// The error of `make`, or [`StoreError`]. Then nothing has changed.
     pub fn put_scene<E: From<StoreError>>(
         &self,
         text: Option<(&str, Format)>,
@@ -225,8 +227,7 @@ impl Store {
         })
     }
 
-    /// Whether what is uploaded may take so much memory, where it takes the place of something that
-    /// takes `replaced`.
+    /// Checks that there is room for an upload of `bytes`, which replaces one of `replaced` bytes.
     fn room(&self, what: &'static str, name: &str, bytes: usize, replaced: usize) -> Result<(), StoreError> {
         self.memory
             .check(bytes, replaced)
@@ -237,11 +238,11 @@ impl Store {
             })
     }
 
-    /// Takes out a scene in which there are no sessions, and its file. This blocks.
+    /// Removes a scene without sessions, and its file. This blocks.
     ///
     /// # Errors
-    /// [`StoreError::Scenes`]; then nothing has changed. [`StoreError::Keep`] where its file could
-    /// not be removed: then it comes back when the server starts again.
+    /// [`StoreError::Scenes`] if the scene is unknown or has sessions. Then nothing has changed.
+    /// [`StoreError::Keep`] if its file cannot be removed. Then the scene is back after a restart.
     pub fn delete_scene(&self, name: &str) -> Result<(), StoreError> {
         let mut kept = self.kept();
         self.scenes.remove(name)?;
@@ -252,11 +253,11 @@ impl Store {
         Ok(())
     }
 
-    /// Adds a definition that was read from `text`, or replaces the one of its name. Writes it to
-    /// the folder of definitions, where there is one: this blocks.
+    /// Adds a definition, or replaces the definition with its name. `text` is its text. If there is
+    /// a folder of definitions, this writes the text to it, which blocks.
     ///
     /// # Errors
-    /// [`StoreError`]; then nothing has changed.
+    /// [`StoreError`]. Then nothing has changed.
     pub fn put_definition(
         &self,
         definition: Definition,
@@ -287,12 +288,13 @@ impl Store {
         Ok(self.definitions.upload(definition, &self.scenes)?)
     }
 
-    /// Takes out a definition of which no scene has an object, as it is or as it is kept, and its
-    /// file. This blocks.
+    /// Removes a definition and its file. No scene may have an object of it, neither in memory nor
+    /// in its file. This blocks.
     ///
     /// # Errors
-    /// [`StoreError::Definitions`]; then nothing has changed. [`StoreError::Keep`] where its file
-    /// could not be removed: then it comes back when the server starts again.
+    /// [`StoreError::Definitions`] if the definition is unknown or in use. Then nothing has
+    /// changed. [`StoreError::Keep`] if its file cannot be removed. Then the definition is back
+    /// after a restart.
     pub fn delete_definition(&self, name: &str) -> Result<(), StoreError> {
         let kept = self.kept();
         let names =
@@ -318,8 +320,8 @@ fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) ->
         if all.iter().any(|before| before.name == definition.name) {
             let (folder, name) = (folder.display(), definition.name);
             tracing::warn!(
-                "a file is left out: {folder}: object definition {name:?} is that of another pack too; allowed: a name of its \
-                 own for each"
+                "a file is skipped: {folder}: another pack has an object definition {name:?} too; \
+                 allowed: a name that no other pack uses"
             );
             continue;
         }
@@ -329,10 +331,10 @@ fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) ->
 }
 
 impl KeptScene {
-    /// What is kept of `scene`.
+    /// The facts about the file of `scene`.
     fn of(name: &str, scene: &Scene) -> Self {
         let instances = scene.instances();
-        // A scene that cannot be written as text is not kept, so the empty one stands for none.
+        // A scene that cannot be written as text has no file, so its hash does not matter.
         let text = scene.to_doc(name).to_toml().unwrap_or_default();
         let hash: [u8; 32] = Sha256::digest(text.as_bytes()).into();
         Self {

@@ -63,7 +63,7 @@ fn ids(scene: &Scene) -> Vec<String> {
 }
 
 #[test]
-fn what_is_uploaded_is_there_after_a_restart_until_it_is_deleted() {
+fn uploads_survive_a_restart_until_they_are_deleted() {
     let folder = TempFolder::new("store-kept");
     let store = load(&folder).unwrap();
     assert!(store.scenes().names().is_empty());
@@ -239,14 +239,14 @@ fn files_that_cannot_be_used_are_left_out() {
     std::fs::write(objects.join("mug.toml"), "no definition").unwrap();
     let empty = "format = 1\nname = \"field\"\nground_m = 0.0\n";
     std::fs::write(scenes.join("field.toml"), empty).unwrap();
-    // The yard has an object that nobody has defined.
+    // The yard has an object without a definition.
     let store = load(&folder).unwrap();
     assert_eq!(store.scenes().names(), ["field"]);
     assert_eq!(store.definitions().snapshot().iter().len(), 0);
 }
 
 #[test]
-fn what_cannot_be_kept_is_not_there() {
+fn an_upload_that_cannot_be_written_is_not_added() {
     let folder = TempFolder::new("store-blocked");
     let store = load(&folder).unwrap();
     put_cup(&store);

@@ -1,8 +1,8 @@
 //! When requests arrive in an open loop.
 //!
-//! Every process is made at the rate of one a unit first and then stretched along the [`Stages`]:
-//! an arrival of number `n` comes when the rate has summed up to `n`. So all of them follow ramps,
-//! and the same seed gives the same arrivals.
+//! A process first generates arrivals at a constant rate of 1. Then they are stretched along the
+//! [`Stages`]: arrival number `n` comes when the integral of the rate reaches `n`. So every process
+//! follows ramps, and the same seed gives the same arrivals.
 
 mod stages;
 
@@ -17,27 +17,27 @@ use serde::{Deserialize, Serialize};
 
 pub use stages::{LoadStage, Stages, StagesError};
 
-/// How arrivals lie in time, at a given rate.
+/// The distribution of arrivals over time, at a given rate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Process {
     /// At equal intervals.
     Constant,
-    /// Independent of each other, like many users: intervals are exponential.
+    /// Independent of each other, like those of many users: intervals are exponential.
     Poisson,
     /// Many at one moment, then none until the next burst. The rate is the mean.
     Bursts {
-        /// Arrivals of a burst, at least 1.
+        /// Number of arrivals in a burst, at least 1.
         size: u32,
     },
-    /// At equal intervals come all that have become due since the last time.
+    /// Bursts at equal intervals. A burst has all arrivals that became due since the one before.
     Periodic {
         /// Seconds from burst to burst.
         period_s: f64,
     },
 }
 
-/// The arrivals of an open loop, in order. Each is a time from the start.
+/// The arrivals of an open loop in order, as times from the start.
 #[derive(Debug, Clone)]
 pub struct Schedule {
     process: Process,
@@ -46,13 +46,13 @@ pub struct Schedule {
     /// Integral of the level so far.
     sum: f64,
     given: u64,
-    /// Arrivals of the current burst that are left.
+    /// Remaining arrivals of the current burst.
     ready: VecDeque<Duration>,
     periods: u64,
 }
 
 impl Schedule {
-    /// The arrivals of a process along stages, whose level is requests a second.
+    /// Makes the arrivals of a process along stages. The level of a stage is in requests/s.
     pub fn new(process: Process, stages: Stages, seed: u64) -> Self {
         Self {
             process,
@@ -65,7 +65,7 @@ impl Schedule {
         }
     }
 
-    /// The arrivals that one of several processes sends. Together they send all.
+    /// The arrivals of process number `nth` of `of`. Together the processes send each arrival once.
     pub fn share(self, nth: u32, of: u32) -> impl Iterator<Item = (u64, Duration)> + Send {
         let (nth, of) = (u64::from(nth), u64::from(of.max(1)));
         (0_u64..).zip(self).filter(move |(number, _)| number % of == nth)

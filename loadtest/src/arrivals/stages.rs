@@ -6,7 +6,7 @@ use std::str::FromStr;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A stretch of time in which a level is constant, or changes linearly.
+/// A time during which a level is constant or changes linearly.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LoadStage {
     /// Level at the start: requests a second, or clients.
@@ -26,18 +26,18 @@ pub struct Stages(Vec<LoadStage>);
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StagesError {
     /// The text is not of the form LEVEL:SECONDS or FROM-TO:SECONDS.
-    #[error("{0:?} is no stage; allowed: LEVEL:SECONDS or FROM-TO:SECONDS, such as 50:10 or 50-200:30")]
+    #[error("{0:?} is not a stage; allowed: LEVEL:SECONDS or FROM-TO:SECONDS, such as 50:10 or 50-200:30")]
     Form(String),
-    /// A number out of its range.
+    /// A number is out of its range.
     #[error("{0:?}: levels are 0 to 1000000 and seconds above 0, to 86400")]
     Range(String),
-    /// No stage, or no level above 0 in any.
-    #[error("there is nothing to do; allowed: at least one stage with a level above 0")]
+    /// There is no stage, or all levels are 0.
+    #[error("all levels are 0; allowed: at least one stage with a level above 0")]
     Nothing,
 }
 
 impl Stages {
-    /// One level for a time.
+    /// Makes one stage with a constant level.
     ///
     /// # Errors
     /// [`StagesError`] if a number is out of its range.
@@ -49,10 +49,10 @@ impl Stages {
         }])
     }
 
-    /// Stages one after another.
+    /// Makes stages that follow each other.
     ///
     /// # Errors
-    /// [`StagesError`] if a number is out of its range.
+    /// [`StagesError`] if a number is out of its range, or all levels are 0.
     pub fn new(stages: Vec<LoadStage>) -> Result<Self, StagesError> {
         for stage in &stages {
             let level = |level: f64| (0.0..=1e6).contains(&level);
@@ -117,7 +117,8 @@ impl Stages {
         None
     }
 
-    /// The integral of the level until `at`, such as the requests that are due until then.
+    /// The integral of the level from 0 to `at` seconds. For a rate, this is the number of requests
+    /// due by then.
     pub fn sum_until(&self, at: f64) -> f64 {
         let mut begin = 0.0;
         let mut sum = 0.0;
@@ -144,7 +145,7 @@ impl Stages {
         None
     }
 
-    /// The same after a time at the first level, for instance to warm up.
+    /// Adds a stage before the first, with its level, for instance to warm up.
     #[must_use]
     pub fn after_hold(mut self, seconds: f64) -> Self {
         if seconds > 0.0 {
@@ -160,8 +161,8 @@ impl Stages {
     }
 }
 
-/// The time into a stage at which its integral is `sum`, which is below that of the whole stage. It
-/// is the root of a parabola, in the form that does not lose digits with a small slope.
+/// The time within a stage at which its integral is `sum`. `sum` must be below the integral of the
+/// whole stage. The formula is a root of a parabola, in the form that stays exact for small slopes.
 fn into_stage(stage: &LoadStage, sum: f64) -> f64 {
     let slope = (stage.to - stage.from) / stage.seconds;
     let root = (stage.from * stage.from + 2.0 * slope * sum).max(0.0).sqrt();

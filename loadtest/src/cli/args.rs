@@ -11,7 +11,7 @@ use troupe_client::ApiKey;
 use crate::access::Access;
 use crate::arrivals::Stages;
 
-/// Put load on a Troupe server, and measure how it copes.
+/// Put load on a Troupe server and measure its answers.
 #[derive(Debug, Parser)]
 #[command(name = "troupe-loadtest", version, propagate_version = true, max_term_width = 110, after_long_help = AFTER)]
 pub(super) struct Arguments {
@@ -56,11 +56,11 @@ pub(super) enum Command {
     },
 }
 
-/// Make a load, once or several times.
+/// Run a load, once or several times.
 ///
 /// Single requests come from clients that wait for their answers (--clients, a closed loop), or at
-/// fixed times, answered or not (--rate, an open loop). In an open loop latency counts from the
-/// time at which a request was due.
+/// fixed times that do not depend on answers (--rate, an open loop). In an open loop, latency
+/// counts from the time at which a request was due.
 #[derive(Debug, Args)]
 pub(super) struct Run {
     #[command(flatten)]
@@ -77,16 +77,16 @@ pub(super) struct Run {
     pub(super) bounds: BoundArgs,
     #[command(flatten)]
     pub(super) output: Output,
-    /// Number of runs; the report has each and the medians.
+    /// Number of runs. The report has each run and the medians.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "TIMES")]
     pub(super) repeat: u32,
 }
 
-/// Search for the most that a server can do: characters without an underrun, or requests a second.
+/// Search for the highest load of a server: characters without an underrun, or requests a second.
 ///
 /// The search doubles the level until it does not hold, then halves the distance, then confirms the
 /// result. With --workload drive or step the level is the number of characters, which must have
-/// no underrun and miss no frame; else it is the rate of an open loop.
+/// no underrun and miss no frame. With other workloads it is the rate of an open loop.
 #[derive(Debug, Args)]
 pub(super) struct Search {
     #[command(flatten)]
@@ -96,10 +96,10 @@ pub(super) struct Search {
     /// 99 % of latencies must be at most this, milliseconds.
     #[arg(long, value_name = "MS")]
     pub(super) p99_ms: f64,
-    /// Fewest plans a second that each character must get on average.
+    /// Minimum number of plans a second that each character must get on average.
     #[arg(long, default_value_t = 0.0, value_name = "PLANS")]
     pub(super) min_plans: f64,
-    /// Share of requests that must be answered right.
+    /// Minimum share of requests with a right answer.
     #[arg(long, default_value_t = 0.999, value_name = "SHARE")]
     pub(super) right_share: f64,
     /// First level to try [default: 16 characters, 10 requests/s].
@@ -111,10 +111,11 @@ pub(super) struct Search {
     /// Precision of the result, as a share of it.
     #[arg(long, default_value_t = 0.05, value_name = "SHARE")]
     pub(super) within: f64,
-    /// Times that the result must hold again.
+    /// Number of further runs in which the result must hold.
     #[arg(long, default_value_t = 2, value_name = "TIMES")]
     pub(super) confirm: u32,
-    /// Tries of a level until it counts as one that does not hold, because machines have hiccups.
+    /// Number of failed runs after which a level counts as too high. Above 1 it ignores single
+    /// disturbances of the machine.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "TIMES")]
     pub(super) tries: u32,
     #[command(flatten)]
@@ -127,10 +128,10 @@ pub(super) struct Search {
     pub(super) output: Output,
 }
 
-/// Send several times as many requests as a server can answer, and measure how it copes.
+/// Send several times as many requests as a server can answer, and measure its answers.
 ///
-/// Finds the capacity, sends 90 % of it, then several times it (Poisson arrivals, an open loop),
-/// then half of it.
+/// Finds the capacity in requests/s. Then sends 90 % of the capacity, a multiple of it (--factor),
+/// and half of it, as an open loop with Poisson arrivals.
 #[derive(Debug, Args)]
 pub(super) struct Overload {
     #[command(flatten)]
@@ -138,14 +139,14 @@ pub(super) struct Overload {
     /// Time before measuring begins.
     #[arg(long, default_value = "3s", value_name = "TIME")]
     pub(super) warmup: Time1,
-    /// Requests a second that the server can answer. Default: found by clients that wait for their
-    /// answers.
+    /// Requests a second that the server can answer. Default: measured with clients that wait for
+    /// their answers.
     #[arg(long, value_name = "RATE")]
     pub(super) capacity: Option<f64>,
-    /// Clients that find the capacity.
+    /// Number of clients that measure the capacity.
     #[arg(long, default_value_t = 64, value_name = "CLIENTS")]
     pub(super) probe_clients: u32,
-    /// Time to find it.
+    /// Time to measure the capacity.
     #[arg(long, default_value = "10s", value_name = "TIME")]
     pub(super) probe: Time1,
     /// Arrivals as a multiple of the capacity.
@@ -154,28 +155,28 @@ pub(super) struct Overload {
     /// Time at 90 % of capacity.
     #[arg(long, default_value = "20s", value_name = "TIME")]
     pub(super) before: Time1,
-    /// Time beyond capacity.
+    /// Time of the overload.
     #[arg(long, default_value = "120s", value_name = "TIME")]
     pub(super) seconds: Time1,
-    /// Time afterwards.
+    /// Time after the overload.
     #[arg(long, default_value = "20s", value_name = "TIME")]
     pub(super) after: Time1,
-    /// Share of capacity that arrives afterwards.
+    /// Arrivals after the overload, as a share of the capacity.
     #[arg(long, default_value_t = 0.5, value_name = "SHARE")]
     pub(super) after_share: f64,
-    /// Most requests in flight of each process. Further requests are dropped and counted.
+    /// Maximum number of requests in flight per process. Further requests are dropped and counted.
     #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS")]
     pub(super) max_in_flight: u32,
-    /// Live characters beside the requests, on one stream at 30 Hz.
+    /// Number of live characters in addition to the requests, on one stream at 30 Hz.
     #[arg(long, default_value_t = 0, value_name = "CHARACTERS")]
     pub(super) beside_characters: u32,
-    /// Highest p99 under overload, as a multiple of the p99 at 90 % of capacity.
+    /// Maximum p99 under overload, as a multiple of the p99 at 90 % of capacity.
     #[arg(long, value_name = "TIMES", help_heading = BOUNDS)]
     pub(super) expect_p99_ratio: Option<f64>,
-    /// Longest time until the server recovers, seconds.
+    /// Maximum time until the server recovers, seconds.
     #[arg(long, value_name = "SECONDS", help_heading = BOUNDS)]
     pub(super) expect_recovery_s: Option<f64>,
-    /// No live character beside the requests may slow down.
+    /// No live character may slow down.
     #[arg(long, help_heading = BOUNDS)]
     pub(super) expect_zero_underruns: bool,
     #[command(flatten)]
@@ -192,12 +193,12 @@ pub(super) struct Compare {
     pub(super) reports: Vec<PathBuf>,
 }
 
-/// Show a report that --json wrote, or make a page of it.
+/// Show a report that --json wrote, or write it as a page.
 #[derive(Debug, Args)]
 pub(super) struct ReportArgs {
     /// A report that --json wrote.
     pub(super) report: PathBuf,
-    /// Write it as one self-contained page with plots.
+    /// Write the report as one self-contained page with plots.
     #[arg(long, value_name = "FILE")]
     pub(super) html: Option<PathBuf>,
 }
@@ -214,21 +215,21 @@ const OUTPUT: &str = "Output";
 pub(super) enum WorkloadArg {
     /// Single in-betweening requests over gRPC.
     Inbetween,
-    /// The same as JSON over HTTP/1.1.
+    /// Single in-betweening requests as JSON over HTTP/1.1.
     Json,
-    /// Posts of bytes to any HTTP server; needs --requests.
+    /// POST requests with prepared bytes to any HTTP server. Needs --requests.
     Http,
-    /// Live characters that wander about on the server's clock.
+    /// Live characters that wander about, on streams with the server's clock.
     Drive,
-    /// The same on this client's clock.
+    /// Live characters that wander about, in steps with this client's clock.
     Step,
-    /// Open sessions without any call.
+    /// Open sessions without any calls.
     Idle,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct Common {
-    /// Address of the server. With --workload http the whole address of the post.
+    /// Address of the server. With --workload http, the full URL of the POST requests.
     #[arg(long, visible_alias = "url", env = "TROUPE_SERVER", default_value = "http://127.0.0.1:8080", value_name = "URL", help_heading = SERVER)]
     pub(super) server: String,
     #[command(flatten)]
@@ -236,13 +237,13 @@ pub(super) struct Common {
     /// Kind of requests.
     #[arg(long, value_enum, default_value_t = WorkloadArg::Inbetween, value_name = "WORKLOAD", help_heading = SERVER)]
     pub(super) workload: WorkloadArg,
-    /// gRPC connections of each process. HTTP/1.1 has one for each request in flight.
+    /// gRPC connections per process. HTTP/1.1 uses one connection per request in flight.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024), value_name = "COUNT", help_heading = SERVER)]
     pub(super) connections: u32,
-    /// Processes that make the load together.
+    /// Number of processes that share the load.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=256), value_name = "COUNT", help_heading = SERVER)]
     pub(super) processes: u32,
-    /// Longest wait for one answer.
+    /// Maximum wait for one answer.
     #[arg(long, default_value = "30s", value_name = "TIME", help_heading = SERVER)]
     pub(super) timeout: Time1,
     /// Seed of all random choices.
@@ -253,18 +254,18 @@ pub(super) struct Common {
 /// Key and certificates of the load tester.
 #[derive(Debug, Clone, Args)]
 pub(super) struct AccessArgs {
-    /// API key, if the server asks for one. With a key of the role admin the report has the
+    /// API key, if the server asks for one. With a key of the role admin, the report includes the
     /// server's metrics.
     #[arg(long, env = "TROUPE_KEY", hide_env_values = true, value_name = "KEY", help_heading = SERVER)]
     key: Option<ApiKey>,
-    /// Certificates of the authorities to trust with an https:// address (PEM file). Default: those
-    /// of the system.
+    /// PEM file with the authorities to trust for an https:// address. Default: the authorities of
+    /// the system.
     #[arg(long, env = "TROUPE_CA", value_name = "FILE", help_heading = SERVER)]
     ca: Option<PathBuf>,
-    /// Certificate to show to a server that asks for one (PEM file).
+    /// PEM file with a client certificate, for servers that ask for one.
     #[arg(long, env = "TROUPE_CLIENT_CERTIFICATE", requires = "client_key", value_name = "FILE", help_heading = SERVER)]
     client_certificate: Option<PathBuf>,
-    /// Private key of that certificate (PEM file).
+    /// PEM file with the private key of the client certificate.
     #[arg(long, env = "TROUPE_CLIENT_KEY", requires = "client_certificate", value_name = "FILE", help_heading = SERVER)]
     client_key: Option<PathBuf>,
 }
@@ -284,7 +285,7 @@ pub(super) struct Time {
     /// Time before measuring begins.
     #[arg(long, default_value = "3s", value_name = "TIME", help_heading = LOAD)]
     pub(super) warmup: Time1,
-    /// Measured time, such as 90s, 5m or a number of seconds. With stages it is the sum of their
+    /// Measured time, such as 90s, 5m or a number of seconds. With stages, it is the sum of their
     /// times.
     #[arg(long, default_value = "15s", value_name = "TIME", help_heading = LOAD)]
     pub(super) duration: Time1,
@@ -295,10 +296,10 @@ pub(super) struct Time {
 pub(super) enum ArrivalsArg {
     /// At equal intervals.
     Constant,
-    /// Independent of each other, like many users.
+    /// Independent of each other, like those of many users.
     #[default]
     Poisson,
-    /// Many at one moment, then none; see --burst-size and --burst-period.
+    /// Many at one moment, then none until the next burst. See --burst-size and --burst-period.
     Bursty,
 }
 
@@ -307,14 +308,14 @@ pub(super) struct ArrivalArgs {
     /// Distribution of the arrivals of an open loop over time.
     #[arg(long, value_enum, default_value_t, value_name = "PROCESS", help_heading = LOAD)]
     pub(super) arrivals: ArrivalsArg,
-    /// Arrivals of a burst. The rate decides how often bursts come.
+    /// Number of arrivals in a burst. The rate decides how often bursts come.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "burst_period", value_name = "COUNT", help_heading = LOAD)]
     pub(super) burst_size: Option<u32>,
     /// Time from burst to burst. The rate decides how large bursts are.
     #[arg(long, value_name = "TIME", help_heading = LOAD)]
     pub(super) burst_period: Option<Time1>,
-    /// Most requests of an open loop in flight, of each process. Further requests are dropped and
-    /// counted.
+    /// Open loop: maximum number of requests in flight per process. Further requests are dropped
+    /// and counted.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS", help_heading = LOAD)]
     pub(super) max_in_flight: u32,
 }
@@ -324,8 +325,8 @@ pub(super) struct LoadArgs {
     /// Closed loop: number of clients, each of which waits for its answer [default: 8].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000), conflicts_with_all = ["rate", "stages", "client_stages"], value_name = "COUNT", help_heading = LOAD)]
     pub(super) clients: Option<u32>,
-    /// A closed loop whose clients come and go: CLIENTS:SECONDS, FROM-TO:SECONDS, one after
-    /// another.
+    /// Closed loop with a changing number of clients: stages CLIENTS:SECONDS or FROM-TO:SECONDS,
+    /// separated by commas.
     #[arg(long, conflicts_with_all = ["rate", "stages"], value_name = "STAGES", help_heading = LOAD)]
     pub(super) client_stages: Option<Stages>,
     /// Time from an answer to a client's next request.
@@ -334,8 +335,8 @@ pub(super) struct LoadArgs {
     /// Open loop: requests a second.
     #[arg(long, conflicts_with = "stages", value_name = "RATE", help_heading = LOAD)]
     pub(super) rate: Option<f64>,
-    /// An open loop whose rate changes: RATE:SECONDS, FROM-TO:SECONDS, one after another, such as
-    /// 50:10,50-200:30.
+    /// Open loop with a changing rate: stages RATE:SECONDS or FROM-TO:SECONDS, separated by commas,
+    /// such as 50:10,50-200:30.
     #[arg(long, value_name = "STAGES", help_heading = LOAD)]
     pub(super) stages: Option<Stages>,
     #[command(flatten)]
@@ -347,13 +348,13 @@ pub(super) struct RequestArgs {
     /// Prepared requests: a folder with requests.json (see the documentation).
     #[arg(long, value_name = "FOLDER", help_heading = REQUESTS)]
     pub(super) requests: Option<PathBuf>,
-    /// BVH clip whose frames are the keyframes, in centimetres. Default: a walk in this program.
+    /// BVH clip, in centimetres, from which keyframes are taken. Default: a built-in walk.
     #[arg(long, value_name = "FILE", help_heading = REQUESTS)]
     pub(super) clip: Option<PathBuf>,
     /// Name of the pack. Default: the server's default pack.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME", help_heading = REQUESTS)]
     pub(super) pack: String,
-    /// Characters of a request.
+    /// Number of characters in a request.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4096), value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) per_request: u32,
     /// Frames of a character's segment, context and target included.
@@ -362,46 +363,47 @@ pub(super) struct RequestArgs {
     /// Sampling temperature, 0 to 2.
     #[arg(long, default_value_t = 0.0, value_name = "NUMBER", help_heading = REQUESTS)]
     pub(super) temperature: f32,
-    /// Different requests, sent in turn.
+    /// Number of different requests, which are sent in turn.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536), value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) variants: u32,
-    /// Decode and check one in this many answers, or ticks of live characters; 0 for none. Of the
-    /// others only status, frame count and timing are read.
+    /// Fully decode and check one in this many answers, or ticks of live characters; 0 for none. Of
+    /// the other answers, only status, frame count and timing are read.
     #[arg(long, default_value_t = 100, value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) verify_every: u32,
-    /// Further header of --workload http.
+    /// Additional header for --workload http. May be given several times.
     #[arg(long, value_name = "NAME:VALUE", help_heading = REQUESTS)]
     pub(super) header: Vec<Header>,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct LiveArgs {
-    /// Characters.
+    /// Number of characters.
     #[arg(long, visible_alias = "sessions", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "COUNT", help_heading = LIVE)]
     pub(super) characters: u32,
-    /// Streams that they share, or groups that are stepped together.
+    /// Number of streams that the characters share, or of groups that are stepped together.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=65_536), value_name = "COUNT", help_heading = LIVE)]
     pub(super) streams: u32,
     /// Frames a second: 30, 50 or 60.
     #[arg(long, default_value_t = 30, value_parser = hz, value_name = "RATE", help_heading = LIVE)]
     pub(super) hz: u32,
-    /// 32-bit floats instead of compact frames.
+    /// Ask for 32-bit floats instead of compact frames.
     #[arg(long, help_heading = LIVE)]
     pub(super) floats: bool,
-    /// Names of styles. Default: all styles of the pack that go anywhere.
+    /// Names of styles. Default: all styles of the pack that move from place to place.
     #[arg(long, value_delimiter = ',', value_name = "STYLES", help_heading = LIVE)]
     pub(super) styles: Vec<String>,
     /// Mean time between two commands of a character; 0 for one command at the start.
     #[arg(long, default_value = "2.5s", value_name = "TIME", help_heading = LIVE)]
     pub(super) command_every: Time0,
-    /// Frames from the cursor to the start of a new plan. Default: the server's.
+    /// Frames from the cursor to the start of a new plan. Default: the server's default.
     #[arg(long, value_name = "FRAMES", help_heading = LIVE)]
     pub(super) look_ahead: Option<u32>,
     /// Give characters different priorities, spread evenly from 0 to 1.
     #[arg(long, help_heading = LIVE)]
     pub(super) spread_priorities: bool,
-    /// Share of the characters that act out sentences of 3 s, one every 6 s or so, and walk between
-    /// them: 0 to 1. The server needs a pack of words for their skeleton.
+    /// Share of the characters that act out sentences, 0 to 1. A sentence takes 3 s, and the next
+    /// follows after 6 s on average. The server needs a pack that turns words into motion for the
+    /// characters' skeleton.
     #[arg(long, default_value_t = 0.0, value_name = "SHARE", help_heading = LIVE)]
     pub(super) performers: f64,
     /// Step again as soon as frames arrive, instead of at the time of each frame.
@@ -414,13 +416,13 @@ pub(super) struct BoundArgs {
     /// 99 % of latencies must be at most this, milliseconds, in every repetition.
     #[arg(long, value_name = "MS", help_heading = BOUNDS)]
     pub(super) expect_p99_ms: Option<f64>,
-    /// No character may be slowed because a plan was late, or miss a frame.
+    /// No character may slow down because of a late plan, or miss a frame.
     #[arg(long, help_heading = BOUNDS)]
     pub(super) expect_zero_underruns: bool,
     /// No request may fail or be dropped by this client. Refusals are allowed.
     #[arg(long, help_heading = BOUNDS)]
     pub(super) expect_zero_failures: bool,
-    /// Least right answers a second.
+    /// Minimum number of right answers a second.
     #[arg(long, value_name = "RATE", help_heading = BOUNDS)]
     pub(super) expect_rate: Option<f64>,
 }
@@ -436,7 +438,7 @@ pub(super) struct Output {
     /// A name for the report, shown in comparisons.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "TEXT", help_heading = OUTPUT)]
     pub(super) label: String,
-    /// No progress on standard error.
+    /// Show no progress on standard error.
     #[arg(long, short, help_heading = OUTPUT)]
     pub(super) quiet: bool,
 }
@@ -454,7 +456,7 @@ fn hz(text: &str) -> Result<u32, String> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Time1(pub(super) Duration);
 
-/// The same, or 0.
+/// A time as [`Time1`], or 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Time0(pub(super) Duration);
 
@@ -467,10 +469,10 @@ fn time(text: &str) -> Result<Duration, String> {
     };
     parsed
         .filter(|time| *time <= Duration::from_secs(86_400))
-        .ok_or_else(|| format!("{text:?} is no time; {ALLOWED}"))
+        .ok_or_else(|| format!("{text:?} is not a time; {ALLOWED}"))
 }
 
-/// Reads a decimal number of seconds with its unit, which the library does not.
+/// Reads decimal seconds such as `2.5s`, which the library does not accept.
 fn decimal(text: &str) -> Option<Duration> {
     let seconds = text.strip_suffix('s')?.parse::<f64>().ok()?;
     Duration::try_from_secs_f64(seconds).ok()
@@ -506,7 +508,7 @@ impl FromStr for Header {
     fn from_str(text: &str) -> Result<Self, String> {
         let (name, value) = text
             .split_once(':')
-            .ok_or_else(|| format!("{text:?} is no header; allowed: NAME:VALUE"))?;
+            .ok_or_else(|| format!("{text:?} is not a header; allowed: NAME:VALUE"))?;
         Ok(Self(name.trim().to_owned(), value.trim().to_owned()))
     }
 }

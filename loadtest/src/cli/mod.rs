@@ -24,7 +24,7 @@ pub fn main() -> ExitCode {
     let result = match runtime {
         Ok(runtime) if is_worker => {
             let done = runtime.block_on(work()).map(|()| ExitCode::SUCCESS);
-            // A read of standard input must not hold up the end.
+            // A pending read of standard input must not delay the exit.
             runtime.shutdown_background();
             done
         }
@@ -121,7 +121,7 @@ fn labelled(path: &Path) -> Result<Report, Failure> {
     Ok(report)
 }
 
-/// Writes the report as the options say, and returns whether all bounds were kept.
+/// Writes the report to the files of the options and to standard output. Returns the exit code.
 fn finish(mut report: Report, output: &Output, bounds: &Bounds) -> Result<ExitCode, Failure> {
     report.bounds.extend(bounds.check(&report.runs, &report.median));
     if let Some(path) = &output.json {
@@ -156,7 +156,7 @@ impl Output {
     }
 }
 
-/// For the command's own modules.
+/// The result of reading the arguments of a command.
 type Planned = Result<Plan, Failure>;
 
 #[cfg(test)]

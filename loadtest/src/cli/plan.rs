@@ -1,4 +1,4 @@
-//! Makes plans of arguments.
+//! Turns arguments into plans.
 
 use super::Planned;
 use super::args::{
@@ -12,7 +12,7 @@ use crate::overload::{Overload, OverloadReport};
 use crate::plan::{Live, Load, Plan, Protocol, Requests, Stepping, Workload};
 use crate::search::{Aim, Goal, SearchLimits};
 
-/// Arrivals of a burst without options for bursts.
+/// Number of arrivals in a burst if no option sets it.
 const BURST: u32 = 16;
 
 impl Run {
@@ -25,7 +25,7 @@ impl Run {
         let calls = is_calls(self.common.workload);
         if !calls && self.load.is_given() {
             return Err(Failure::Input(
-                "--clients, --rate and stages are of single requests; live characters take --characters"
+                "--clients, --rate and stages are for single requests; live characters need --characters"
                     .to_owned(),
             ));
         }
@@ -106,8 +106,7 @@ impl OverloadArgs {
     pub(super) fn overload(&self) -> Result<(Plan, Overload), Failure> {
         if !is_calls(self.common.workload) {
             return Err(Failure::Input(
-                "an overload is made of single requests; allowed: --workload inbetween, json, http"
-                    .to_owned(),
+                "an overload needs single requests; allowed: --workload inbetween, json, http".to_owned(),
             ));
         }
         let how = Overload {
@@ -155,7 +154,7 @@ impl OverloadArgs {
                 ..bound
             }
         });
-        // A server that did not recover took longer than the test.
+        // If the server did not recover, the figure is the time that it was watched.
         let watched = self.after.0.as_secs_f64();
         let recovery = self.expect_recovery_s.map(|allowed| match found.recovery_s {
             Some(seconds) => at_most("expect-recovery-s", allowed, seconds),
@@ -317,7 +316,7 @@ fn characters(live: &LiveArgs, of: &RequestArgs) -> Result<Live, Failure> {
     })
 }
 
-/// Live characters beside an overload.
+/// Live characters that run during an overload.
 fn beside(characters: u32, of: &RequestArgs) -> Live {
     Live {
         characters,

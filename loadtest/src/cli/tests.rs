@@ -115,7 +115,7 @@ fn the_kind_of_loop_follows_from_what_is_said() {
 }
 
 #[test]
-fn what_makes_no_sense_is_told_with_what_is_allowed() {
+fn errors_of_options_name_what_is_allowed() {
     for (options, wanted) in [
         ("--clients 4 --rate 5", "cannot be used with"),
         ("--stages 5", "LEVEL:SECONDS"),

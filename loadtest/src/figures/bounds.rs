@@ -8,13 +8,13 @@ use super::types::{Figures, Run};
 /// The bounds of all runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Bounds {
-    /// Most that the p99 of latencies may be, milliseconds.
+    /// Maximum p99 of latencies, milliseconds.
     pub p99_ms: Option<f64>,
     /// Whether no character may slow down or miss a frame.
     pub zero_underruns: bool,
     /// Whether no request may fail or be dropped by the client.
     pub zero_failures: bool,
-    /// Least right answers a second.
+    /// Minimum number of right answers a second.
     pub min_rate: Option<f64>,
 }
 
@@ -25,7 +25,8 @@ pub struct BoundResult {
     pub bound: String,
     /// The allowed value.
     pub allowed: f64,
-    /// The measured value: of times and counts that of the worst repetition, of a rate the median.
+    /// The measured value. For times and counts it is that of the worst repetition, for a rate it
+    /// is the median.
     pub found: f64,
     /// Whether it was kept.
     pub kept: bool,
@@ -44,7 +45,7 @@ impl Bounds {
         let mut results = Vec::new();
         if let Some(p99) = self.p99_ms {
             let mut result = at_most("expect-p99-ms", p99, most(|f| f.latency_ms.p99));
-            // Without an answer none came in time either.
+            // A run without right answers misses the bound.
             result.kept &= runs.iter().all(|run| run.figures.counts.right > 0);
             results.push(result);
         }
@@ -68,7 +69,7 @@ impl Bounds {
     }
 }
 
-/// Disturbances of characters: plans so late that they slowed down, and frames that never came.
+/// Disturbances of live characters: slowdowns because of late plans, and missing frames.
 pub fn underruns(figures: &Figures) -> f64 {
     figures.live.map_or(0.0, |live| {
         (live.plans.underruns.max(live.slowed_frames) + live.missing_frames + live.missed_ticks + live.faults)

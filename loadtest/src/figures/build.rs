@@ -84,7 +84,7 @@ fn throughput(plan: &Plan, harvest: &Harvest) -> Throughput {
     }
 }
 
-/// The mean latency by its parts. None if the answers have no times.
+/// The parts of the mean latency. None if the answers have no timing.
 fn split(harvest: &Harvest) -> Option<Split> {
     let timing = &harvest.timing;
     if timing.count == 0 {
@@ -223,8 +223,8 @@ fn series(plan: &Plan, harvest: &Harvest) -> Vec<SecondRow> {
         .collect()
 }
 
-/// Seconds over which rates of the server's series are averaged, because it counts processor time
-/// in whole seconds.
+/// Seconds over which rates of the server's series are averaged. They must be several, because the
+/// server counts processor time in whole seconds.
 const OVER_S: f64 = 5.0;
 
 fn server_series(plan: &Plan, of: &Ingredients) -> Vec<ServerRow> {
@@ -256,8 +256,8 @@ fn server_series(plan: &Plan, of: &Ingredients) -> Vec<ServerRow> {
         .collect()
 }
 
-/// Batches by their size: from the server's histogram, or else from the answers, each of which
-/// counts the batch that carried it.
+/// Number of batches by size, from the server's histogram. Without metrics, the number of answers
+/// by the size of their batch.
 fn batch_sizes(harvest: &Harvest, ends: Option<(&Scrape, &Scrape)>) -> Vec<(u32, u64)> {
     if let Some((first, last)) = ends {
         let buckets = last.metrics.buckets(&first.metrics, "troupe_batch_size");
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_server_says_is_of_the_measured_time() {
+    fn figures_of_the_server_cover_the_measured_time() {
         let figures = run(5.0).figures;
         let server = figures.server.unwrap();
         assert_eq!((server.batches, server.batch_mean), (80.0, 4.0));

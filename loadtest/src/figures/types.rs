@@ -18,19 +18,19 @@ pub struct Run {
     pub engine: String,
     /// Refusals and failures by their codes.
     pub codes: BTreeMap<String, u64>,
-    /// A message of each code.
+    /// One message for each code.
     pub examples: BTreeMap<String, String>,
     /// The stages of the load, if it has several.
     pub stages: Vec<StageResult>,
     /// Second by second, warm-up included.
     pub series: Vec<SecondRow>,
-    /// The server's own figures, scrape by scrape.
+    /// Figures from the server's metrics, scrape by scrape.
     pub server_series: Vec<ServerRow>,
-    /// Batches by their size: upper bounds of buckets, and how many batches.
+    /// Batches by size: pairs of a bucket's upper bound and its number of batches.
     pub batch_sizes: Vec<(u32, u64)>,
     /// All latencies of the measured time.
     pub latencies: Latencies,
-    /// Counts by tenths of a second, which other figures come from.
+    /// Outcomes by tenths of a second, from which the recovery time is computed.
     #[serde(skip)]
     pub fine: Vec<FineBin>,
 }
@@ -40,24 +40,24 @@ pub struct Run {
 pub struct Figures {
     /// The measured time, seconds.
     pub measured_s: f64,
-    /// Requests that were due in it: ticks of live characters, or steps of a step workload.
+    /// Requests that were due in the measured time. For live characters, these are ticks or steps.
     pub counts: Counts,
-    /// Right answers that came in it.
+    /// Right answers that came in the measured time.
     pub throughput: Throughput,
     /// Latencies of right answers, milliseconds.
     pub latency_ms: Percentiles,
-    /// Time from when a request was due to its sending, milliseconds: the backlog at the client. If
-    /// it is not small, the client was too slow.
+    /// Time from when a request was due to its sending, milliseconds. Large values mean that the
+    /// client was too slow.
     pub send_lag_ms: Percentiles,
     /// Requests that were sent more than a millisecond after they were due.
     pub late_sends: u64,
-    /// Most requests in flight.
+    /// Maximum number of requests in flight.
     pub in_flight_max: u64,
-    /// Answers that were decoded and checked whole.
+    /// Answers that were fully decoded and checked.
     pub verified: u64,
     /// Resources of the load tester.
     pub client: ClientFigures,
-    /// The mean latency by its parts.
+    /// The parts of the mean latency.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split_ms: Option<Split>,
     /// Figures from the server's metrics.
@@ -81,7 +81,7 @@ pub struct Counts {
     pub dropped: u64,
 }
 
-/// Right answers in time.
+/// Rates of right answers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Throughput {
     /// Answers, ticks or steps a second.
@@ -108,14 +108,14 @@ pub struct Percentiles {
     pub max: f64,
 }
 
-/// The mean latency of a request by its parts, milliseconds. They add up to it.
+/// The parts of the mean latency of a request, milliseconds. Their sum is the mean latency.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Split {
-    /// Waited at this client to be sent.
+    /// Wait at this client before sending.
     pub client: f64,
-    /// Network and transport: encoding and decoding at both ends included.
+    /// Network and transport, including encoding and decoding at both ends.
     pub transport: f64,
-    /// In the server, apart from the parts below: checking, preparing and finishing.
+    /// In the server, apart from the parts below: checks, preparation and completion.
     pub server_other: f64,
     /// In the server's queue.
     pub queue: f64,
@@ -132,11 +132,11 @@ pub struct Split {
 pub struct ClientFigures {
     /// Processor time, seconds.
     pub cpu_s: f64,
-    /// Processor time a second: the number of processors that it kept busy.
+    /// Processor time per second, which is the number of busy processors.
     pub cpus_busy: f64,
-    /// Most memory, bytes.
+    /// Peak resident memory, bytes.
     pub peak_rss_bytes: u64,
-    /// Processes.
+    /// Number of processes.
     pub processes: u32,
 }
 
@@ -145,58 +145,59 @@ pub struct ClientFigures {
 pub struct ServerFigures {
     /// Processor time, seconds. The server counts whole seconds.
     pub cpu_s: f64,
-    /// Processor time a second: the number of processors that it kept busy.
+    /// Processor time per second, which is the number of busy processors.
     pub cpus_busy: f64,
     /// Resident memory before the load, bytes.
     pub rss_before_bytes: u64,
     /// Resident memory at the end, bytes.
     pub rss_end_bytes: u64,
-    /// Most resident memory at a scrape, bytes.
+    /// Peak of resident memory over all scrapes, bytes.
     pub rss_peak_bytes: u64,
-    /// Growth of memory for each live or idle character since before they were opened, bytes.
+    /// Growth of resident memory per session, from before the sessions were opened, bytes.
     pub rss_per_session_bytes: f64,
     /// Time from a request's arrival to its answer in the server, milliseconds.
     pub request_ms: f64,
     /// Mean wait in the queue, milliseconds.
     pub queue_ms: f64,
-    /// Batches.
+    /// Number of batches.
     pub batches: f64,
-    /// Mean characters of a batch.
+    /// Mean number of characters in a batch.
     pub batch_mean: f64,
     /// Mean share of padding in a batch.
     pub padding: f64,
     /// Mean time of a batch in each stage, milliseconds.
     pub stage_ms: StageTimes,
-    /// Workers of the engine, each of which runs one batch at a time; 0 if the server does not
+    /// Number of the engine's workers. A worker runs one batch at a time. 0 if the server does not
     /// report it.
     pub workers: f64,
-    /// Mean number of busy workers: time in networks, of filling and of reading tensors, over time.
+    /// Mean number of busy workers: the time of assembling, inference and scatter, divided by the
+    /// measured time.
     pub busy_workers: f64,
     /// Requests refused or dropped before they ran.
     pub rejections: f64,
-    /// Frames generated a second, those of plans included.
+    /// Frames generated a second, including those of plans.
     pub frames_generated_per_s: f64,
-    /// Plans asked for a second.
+    /// Plans requested a second.
     pub replans_per_s: f64,
     /// Times that a character had to slow down because its plan was late.
     pub underruns: f64,
     /// Plans that came late.
     pub late_plans: f64,
-    /// Highest pressure on the crowd's budget, if the server reports it.
+    /// Maximum stretch of plan intervals under load, 0 to 2. 0 if the server does not report it.
     pub pressure_max: f64,
-    /// Mean frames between plans, by the priority of characters.
+    /// Mean number of frames between plans, by the priority of characters.
     #[serde(default)]
     pub plan_interval_frames: ByPriority,
 }
 
-/// A figure by the priority of characters; 0 without characters of that priority.
+/// A figure by the priority of characters. 0 without characters of that priority.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ByPriority {
-    /// Below a third.
+    /// Priority below 1/3.
     pub low: f64,
-    /// Between.
+    /// Priority from 1/3 to 2/3.
     pub middle: f64,
-    /// Above two thirds.
+    /// Priority of 2/3 and above.
     pub high: f64,
 }
 
@@ -218,15 +219,15 @@ pub struct StageTimes {
 /// Counts of live characters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LiveFigures {
-    /// Characters.
+    /// Number of characters.
     pub characters: u64,
-    /// Streams, or groups that are stepped together.
+    /// Number of streams, or of groups that are stepped together.
     pub streams: u64,
-    /// Ticks later than a period, or steps that took longer.
+    /// Ticks that came more than a period late, or steps that took more than a period.
     pub late_ticks: u64,
-    /// Ticks that the server did not send, or that never came.
+    /// Ticks that never came.
     pub missed_ticks: u64,
-    /// Frames of characters that ticks did not hold.
+    /// Frames of characters that were missing in ticks.
     pub missing_frames: u64,
     /// Frames of characters that the server had to slow down because a plan was late.
     pub slowed_frames: u64,
@@ -234,49 +235,50 @@ pub struct LiveFigures {
     pub commands: u64,
     /// Sessions that were lost, and commands that were refused.
     pub faults: u64,
-    /// Difference between the time from tick to tick and a period, milliseconds.
+    /// Difference between the interval of two ticks and the period, milliseconds.
     pub jitter_ms: Percentiles,
-    /// Time from a command to go, for a standing character, until it reaches a quarter of the
-    /// commanded speed, milliseconds.
+    /// Time in which a standing character reaches a quarter of the commanded speed, counted from
+    /// the command, milliseconds.
     pub command_to_motion_ms: Percentiles,
-    /// Number of such starts.
+    /// Number of times in `command_to_motion_ms`.
     pub command_to_motion_count: u64,
-    /// The server's counts of the sessions.
+    /// Counts of plans from the server's sessions.
     pub plans: PlanStats,
     /// Sentences of performers.
     #[serde(default)]
     pub performances: Performances,
-    /// Plans a second and character.
+    /// Plans per second and character.
     pub plans_per_s_and_character: f64,
 }
 
 /// A stage of the load.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StageResult {
-    /// The stage as in the options.
+    /// The stage, in the form of the options.
     pub stage: String,
     /// Length, seconds.
     pub seconds: f64,
-    /// Outcomes of the requests that were due in it.
+    /// Outcomes of the requests that were due in the stage.
     pub counts: Counts,
-    /// Right answers to them, a second.
+    /// Right answers to these requests, a second.
     pub right_per_s: f64,
-    /// Their latencies, milliseconds.
+    /// Latencies of these answers, milliseconds.
     pub latency_ms: Percentiles,
 }
 
 /// A second of the load.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SecondRow {
-    /// Start of this second, in seconds from the end of the warm-up. It is below 0 before that.
+    /// Start of this second, in seconds from the end of the warm-up. It is negative during the
+    /// warm-up.
     pub t: f64,
-    /// Right answers that came in it.
+    /// Right answers that came in this second.
     pub right: u64,
     /// Refusals.
     pub refused: u64,
     /// Failures.
     pub failed: u64,
-    /// Client-side drops.
+    /// Requests that this client dropped.
     pub dropped: u64,
     /// Characters in right answers.
     pub characters: u64,
@@ -284,28 +286,29 @@ pub struct SecondRow {
     pub frames: u64,
     /// Frames of characters that were slowed because a plan was late.
     pub slowed: u64,
-    /// Most requests in flight.
+    /// Maximum number of requests in flight.
     pub in_flight: u64,
-    /// Latencies, milliseconds.
+    /// Median of latencies, milliseconds.
     pub p50_ms: f64,
-    /// Latencies, milliseconds.
+    /// 99th percentile of latencies, milliseconds.
     pub p99_ms: f64,
-    /// Latencies, milliseconds.
+    /// Maximum of latencies, milliseconds.
     pub max_ms: f64,
 }
 
 /// The server at a scrape.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ServerRow {
-    /// Seconds from the end of the warm-up; below 0 before that.
+    /// Seconds from the end of the warm-up. It is negative during the warm-up.
     pub t: f64,
     /// Resident memory, bytes.
     pub rss_bytes: u64,
-    /// Processors that it kept busy in the last 5 s. It counts processor time in whole seconds.
+    /// Processors that the server kept busy in the last 5 s. It counts processor time in whole
+    /// seconds.
     pub cpus: f64,
     /// Characters that wait for a batch.
     pub pending_characters: f64,
-    /// Mean size of a batch in the last 5 s.
+    /// Mean number of characters in a batch in the last 5 s.
     pub batch_mean: f64,
     /// Open sessions.
     pub sessions: f64,

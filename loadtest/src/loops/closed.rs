@@ -11,7 +11,7 @@ use crate::arrivals::Stages;
 use crate::measure::{Call, Outcome, Recorder};
 use crate::plan::Share;
 
-/// Least pause of a client after a refusal or an error. Without it the server would be busy with
+/// Minimum pause of a client after a refusal or an error, so that the server is not busy with
 /// refusals.
 const BACK_OFF: Duration = Duration::from_millis(10);
 /// Interval at which an inactive client checks whether it should be active.
@@ -24,12 +24,12 @@ pub struct Clients {
     pub stages: Stages,
     /// Time from an answer to the next request.
     pub think: Duration,
-    /// The share of this process.
+    /// The share of the load that this process sends.
     pub share: Share,
 }
 
-/// Runs the clients until the load ends, and returns after their last answers. Client number i
-/// sends request i first, then i + 1 and so on.
+/// Runs the clients until the load ends, and returns after their last answers. Client number `i`
+/// sends request `i` first, then `i + 1`, and so on.
 pub async fn closed<T: Target>(target: Arc<T>, recorder: Arc<Recorder>, clients: Clients) {
     let clients = Arc::new(clients);
     let most = clients.stages.most().ceil() as u64;

@@ -1,4 +1,4 @@
-//! Open and closed loop: when single requests are sent.
+//! The open and the closed loop, which send single requests.
 
 mod closed;
 mod open;

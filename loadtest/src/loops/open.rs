@@ -14,8 +14,8 @@ use crate::measure::{Call, Recorder};
 
 /// Sends each arrival's request at its time, and returns after all answers.
 ///
-/// Latency counts from the time at which a request was due. At most `max_in_flight` are in flight.
-/// Further requests are not sent, and recorded as dropped.
+/// Latency counts from the time at which a request was due. If `max_in_flight` requests are in
+/// flight, further ones are not sent but recorded as dropped.
 pub async fn open<T: Target, P: WaitUntil>(
     target: Arc<T>,
     recorder: Arc<Recorder>,
@@ -52,10 +52,10 @@ pub async fn open<T: Target, P: WaitUntil>(
     let _ = permits.acquire_many(max_in_flight).await;
 }
 
-/// The same, with a thread for the clock, so that busy connections do not delay it.
+/// Runs [`open`] with a separate thread for the clock, so that busy connections do not delay it.
 ///
 /// # Errors
-/// [`Failure::Other`] if the thread cannot be started or does not come back.
+/// [`Failure::Other`] if the thread cannot be started or panics.
 pub async fn open_on_a_thread<T: Target>(
     target: Arc<T>,
     recorder: Arc<Recorder>,

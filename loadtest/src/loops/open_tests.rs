@@ -88,7 +88,7 @@ async fn a_closed_loop_hides_it() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn what_is_beyond_the_limit_is_dropped_and_counted() {
+async fn requests_beyond_the_limit_are_dropped_and_counted() {
     let harvest = open_at_100_a_second(40).await;
     assert_eq!(harvest.total.right + harvest.total.dropped, 1000);
     assert!(

@@ -4,13 +4,13 @@ use std::future::Future;
 
 use crate::measure::Outcome;
 
-/// Something that answers single requests.
+/// A server, as the loops see it.
 pub trait Target: Send + Sync + 'static {
-    /// Sends one request and waits for its answer. Each `caller` uses one connection. `number`
-    /// chooses the request.
+    /// Sends one request and waits for its answer. Calls of the same `caller` use the same
+    /// connection. `number` chooses the request.
     fn call(&self, caller: u64, number: u64) -> impl Future<Output = Outcome> + Send;
 
-    /// Right answers so far that were decoded and checked whole.
+    /// Number of right answers so far that were fully decoded and checked.
     fn verified(&self) -> u64 {
         0
     }

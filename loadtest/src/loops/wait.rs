@@ -1,16 +1,16 @@
-//! Waiting for a moment.
+//! Ways to wait for a point in time.
 
 use std::future::Future;
 
 use tokio::time::Instant;
 
-/// Waits for moments.
+/// Waits for points in time.
 pub trait WaitUntil: Send {
-    /// Returns at the moment, or at once if it has passed.
+    /// Returns at the time `due`, or at once if it has passed.
     fn until(&mut self, due: Instant) -> impl Future<Output = ()> + Send;
 }
 
-/// Waits by the runtime's timer, which counts milliseconds. In tests that is virtual time.
+/// Waits by the runtime's timer, which counts milliseconds. In tests its time is virtual.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timer;
 

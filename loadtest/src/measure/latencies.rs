@@ -9,23 +9,23 @@ use hdrhistogram::serialization::{Deserializer as HistogramReader, Serializer as
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Longest time in a histogram, microseconds: an hour. Longer ones count as this.
+/// Maximum time in a histogram, microseconds: an hour. Longer times count as an hour.
 const MOST_US: u64 = 3_600_000_000;
 
-/// Why bytes are no histogram.
+/// A text cannot be read as a histogram.
 #[derive(Debug, thiserror::Error)]
-#[error("this is no histogram: {0}")]
+#[error("this is not a histogram: {0}")]
 pub struct LatenciesError(String);
 
-/// Times in microseconds. As JSON it is the histogram in `HdrHistogram`'s V2 format, in base64,
-/// which other tools read too. Histograms of several processes add up exactly. Without times the
-/// text is empty.
+/// A histogram of times in microseconds. Its JSON form is `HdrHistogram`'s V2 format in base64,
+/// which other tools read too, or an empty text without times. Histograms of several processes add
+/// up exactly.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Latencies {
     /// Significant decimal digits.
     digits: u8,
-    /// None until the first time, because many seconds of a load have none and need no memory.
+    /// `None` before the first time. Many seconds of a load stay without one, and need no memory.
     histogram: Option<Histogram<u64>>,
 }
 
@@ -62,7 +62,7 @@ impl std::fmt::Debug for Latencies {
 }
 
 impl Default for Latencies {
-    /// Times with an error of at most 0.1 %.
+    /// Makes an empty histogram with an error of at most 0.1 %.
     fn default() -> Self {
         Self {
             digits: 3,
@@ -72,7 +72,7 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Times with an error of at most 1 % in an eighth of the memory, for one of many histograms.
+    /// Makes an empty histogram with an error of at most 1 %. It needs an eighth of the memory.
     pub fn coarse() -> Self {
         Self {
             digits: 2,
@@ -80,7 +80,7 @@ impl Latencies {
         }
     }
 
-    /// The histogram, created if needed. One to five digits are accepted, so that cannot fail.
+    /// The histogram, created if needed. The library accepts 1 to 5 digits, so this never fails.
     fn made(&mut self) -> Option<&mut Histogram<u64>> {
         if self.histogram.is_none() {
             self.histogram = Histogram::new(self.digits).ok();
@@ -98,15 +98,15 @@ impl Latencies {
     pub fn record(&mut self, time: Duration) {
         let micros = u64::try_from(time.as_micros()).unwrap_or(MOST_US);
         if let Some(histogram) = self.made() {
-            // It resizes itself, and no time is over the limit.
+            // The histogram resizes itself, and the time is within the limit.
             let _ = histogram.record(micros.min(MOST_US));
         }
     }
 
-    /// Adds all of another.
+    /// Adds all times of another histogram.
     pub fn add(&mut self, other: &Self) {
         if let (Some(other), Some(histogram)) = (&other.histogram, self.made()) {
-            // It resizes itself if needed.
+            // The histogram resizes itself.
             let _ = histogram.add(other);
         }
     }
@@ -116,24 +116,24 @@ impl Latencies {
         self.histogram.as_ref().map_or(0, Histogram::len)
     }
 
-    /// The time that a share of them does not exceed, milliseconds; 0 without times.
+    /// A quantile, such as 0.99, in milliseconds. 0 without times.
     pub fn quantile_ms(&self, quantile: f64) -> f64 {
         let histogram = self.histogram.as_ref();
         histogram.map_or(0.0, |h| h.value_at_quantile(quantile) as f64 / 1e3)
     }
 
-    /// Their mean, milliseconds; 0 without times.
+    /// The mean, milliseconds. 0 without times.
     pub fn mean_ms(&self) -> f64 {
         self.histogram.as_ref().map_or(0.0, |h| h.mean() / 1e3)
     }
 
-    /// The longest, milliseconds.
+    /// The longest time, milliseconds. 0 without times.
     pub fn max_ms(&self) -> f64 {
         self.histogram.as_ref().map_or(0.0, |h| h.max() as f64 / 1e3)
     }
 
-    /// The curve of percentiles: pairs of a quantile and the time in milliseconds that this share
-    /// does not exceed, denser towards 1.
+    /// The curve of percentiles: pairs of a quantile and its time in milliseconds. Points are
+    /// denser towards 1.
     pub fn curve_ms(&self) -> Vec<(f64, f64)> {
         let points = self.histogram.iter().flat_map(|h| h.iter_quantiles(8));
         let points = points.map(|p| (p.quantile_iterated_to(), p.value_iterated_to() as f64 / 1e3));
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_histogram_is_refused() {
+    fn texts_that_are_not_histograms_are_refused() {
         for text in ["no", "AAAA", "äöü"] {
             assert!(Latencies::try_from(text.to_owned()).is_err(), "{text}");
         }

@@ -1,4 +1,4 @@
-//! Figures of live characters beside their ticks.
+//! Counts of live characters, apart from those of their ticks.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,14 +7,14 @@ use troupe_proto::v1::session_event::Kind;
 
 use super::latencies::Latencies;
 
-/// Counts of sessions, summed, or the difference of two such sums.
+/// The server's counts of plans, summed over sessions.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlanStats {
     /// Plans for new commands.
     pub for_command: u64,
-    /// Plans for buffers that ran low.
+    /// Plans because a buffer ran low.
     pub for_low_buffer: u64,
-    /// Plans after the interval.
+    /// Plans because the interval had passed.
     pub for_interval: u64,
     /// Plans that came after the frame at which they should have taken over.
     pub late: u64,
@@ -48,7 +48,7 @@ impl PlanStats {
         }
     }
 
-    /// All plans that took over.
+    /// The number of all plans.
     pub fn plans(&self) -> u64 {
         self.for_command + self.for_low_buffer + self.for_interval
     }
@@ -68,7 +68,7 @@ impl PlanStats {
 pub struct Performances {
     /// Sentences that began.
     pub started: u64,
-    /// Sentences that went through to their end.
+    /// Sentences that were acted out to their end.
     pub done: u64,
     /// Sentences whose frames did not come in time.
     pub late: u64,
@@ -77,7 +77,7 @@ pub struct Performances {
 }
 
 impl Performances {
-    /// Notes an event of a session.
+    /// Counts an event of a session.
     pub fn note(&mut self, kind: &Kind) {
         match kind {
             Kind::Performing(_) => self.started += 1,
@@ -99,18 +99,18 @@ impl Performances {
     }
 }
 
-/// Live characters over the measured time.
+/// Counts of live characters in the measured time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LiveHarvest {
-    /// Characters.
+    /// Number of characters.
     pub characters: u64,
-    /// Streams, or groups of characters that are stepped together.
+    /// Number of streams, or of groups that are stepped together.
     pub streams: u64,
-    /// Ticks later than a period, or steps that took longer.
+    /// Ticks that came more than a period late, or steps that took more than a period.
     pub late_ticks: u64,
-    /// Ticks that the server did not send, or that never came.
+    /// Ticks that never came.
     pub missed_ticks: u64,
-    /// Frames of characters that ticks did not hold.
+    /// Frames of characters that were missing in ticks.
     pub missing_frames: u64,
     /// Frames of characters that the server had to slow down because a plan was late.
     pub slowed_frames: u64,
@@ -118,12 +118,12 @@ pub struct LiveHarvest {
     pub commands: u64,
     /// Sessions that left, or commands that were refused.
     pub faults: u64,
-    /// Difference between the time from tick to tick and a period.
+    /// Difference between the interval of two ticks and the period.
     pub jitter: Latencies,
-    /// Time from a command to go, for a standing character, until it reaches a quarter of the
-    /// commanded speed.
+    /// Time in which a standing character reaches a quarter of the commanded speed, counted from
+    /// the command.
     pub command_to_motion: Latencies,
-    /// The server's counts of the sessions meanwhile.
+    /// The server's counts of plans in the measured time.
     pub plans: PlanStats,
     /// Sentences of performers.
     #[serde(default)]

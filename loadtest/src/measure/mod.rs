@@ -1,4 +1,4 @@
-//! Measurements: answers and their latencies, the server's own figures, and the resources of this
+//! Measurements: answers and their latencies, the server's metrics, and the resources of this
 //! process.
 
 mod latencies;

@@ -11,7 +11,7 @@ use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System};
 pub struct OwnUse {
     /// Processor time over the measured time, seconds.
     pub cpu_s: f64,
-    /// Processes.
+    /// Number of processes.
     pub processes: u32,
     /// Readings, about one a second.
     pub looks: Vec<OwnLook>,
@@ -38,18 +38,18 @@ impl OwnUse {
         });
     }
 
-    /// Most memory of a reading, bytes.
+    /// Maximum memory over all readings, bytes.
     pub fn peak_rss_bytes(&self) -> u64 {
         self.looks.iter().map(|l| l.rss_bytes).max().unwrap_or(0)
     }
 
-    /// The last reading before a moment, or a little after it, because readings and scrapes are due
-    /// at the same moments.
+    /// The last reading up to `at_s`. Readings and scrapes are due at the same times, so this
+    /// accepts a reading up to 0.05 s later.
     pub fn look_at(&self, at_s: f64) -> Option<&OwnLook> {
         self.looks.iter().rev().find(|look| look.at_s <= at_s + 0.05)
     }
 
-    /// Adds the resources of another process. All processes read at the same moments.
+    /// Adds the resources of another process. All processes take readings at the same times.
     pub fn merge(&mut self, other: &Self) {
         self.cpu_s += other.cpu_s;
         self.processes += other.processes;
@@ -81,7 +81,8 @@ impl Default for ProcessWatch {
 }
 
 impl ProcessWatch {
-    /// Processor time so far, and resident memory in bytes; 0 if the system does not know them.
+    /// Processor time so far, and resident memory in bytes. Both are 0 if the system does not
+    /// report them.
     pub fn look(&mut self) -> (Duration, u64) {
         let Some(pid) = self.pid else {
             return (Duration::ZERO, 0);

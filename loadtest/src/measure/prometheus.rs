@@ -7,14 +7,14 @@ use prometheus_parse::{Sample, Value};
 pub struct Metrics(Vec<Sample>);
 
 impl Metrics {
-    /// Reads a scrape. Lines that are no samples are skipped, as by scrapers.
+    /// Reads a scrape. Lines that are not samples are skipped.
     pub fn parse(text: &str) -> Self {
         let lines = text.lines().map(|line| Ok(line.to_owned()));
         Self(prometheus_parse::Scrape::parse(lines).map_or_else(|_| Vec::new(), |scrape| scrape.samples))
     }
 
-    /// The value of a counter or gauge, or of a histogram's `_sum` or `_count`, summed over all
-    /// series with these labels. None without a series.
+    /// The value of a counter or gauge, or of a histogram's `_sum` or `_count`. It is the sum over
+    /// all series with these labels. `None` without a series.
     pub fn sum(&self, name: &str, labels: &[(&str, &str)]) -> Option<f64> {
         let fits = |sample: &&Sample| {
             sample.metric == name
@@ -33,20 +33,20 @@ impl Metrics {
         values.fold(None, |sum, value| Some(sum.unwrap_or(0.0) + value))
     }
 
-    /// A label's value at the first sample of a metric, if it has any.
+    /// A label's value in the first sample of a metric.
     pub fn label(&self, name: &str, label: &str) -> Option<&str> {
         let sample = self.0.iter().find(|sample| sample.metric == name)?;
         sample.labels.get(label)
     }
 
-    /// Growth of a counter since another scrape, or from 0 if it began meanwhile. None without the
-    /// counter.
+    /// Growth of a counter since an earlier scrape. A counter that the earlier scrape does not have
+    /// grew from 0. `None` without the counter.
     pub fn grown(&self, before: &Self, name: &str, labels: &[(&str, &str)]) -> Option<f64> {
         let now = self.sum(name, labels)?;
         Some((now - before.sum(name, labels).unwrap_or(0.0)).max(0.0))
     }
 
-    /// Mean and number of the values that a histogram took since another scrape. None without a
+    /// Mean and number of the values that a histogram got since an earlier scrape. `None` without a
     /// value.
     pub fn mean(&self, before: &Self, name: &str, labels: &[(&str, &str)]) -> Option<(f64, f64)> {
         let count = self.grown(before, &format!("{name}_count"), labels)?;
@@ -54,8 +54,8 @@ impl Metrics {
         (count > 0.0).then_some((sum / count, count))
     }
 
-    /// Values that a histogram took since another scrape, by bucket: upper bounds and counts, not
-    /// cumulative. Histograms that differ in their labels are added.
+    /// The values that a histogram got since an earlier scrape, as pairs of a bucket's upper bound
+    /// and its own count. Histograms with different labels are added.
     pub fn buckets(&self, before: &Self, name: &str) -> Vec<(f64, f64)> {
         let (now, before) = (self.cumulative(name), before.cumulative(name));
         let mut below = 0.0;

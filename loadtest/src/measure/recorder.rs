@@ -10,9 +10,9 @@ use super::live::LiveHarvest;
 use super::tally::{Call, FineBin, Harvest, Outcome, Second, Tally};
 use crate::arrivals::Stages;
 
-/// Most delay of a request's sending that does not count as late.
+/// A request that is sent more than this after it was due counts as late.
 const ON_TIME: Duration = Duration::from_millis(1);
-/// Most distinct codes. Further codes are counted together.
+/// Maximum number of distinct codes. Further codes are counted together.
 const CODES: usize = 32;
 
 /// The times of a load: its start, and its measured part.
@@ -27,7 +27,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A load that begins at `start`. The part after the warm-up is measured.
+    /// Makes the clock of a load that begins at `start`. The time after the warm-up is measured.
     pub fn new(start: Instant, warmup: Duration, measured: Duration) -> Self {
         Self {
             start,
@@ -38,14 +38,14 @@ impl Clock {
         }
     }
 
-    /// The same with stages after the warm-up, which are also counted separately.
+    /// Counts the stages after the warm-up separately too.
     #[must_use]
     pub fn stages(mut self, stages: &Stages) -> Self {
         self.stages = (stages.count() > 1).then(|| stages.clone());
         self
     }
 
-    /// The same with latencies by tenths of a second.
+    /// Records latencies by tenths of a second too.
     #[must_use]
     pub fn fine(mut self, fine: bool) -> Self {
         self.fine = fine;
@@ -77,12 +77,12 @@ impl Clock {
         self.warmup
     }
 
-    /// Whether a moment lies in the measured time.
+    /// Whether `at` lies in the measured time.
     pub fn is_measured(&self, at: Instant) -> bool {
         at >= self.measured_from() && at < self.end()
     }
 
-    /// Whole seconds from the start to a moment.
+    /// Whole seconds from the start to `at`.
     fn second(&self, at: Instant) -> usize {
         let seconds = at.saturating_duration_since(self.start).as_secs();
         usize::try_from(seconds).unwrap_or(usize::MAX)
@@ -94,7 +94,7 @@ impl Clock {
     }
 }
 
-/// Progress of the load.
+/// Progress of the load in its last whole second.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pulse {
     /// Right answers or ticks of the last whole second.
@@ -103,21 +103,22 @@ pub struct Pulse {
     pub refused: u64,
     /// Failures of that second.
     pub failed: u64,
-    /// Client-side drops of that second.
+    /// Requests that this client dropped in that second.
     pub dropped: u64,
     /// Frames of that second.
     pub frames: u64,
     /// Frames of characters that slowed down in that second.
     pub underruns: u64,
-    /// Median of its latencies, milliseconds.
+    /// Median of the latencies in that second, milliseconds.
     pub p50_ms: f64,
-    /// 99th percentile of its latencies, milliseconds.
+    /// 99th percentile of the latencies in that second, milliseconds.
     pub p99_ms: f64,
     /// Requests in flight now.
     pub in_flight: u64,
 }
 
-/// Records every answer. All tasks of a process share it. A record takes well under a microsecond.
+/// Records every answer. All tasks of a process share one recorder. Recording an answer takes well
+/// under a microsecond.
 #[derive(Debug)]
 pub struct Recorder {
     clock: Clock,
@@ -130,7 +131,8 @@ struct State {
     in_flight: u64,
 }
 
-/// Seconds after the load's end that are still counted separately. Later answers take no memory.
+/// Number of seconds after the load's end that are counted separately. Later answers count in the
+/// last of them, so they take no memory.
 const SECONDS_AFTER: usize = 120;
 
 impl State {
@@ -144,8 +146,8 @@ impl State {
         &mut seconds[index]
     }
 
-    /// Records the outcome of a request by the tenth of a second in which it was due: its latency,
-    /// or None without a right answer.
+    /// Records the outcome of a request in the tenth of a second in which it was due. `latency` is
+    /// `None` without a right answer.
     fn fine(&mut self, clock: &Clock, due: Instant, latency: Option<Duration>) {
         if !clock.fine || due >= clock.end() {
             return;
@@ -190,7 +192,7 @@ impl State {
 }
 
 impl Recorder {
-    /// A recorder for a load with these times.
+    /// Makes a recorder for a load with this clock.
     pub fn new(clock: Clock) -> Self {
         Self {
             clock,
@@ -204,7 +206,7 @@ impl Recorder {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        // A half-changed counter matters less than losing all of them.
+        // After a panic the counts may be slightly wrong, but that is better than to lose them.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -224,7 +226,8 @@ impl Recorder {
         self.note(&mut state, call);
     }
 
-    /// Records a message without a request, such as a tick of a stream.
+    /// Records a message without a request, such as a tick of a stream. `slowed` of its characters
+    /// slowed down.
     pub fn came(&self, call: &Call, slowed: u64) {
         let mut state = self.state();
         self.note(&mut state, call);
@@ -279,7 +282,7 @@ impl Recorder {
         }
     }
 
-    /// Adds to the answers that were decoded and checked whole.
+    /// Counts answers that were fully decoded and checked.
     pub fn verified(&self, answers: u64) {
         self.state().harvest.verified += answers;
     }
@@ -291,12 +294,12 @@ impl Recorder {
         state.harvest.total.failed += 1;
     }
 
-    /// Changes the counts of live characters.
+    /// Lets `change` update the counts of live characters.
     pub fn live(&self, change: impl FnOnce(&mut LiveHarvest)) {
         change(self.state().harvest.live.get_or_insert_default());
     }
 
-    /// Progress at a moment: the second before it, and requests in flight.
+    /// Progress at the time `at`: the last whole second, and the requests in flight.
     pub fn pulse(&self, at: Instant) -> Pulse {
         let state = self.state();
         let before = self.clock.second(at).checked_sub(1);

@@ -24,7 +24,7 @@ fn right(start: Instant, due_ms: u64, done_ms: u64) -> Call {
 }
 
 #[test]
-fn the_warm_up_is_left_out_and_stages_are_told_apart() {
+fn the_warm_up_is_left_out_and_stages_are_counted_separately() {
     let start = Instant::now();
     let recorder = recorder(start);
     for (due, done) in [
@@ -84,7 +84,7 @@ fn refusals_failures_and_drops_are_apart() {
 }
 
 #[test]
-fn what_two_processes_noted_is_what_one_would_have() {
+fn two_processes_merge_to_the_records_of_one() {
     let start = Instant::now();
     let (one, two, both) = (recorder(start), recorder(start), recorder(start));
     for nth in 0..100_u64 {

@@ -15,9 +15,9 @@ use super::prometheus::Metrics;
 use super::recorder::Clock;
 use crate::access::Access;
 
-/// Longest wait for one scrape.
+/// Maximum wait for one scrape.
 const TIMEOUT: Duration = Duration::from_secs(5);
-/// Most bytes of a scrape.
+/// Maximum size of a scrape, bytes.
 const MOST_BYTES: usize = 16 << 20;
 
 /// Scrapes one server.
@@ -28,23 +28,23 @@ pub struct Scraper {
     bearer: Option<HeaderValue>,
 }
 
-/// The metrics at a moment.
+/// The server's metrics at one time.
 #[derive(Debug, Clone)]
 pub struct Scrape {
     /// Seconds from the start of the load.
     pub at_s: f64,
-    /// The values of `/metrics` at that time.
+    /// The content of `/metrics`.
     pub metrics: Metrics,
 }
 
 /// All scrapes of a load.
 #[derive(Debug, Clone, Default)]
 pub struct Scrapes {
-    /// In order of time.
+    /// Sorted by time.
     pub all: Vec<Scrape>,
     /// Index of the scrape at the start of the measured time.
     pub first: usize,
-    /// Index of the scrape at its end.
+    /// Index of the scrape at the end of the measured time.
     pub last: usize,
 }
 
@@ -57,8 +57,8 @@ impl Scrapes {
 }
 
 impl Scraper {
-    /// Scrapes `/metrics` of a server such as `http://127.0.0.1:8080`. None if it has no metrics,
-    /// or none for this key.
+    /// Makes a scraper for a server such as `http://127.0.0.1:8080`. `None` if it has no
+    /// `/metrics`, or does not show them for this key.
     pub async fn find(server: &str, access: &Access) -> Option<Self> {
         let uri: http::Uri = format!("{}/metrics", server.trim_end_matches('/')).parse().ok()?;
         let scraper = Self {
@@ -70,7 +70,7 @@ impl Scraper {
         metrics.sum("process_resident_memory_bytes", &[]).map(|_| scraper)
     }
 
-    /// The metrics now. None if the server does not give them in time.
+    /// Reads the metrics now. `None` if the server does not answer in time.
     pub async fn scrape(&self) -> Option<Metrics> {
         let get = async {
             let mut request = Request::get(self.uri.clone()).body(Empty::new()).ok()?;
@@ -93,7 +93,7 @@ impl Scraper {
         tokio::time::timeout(TIMEOUT, get).await.ok().flatten()
     }
 
-    /// Scrapes once a second during a load. Scrapes fall on both ends of the measured time.
+    /// Scrapes once a second during a load, including both ends of the measured time.
     pub async fn follow(self, clock: Clock) -> Scrapes {
         let mut scrapes = Scrapes::default();
         for due in sampling_times(&clock) {
@@ -113,8 +113,8 @@ impl Scraper {
     }
 }
 
-/// Moments of scrapes and readings: both ends of the measured time, and whole seconds from its
-/// start.
+/// The times of scrapes and readings: both ends of the measured time, and whole seconds from its
+/// start in both directions.
 pub fn sampling_times(clock: &Clock) -> Vec<Instant> {
     const SECOND: Duration = Duration::from_secs(1);
     let middle = clock.measured_from();

@@ -1,4 +1,4 @@
-//! The server's time of a request by its parts, as in its answers.
+//! The parts of a request's time in the server, from the timing in its answer.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use troupe_proto::v1;
 
 use super::latencies::Latencies;
 
-/// The server's time of one request by its parts, microseconds.
+/// The parts of one request's time in the server, microseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ServerTiming {
     /// In the queue.
@@ -18,9 +18,9 @@ pub struct ServerTiming {
     pub inference_us: u64,
     /// Making frames from tensors.
     pub scatter_us: u64,
-    /// From the request's arrival to the answer ready for encoding.
+    /// From the request's arrival until the answer is ready for encoding.
     pub total_us: u64,
-    /// Characters of the batch that carried it.
+    /// Number of characters in the batch that carried the request.
     pub batch_size: u32,
 }
 
@@ -37,10 +37,10 @@ impl From<v1::Timing> for ServerTiming {
     }
 }
 
-/// The same, summed up over requests.
+/// The parts of the time in the server, summed over requests, microseconds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TimingSums {
-    /// Answers that said it.
+    /// Number of answers with a timing.
     pub count: u64,
     /// In the queue.
     pub queue_us: u64,
@@ -50,7 +50,7 @@ pub struct TimingSums {
     pub inference_us: u64,
     /// Making frames from tensors.
     pub scatter_us: u64,
-    /// In the server.
+    /// All time in the server.
     pub total_us: u64,
     /// Answers by the size of the batch that carried them.
     pub batches: BTreeMap<u32, u64>,
@@ -59,7 +59,7 @@ pub struct TimingSums {
 }
 
 impl TimingSums {
-    /// Adds one answer's.
+    /// Adds the timing of one answer.
     pub fn add(&mut self, of: &ServerTiming) {
         self.count += 1;
         self.queue_us += of.queue_us;
@@ -71,7 +71,7 @@ impl TimingSums {
         self.queue.record(std::time::Duration::from_micros(of.queue_us));
     }
 
-    /// Adds those of another process.
+    /// Adds the sums of another process.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.queue_us += other.queue_us;

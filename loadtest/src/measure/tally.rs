@@ -23,7 +23,7 @@ pub enum Outcome {
     Failed {
         /// A word for it, such as `INTERNAL` or `WRONG_FRAMES`.
         code: Cow<'static, str>,
-        /// What is wrong, for people.
+        /// The reason as a sentence.
         message: String,
     },
 }
@@ -31,30 +31,30 @@ pub enum Outcome {
 /// A right answer.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Answer {
-    /// Characters in it.
+    /// Number of characters.
     pub characters: u32,
-    /// Frames of all characters together.
+    /// Number of frames of all characters together.
     pub frames: u64,
-    /// Bytes of its body.
+    /// Size of the body, bytes.
     pub bytes: u64,
-    /// The server's time by its parts, if the answer has it.
+    /// The parts of the time in the server, if the answer has them.
     pub timing: Option<ServerTiming>,
 }
 
 /// A request, from the time at which it was due to its answer.
 #[derive(Debug, Clone)]
 pub struct Call {
-    /// The time at which it was due.
+    /// When the request should have been sent.
     pub due: Instant,
-    /// The time of its sending.
+    /// When the request was sent.
     pub sent: Instant,
-    /// The time of its answer.
+    /// When the answer was complete.
     pub done: Instant,
     /// Outcome of the request.
     pub outcome: Outcome,
 }
 
-/// Requests that were due within a stretch of time.
+/// Requests that were due within a certain time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tally {
     /// Right answers.
@@ -63,7 +63,7 @@ pub struct Tally {
     pub refused: u64,
     /// Failures.
     pub failed: u64,
-    /// Client-side drops: never sent, because too many were in flight.
+    /// Requests that this client dropped, because too many were in flight.
     pub dropped: u64,
     /// Latencies of the right answers.
     pub latency: Latencies,
@@ -78,15 +78,15 @@ pub struct Second {
     pub refused: u64,
     /// Failures.
     pub failed: u64,
-    /// Client-side drops.
+    /// Requests that this client dropped.
     pub dropped: u64,
     /// Characters in right answers.
     pub characters: u64,
     /// Frames in right answers.
     pub frames: u64,
-    /// Characters in ticks that slowed down because a plan was late.
+    /// Frames of characters that slowed down because a plan was late.
     pub underruns: u64,
-    /// Most requests in flight.
+    /// Maximum number of requests in flight.
     pub in_flight: u64,
     /// Latencies of right answers, with an error of at most 1 %.
     pub latency: Latencies,
@@ -102,7 +102,7 @@ pub struct FineBin {
 }
 
 impl FineBin {
-    /// The time that a share of the answers does not exceed, milliseconds; 0 without an answer.
+    /// A quantile of the latencies, such as 0.99, in milliseconds. 0 without an answer.
     pub fn quantile_ms(&self, quantile: f64) -> f64 {
         let mut sorted = self.latencies_us.clone();
         sorted.sort_unstable();
@@ -123,11 +123,11 @@ impl FineBin {
 pub struct Done {
     /// Answers, or ticks.
     pub requests: u64,
-    /// Characters in them.
+    /// Characters in the answers.
     pub characters: u64,
-    /// Frames in them.
+    /// Frames in the answers.
     pub frames: u64,
-    /// Bytes of their bodies.
+    /// Size of the answers' bodies, bytes.
     pub bytes: u64,
 }
 
@@ -136,7 +136,7 @@ pub struct Done {
 pub struct Harvest {
     /// Requests that were due within the measured time.
     pub total: Tally,
-    /// The same for each stage of the load.
+    /// Requests that were due within each stage of the load.
     pub stages: Vec<Tally>,
     /// Right answers that came within the measured time.
     pub done: Done,
@@ -146,17 +146,17 @@ pub struct Harvest {
     pub fine: Vec<FineBin>,
     /// Refusals and failures by their codes.
     pub codes: BTreeMap<String, u64>,
-    /// A message of each code.
+    /// One message for each code.
     pub examples: BTreeMap<String, String>,
-    /// Times from when a request was due to its sending: the backlog at this client.
+    /// Times from when a request was due to its sending.
     pub send_lag: Latencies,
     /// Requests that were sent more than a millisecond after they were due.
     pub late_sends: u64,
-    /// Sum of the times from sending to the answer, of right answers.
+    /// Sum over right answers of the time from sending to the answer, microseconds.
     pub on_the_way_us: u64,
-    /// The server's time by its parts.
+    /// The parts of the time in the server.
     pub timing: TimingSums,
-    /// Answers that were decoded and checked whole.
+    /// Answers that were fully decoded and checked.
     pub verified: u64,
     /// Counts of live characters, if the load has any.
     pub live: Option<LiveHarvest>,
@@ -193,7 +193,7 @@ impl Tally {
         }
     }
 
-    /// All requests that were due.
+    /// Number of requests that were due.
     pub fn due(&self) -> u64 {
         self.right + self.refused + self.failed + self.dropped
     }

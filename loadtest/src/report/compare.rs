@@ -8,7 +8,8 @@ use crate::figures::Figures;
 /// A figure to compare, if a run has it.
 type Figure = (&'static str, fn(&Figures) -> Option<f64>);
 
-/// The figures to compare. Less is better of latencies, processors and memory, more of throughput.
+/// The figures to compare. Higher is better for throughput, lower for latencies, processors and
+/// memory.
 const FIGURES: [Figure; 18] = [
     ("requests/s", |f| Some(f.throughput.requests_per_s)),
     ("characters/s", |f| Some(f.throughput.characters_per_s)),
@@ -34,8 +35,8 @@ const FIGURES: [Figure; 18] = [
     ("client processors", |f| Some(f.client.cpus_busy)),
 ];
 
-/// A table of medians, each with its ratio to the first report's and the span of several
-/// repetitions.
+/// A table of medians. Each has its ratio to the first report and, with several repetitions, their
+/// minimum and maximum.
 pub fn compare(reports: &[Report]) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);

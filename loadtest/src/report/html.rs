@@ -1,4 +1,4 @@
-//! The report as one self-contained page, with plots and style inside.
+//! The report as one self-contained page with plots.
 
 use std::path::Path;
 
@@ -63,12 +63,12 @@ pub fn page(report: &Report) -> Result<String, Failure> {
 /// Writes the page into a file.
 ///
 /// # Errors
-/// [`Failure::Other`].
+/// [`Failure::Other`] if a plot cannot be drawn or the file cannot be written.
 pub fn write(report: &Report, path: &Path) -> Result<(), Failure> {
     std::fs::write(path, page(report)?).map_err(|e| Failure::output(path, e))
 }
 
-/// Plots: of all repetitions if they are comparable, and of the last one over time.
+/// All plots. Percentiles show every repetition, the other plots only the last one.
 fn plots(runs: &[Run]) -> Result<Vec<Plot>, PlotError> {
     let Some(last) = runs.last() else {
         return Ok(Vec::new());

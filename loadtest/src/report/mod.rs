@@ -31,15 +31,15 @@ pub struct Report {
     pub label: String,
     /// Version of the load tester.
     pub tool: String,
-    /// Start of the test, by the clock of the machine that made the load, RFC 3339.
+    /// Start of the test by the clock of the load tester's machine, RFC 3339.
     pub began: String,
-    /// The machine that made the load.
+    /// The machine of the load tester.
     pub machine: Machine,
-    /// The plan. Of a search or an overload: the plan of a single run.
+    /// The plan. For a search or an overload, it is the plan of a single run.
     pub plan: Plan,
     /// Start and end of a latency.
     pub latency_of: LatencyOf,
-    /// Each repetition.
+    /// The repetitions, in order.
     pub runs: Vec<Run>,
     /// The median of every figure over the repetitions.
     pub median: Figures,
@@ -54,19 +54,19 @@ pub struct Report {
     pub bounds: Vec<BoundResult>,
 }
 
-/// The machine that made a load.
+/// The machine of the load tester.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Machine {
-    /// Processors that this process may use.
+    /// Number of processors that this process may use.
     pub cpus: u32,
-    /// Name of the processor, if the system knows it.
+    /// Name of the processor. Empty if the system does not report it.
     pub cpu: String,
     /// The operating system.
     pub os: String,
 }
 
 impl Report {
-    /// A report of repetitions of a plan.
+    /// Makes a report of the repetitions of a plan.
     pub fn new(label: String, began: std::time::SystemTime, plan: Plan, runs: Vec<Run>) -> Self {
         let figures = runs.iter().map(|run| &run.figures).collect::<Vec<_>>();
         Self {
@@ -88,14 +88,14 @@ impl Report {
     /// Reads a report.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file is no report of a version that this program reads.
+    /// [`Failure::Input`] if the file is not a report, or has another version.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         #[derive(Deserialize)]
         struct Head {
             version: u32,
         }
         let text = std::fs::read_to_string(path).map_err(|e| Failure::file(path, e))?;
-        let no_report = |e| Failure::file(path, format_args!("this is no report of troupe-loadtest: {e}"));
+        let no_report = |e| Failure::file(path, format_args!("this is not a report of troupe-loadtest: {e}"));
         let head: Head = serde_json::from_str(&text).map_err(no_report)?;
         if head.version != VERSION {
             let version = head.version;

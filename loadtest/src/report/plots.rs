@@ -31,17 +31,17 @@ struct Axes<'a> {
     x: &'a str,
     y: &'a str,
     x_label: &'a dyn Fn(&f64) -> String,
-    /// Most labels of the x axis.
+    /// Maximum number of labels on the x axis.
     x_labels: usize,
 }
 
 fn plain(value: &f64) -> String {
-    // Steps of a tenth are not exact in binary.
+    // Rounds away binary fractions, such as 0.30000000000000004.
     let rounded = (value * 1e4).round() / 1e4;
     format!("{}", if rounded == 0.0 { 0.0 } else { rounded })
 }
 
-/// Draws into a new picture.
+/// Draws into a new SVG picture.
 fn svg(
     draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), PlotError>,
 ) -> Result<String, PlotError> {
@@ -74,7 +74,7 @@ fn lines(axes: &Axes<'_>, lines: &[Line]) -> Result<String, PlotError> {
     let low = points().map(|p| p.0).fold(f64::INFINITY, f64::min);
     let high = points().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
     let (low, high) = if low < high { (low, high) } else { (0.0, 1.0) };
-    // Leaves room for the names of several lines.
+    // Several lines have a legend at the top, which needs room.
     let room = if lines.len() > 1 { 1.4 } else { 1.08 };
     let top = points().map(|p| p.1).fold(0.0, f64::max) * room;
     let top = if top > 0.0 { top } else { 1.0 };
@@ -110,7 +110,7 @@ fn lines(axes: &Axes<'_>, lines: &[Line]) -> Result<String, PlotError> {
     })
 }
 
-/// A share as the number of nines: 0.9 is 1, 0.99 is 2.
+/// The number of nines in a quantile: 1 for 0.9, 2 for 0.99.
 fn nines(quantile: f64) -> f64 {
     -(1.0 - quantile).max(1e-7).log10()
 }
@@ -121,7 +121,7 @@ fn as_percent(nines: &f64) -> String {
     format!("{percent:.digits$} %")
 }
 
-/// Latency by percentile. The axis is stretched towards the slow ones.
+/// Latency by percentile. The axis gives slow answers more room.
 pub(super) fn percentiles(runs: &[Run]) -> Result<String, PlotError> {
     let colours = [BLUE, AMBER, GREEN, RED, GREY];
     let of_run = |(nth, run): (usize, &Run)| -> Line {
@@ -140,7 +140,7 @@ pub(super) fn percentiles(runs: &[Run]) -> Result<String, PlotError> {
         // A label for each nine.
         x_labels: (most.max(10) as f64).log10().floor() as usize + 1,
     };
-    // Each repetition has a colour. Their names would be only numbers.
+    // A single line needs no legend.
     let mut picture = String::new();
     if let [one] = all.as_slice() {
         picture += &lines(&axes, std::slice::from_ref(one))?;
@@ -179,7 +179,7 @@ pub(super) fn throughput(rows: &[SecondRow]) -> Result<String, PlotError> {
             ("failed or dropped", RED, &|row| {
                 (row.t, (row.failed + row.dropped) as f64)
             }),
-            ("most on their way", GREY, &|row| (row.t, row.in_flight as f64)),
+            ("most in flight", GREY, &|row| (row.t, row.in_flight as f64)),
         ],
     )
 }
@@ -217,7 +217,7 @@ pub(super) fn memory(rows: &[ServerRow]) -> Result<String, PlotError> {
 
 /// Processors of server and client.
 pub(super) fn cpus(rows: &[ServerRow]) -> Result<String, PlotError> {
-    // The first reading has none before it.
+    // The first reading has no earlier one, so it has no rate.
     over_time(
         rows.get(1..).unwrap_or_default(),
         "processors busy",
@@ -254,7 +254,7 @@ pub(super) fn batches(sizes: &[(u32, u64)]) -> Result<String, PlotError> {
             .map_err(fault)?;
         let mut mesh = chart.configure_mesh();
         mesh.disable_x_mesh()
-            .x_desc("characters of a batch")
+            .x_desc("characters in a batch")
             .y_desc("batches");
         mesh.x_labels(sizes.len() + 1).x_label_formatter(&name);
         draw_mesh(mesh)?;

@@ -10,12 +10,12 @@ use crate::overload::OverloadReport;
 use crate::plan::Workload;
 use crate::search::{Aim, SearchReport};
 
-/// A row of figures: a name and its cells; without cells the name of a group.
+/// A row of the table. A row without cells is the heading of a group.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
     /// Name of the figure.
     pub name: String,
-    /// A value for each of several repetitions, then the median.
+    /// With several repetitions, one value for each. The last cell is the median.
     pub cells: Vec<String>,
 }
 
@@ -80,7 +80,7 @@ fn aligned(mut table: Table) -> String {
     lines.collect()
 }
 
-/// Reads a figure as it is shown.
+/// Reads a figure and formats it.
 type Shown = Box<dyn Fn(&Figures) -> String>;
 
 /// All rows, each with a value for every repetition and the median.
@@ -121,7 +121,7 @@ fn shown(report: &Report) -> Vec<(String, Option<Shown>)> {
     row(&mut rows, "processors busy", |f| {
         format!("{:.2}", f.client.cpus_busy)
     });
-    row(&mut rows, "most memory, MiB", |f| mib(f.client.peak_rss_bytes));
+    row(&mut rows, "peak memory, MiB", |f| mib(f.client.peak_rss_bytes));
     rows
 }
 
@@ -152,9 +152,9 @@ fn calls(rows: &mut Vec<(String, Option<Shown>)>, report: &Report, what: &str) {
     row(rows, "refused", |f| f.counts.refused.to_string());
     row(rows, "failed", |f| f.counts.failed.to_string());
     row(rows, "dropped by this client", |f| f.counts.dropped.to_string());
-    row(rows, "checked whole", |f| f.verified.to_string());
+    row(rows, "fully checked", |f| f.verified.to_string());
     if matches!(report.plan.workload, Workload::Calls { .. }) {
-        row(rows, "most on their way", |f| f.in_flight_max.to_string());
+        row(rows, "most in flight", |f| f.in_flight_max.to_string());
         row(rows, "sent over 1 ms late", |f| f.late_sends.to_string());
     }
 }
@@ -237,9 +237,9 @@ fn server(rows: &mut Vec<(String, Option<Shown>)>, report: &Report) {
         format!("{:.2}", of(f).cpus_busy)
     });
     row(rows, "memory before, MiB", move |f| mib(of(f).rss_before_bytes));
-    row(rows, "most memory, MiB", move |f| mib(of(f).rss_peak_bytes));
+    row(rows, "peak memory, MiB", move |f| mib(of(f).rss_peak_bytes));
     if report.median.live.is_some() {
-        row(rows, "memory a session, KiB", move |f| {
+        row(rows, "memory per session, KiB", move |f| {
             format!("{:.1}", of(f).rss_per_session_bytes / 1024.0)
         });
     }
@@ -249,7 +249,7 @@ fn server(rows: &mut Vec<(String, Option<Shown>)>, report: &Report) {
     row(rows, "frames generated a second", move |f| {
         rate(of(f).frames_generated_per_s)
     });
-    row(rows, "characters of a batch, mean", move |f| {
+    row(rows, "characters in a batch, mean", move |f| {
         format!("{:.1}", of(f).batch_mean)
     });
     row(rows, "padding", move |f| {
@@ -263,10 +263,10 @@ fn server(rows: &mut Vec<(String, Option<Shown>)>, report: &Report) {
         }
     });
     if report.median.live.is_some() {
-        row(rows, "plans asked for a second", move |f| {
+        row(rows, "plans requested a second", move |f| {
             rate(of(f).replans_per_s)
         });
-        row(rows, "crowd pressure, most", move |f| {
+        row(rows, "crowd pressure, maximum", move |f| {
             format!("{:.2}", of(f).pressure_max)
         });
     }
@@ -313,10 +313,13 @@ fn search(of: &SearchReport) -> String {
     };
     let mut text = match of.found {
         Some(found) => format!("most {unit} with p99 <= {} ms: {found}\n", of.goal.p99_ms),
-        None => format!("not even the fewest {unit} keep p99 <= {} ms\n", of.goal.p99_ms),
+        None => format!(
+            "even the lowest level of {unit} misses p99 <= {} ms\n",
+            of.goal.p99_ms
+        ),
     };
     if of.at_limit {
-        text += "that is the upper limit of the search: --most allows more\n";
+        text += "this is the upper limit of the search, which --most can raise\n";
     }
     for step in &of.steps {
         let verdict = if step.kept {
@@ -340,7 +343,7 @@ fn overload(of: &OverloadReport) -> String {
     let mut text = format!("capacity ({found}): {} requests/s\n", rate(of.capacity_per_s));
     let _ = writeln!(
         text,
-        "p99 of admitted requests at {} times that: {} ms, {:.2} times the {} ms at 90 % of capacity",
+        "p99 of admitted requests at {} times the capacity: {} ms, which is {:.2} times the {} ms at 90 %",
         of.factor,
         ms(of.during.latency_ms.p99),
         of.p99_ratio,
@@ -348,7 +351,7 @@ fn overload(of: &OverloadReport) -> String {
     );
     let _ = writeln!(
         text,
-        "admitted and answered meanwhile: {} a second; refused: {:.1} %; failed: {}; dropped by this client: {}",
+        "answered in the overload: {} a second; refused: {:.1} %; failed: {}; dropped by this client: {}",
         rate(of.during.right_per_s),
         of.refused_share * 100.0,
         of.during.counts.failed,
@@ -356,14 +359,15 @@ fn overload(of: &OverloadReport) -> String {
     );
     match of.recovery_s {
         Some(seconds) => {
-            let _ = writeln!(text, "as before again {seconds:.1} s after the overload");
+            let _ = writeln!(text, "recovered {seconds:.1} s after the overload");
         }
-        None => text += "NOT as before again within the time afterwards\n",
+        None => text += "NOT recovered by the end of the test\n",
     }
     if let Some(memory) = &of.memory {
         let _ = writeln!(
             text,
-            "server memory: {} MiB when it began, {} MiB at most, {} MiB at the end; {:+.1} MiB late in the overload",
+            "server memory: {} MiB at first, {} MiB at most, {} MiB at the end; \
+             {:+.1} MiB late in the overload",
             mib(memory.begin),
             mib(memory.peak),
             mib(memory.end),
@@ -373,7 +377,8 @@ fn overload(of: &OverloadReport) -> String {
     if let Some(beside) = &of.beside {
         let _ = writeln!(
             text,
-            "{} live characters beside: {} frames slowed before, {} in the overload, {} after; {} missing; ticks p99 {} ms late",
+            "{} live characters: {} frames slowed before, {} in the overload, {} after; {} missing; \
+             ticks p99 {} ms late",
             beside.characters,
             beside.slowed_before,
             beside.slowed_during,
@@ -391,14 +396,15 @@ fn notes(report: &Report) -> Vec<String> {
     let of = &report.median;
     if of.counts.dropped > 0 {
         notes.push(format!(
-            "{} requests were due but never sent, because too many were on their way (--max-in-flight)",
+            "{} requests were due but never sent, because too many were in flight (--max-in-flight)",
             of.counts.dropped
         ));
     }
     let due = of.counts.right.max(1);
     if of.late_sends * 100 > due {
         notes.push(format!(
-            "{:.1} % of requests were sent over 1 ms late: this client was slow too (--processes, another machine)",
+            "{:.1} % of requests were sent over 1 ms late, because this client was slow \
+             (--processes, another machine)",
             of.late_sends as f64 * 100.0 / due as f64
         ));
     }
@@ -409,7 +415,7 @@ fn notes(report: &Report) -> Vec<String> {
     notes
 }
 
-/// A number a second, with the digits that matter.
+/// A rate as text: two digits after the point below 100, none above.
 fn rate(value: f64) -> String {
     if value < 100.0 {
         format!("{value:.2}")

@@ -1,4 +1,4 @@
-//! Carries a plan out, in this process or in several.
+//! Runs a plan, in this process or in several.
 
 mod once;
 mod process;

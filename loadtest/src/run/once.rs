@@ -1,4 +1,4 @@
-//! Carries a plan out once: prepares, starts, watches, gathers.
+//! Runs a plan once: prepares and starts the load, follows it, and collects its figures.
 
 use std::sync::Arc;
 
@@ -13,10 +13,10 @@ use crate::measure::{Clock, Recorder, Scraper};
 use crate::plan::{Plan, Share};
 use crate::workloads::prepare;
 
-/// Carries a plan out once.
+/// Runs a plan once.
 ///
 /// # Errors
-/// See [`Failure`]. Failed requests are in the report, and no failure.
+/// See [`Failure`]. Failed requests are counted in the report and do not cause an error.
 pub async fn once(plan: &Plan, progress: &Progress) -> Result<Run, Failure> {
     let scraper = match plan.metrics_address() {
         Some(address) => Scraper::find(address, &plan.access).await,

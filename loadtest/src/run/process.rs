@@ -1,4 +1,4 @@
-//! The clock of a process that makes load, and readings of its resources.
+//! The clock of a process that runs a load, and readings of its resources.
 
 use std::time::Duration;
 
@@ -9,10 +9,11 @@ use crate::failure::Failure;
 use crate::measure::{Clock, Harvest, OwnUse, ProcessWatch, Recorder, sampling_times};
 use crate::plan::Plan;
 
-/// Time from ready to the start of the load, so that no process starts late.
+/// Time between the end of the preparation and the start of the load, so that no process starts
+/// late.
 pub(super) const HEAD_START: Duration = Duration::from_millis(200);
 
-/// The times of a plan's load that starts at a moment.
+/// The clock of a plan's load that starts at `start`.
 pub(super) fn clock(plan: &Plan, start: Instant) -> Clock {
     let clock = Clock::new(start, plan.warmup(), plan.measured()).fine(plan.fine);
     match plan.stages() {
@@ -25,14 +26,14 @@ pub(super) fn clock(plan: &Plan, start: Instant) -> Clock {
 pub(super) async fn finish(recorder: &Recorder, own: JoinHandle<OwnUse>) -> Result<Harvest, Failure> {
     let own = own
         .await
-        .map_err(|e| Failure::Other(format!("looking at this process failed: {e}")))?;
+        .map_err(|e| Failure::Other(format!("cannot read the resources of this process: {e}")))?;
     Ok(Harvest {
         own,
         ..recorder.harvest()
     })
 }
 
-/// Readings of this process during the load, at the moments of the scrapes.
+/// Reads the resources of this process during the load, at the times of the scrapes.
 pub(super) async fn own_use(clock: Clock) -> OwnUse {
     let mut watch = ProcessWatch::default();
     let mut used = OwnUse {

@@ -1,7 +1,7 @@
-//! Several processes that make one load. This program starts itself as workers, and exchanges lines
-//! of JSON with them over their standard input and output.
+//! Several processes that run one load. This program starts copies of itself as workers, and
+//! exchanges lines of JSON with them over their standard input and output.
 //!
-//! Each worker makes the same arrivals from the same seed, and sends those of its own number. So
+//! Every worker generates the same arrivals from the same seed, and sends only its own share. So
 //! the load is the same with any number of processes. Histograms are added, not averaged.
 
 use std::process::Stdio;
@@ -29,14 +29,14 @@ pub const WORKER: &str = "worker";
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Order {
-    /// Prepare.
+    /// Prepare a share of the load, and answer `Ready`.
     Prepare {
         plan: Box<Plan>,
         /// Key and certificates, which the plan's JSON leaves out.
         access: Access,
         share: Share,
     },
-    /// Start at a moment, microseconds since 1970.
+    /// Start the load at a time, in microseconds since 1970.
     Begin { at_us: u64 },
 }
 
@@ -44,11 +44,11 @@ enum Order {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Word {
-    /// It is ready.
+    /// The worker is ready.
     Ready,
     /// Progress in a second.
     Pulse { second: u64, pulse: Pulse },
-    /// The load is over.
+    /// The load has ended.
     Harvest(Box<Harvest>),
     /// The load failed.
     Failed { kind: Kind, message: String },
@@ -76,7 +76,7 @@ struct Worker {
 }
 
 fn broken(why: impl std::fmt::Display) -> Failure {
-    Failure::Other(format!("a worker process went wrong: {why}"))
+    Failure::Other(format!("a worker process failed: {why}"))
 }
 
 impl Worker {
@@ -111,7 +111,7 @@ impl Worker {
 
     async fn hear(&mut self) -> Result<Word, Failure> {
         let line = self.words.next_line().await.map_err(broken)?;
-        let line = line.ok_or_else(|| broken("it ended without a word"))?;
+        let line = line.ok_or_else(|| broken("it ended without a result"))?;
         match serde_json::from_str(&line).map_err(broken)? {
             Word::Failed { kind, message } => Err(match kind {
                 Kind::Input => Failure::Input(message),
@@ -122,12 +122,12 @@ impl Worker {
         }
     }
 
-    /// Reads its messages to the end.
+    /// Reads the worker's messages to the end.
     async fn follow(mut self, pulses: mpsc::Sender<(u64, Pulse)>) -> Result<Harvest, Failure> {
         loop {
             match self.hear().await? {
                 Word::Pulse { second, pulse } => {
-                    // A second that cannot be shown is only missing on the screen.
+                    // If the channel is full, the second is only missing in the progress.
                     let _ = pulses.try_send((second, pulse));
                 }
                 Word::Harvest(harvest) => {
@@ -145,7 +145,7 @@ impl Workers {
     /// Starts workers and waits until all are ready.
     ///
     /// # Errors
-    /// See [`Failure`]: that of the first worker that cannot prepare.
+    /// The [`Failure`] of the first worker that cannot prepare.
     pub async fn spawn(plan: &Plan) -> Result<Self, Failure> {
         let mut workers = Vec::new();
         for nth in 0..plan.processes {
@@ -165,16 +165,16 @@ impl Workers {
         for worker in &mut workers {
             match worker.hear().await? {
                 Word::Ready => {}
-                other => return Err(broken(format_args!("it said {other:?} instead of being ready"))),
+                other => return Err(broken(format_args!("it sent {other:?} instead of Ready"))),
             }
         }
         Ok(Self(workers))
     }
 
-    /// Has them make the load, and adds up their records.
+    /// Lets the workers run the load, and adds up their records.
     ///
     /// # Errors
-    /// See [`Failure`].
+    /// The [`Failure`] of the first worker that fails.
     pub async fn carry_out(
         self,
         plan: &Plan,
@@ -216,7 +216,7 @@ async fn show(plan: &Plan, count: usize, mut seconds: mpsc::Receiver<(u64, Pulse
     }
 }
 
-/// Adds counts, and takes the worse latency.
+/// Adds the counts of two processes, and takes the higher latencies.
 fn sum(one: Pulse, two: Pulse) -> Pulse {
     Pulse {
         right: one.right + two.right,
@@ -231,10 +231,11 @@ fn sum(one: Pulse, two: Pulse) -> Pulse {
     }
 }
 
-/// Runs a worker process: reads its orders, makes its share of the load, and sends its records.
+/// Runs a worker process. It reads orders, runs its share of the load, and sends its records.
 ///
 /// # Errors
-/// [`Failure`] if the connection to its parent process breaks. All other failures go to the parent.
+/// [`Failure`] if the connection to the parent process breaks. All other failures are sent to the
+/// parent.
 pub async fn work() -> Result<(), Failure> {
     let mut orders = BufReader::new(tokio::io::stdin()).lines();
     let mut out = tokio::io::stdout();
@@ -262,13 +263,13 @@ async fn labour(
         share,
     } = hear(orders).await?
     else {
-        return Err(broken("it was to begin before it was prepared"));
+        return Err(broken("it got the order to begin before the order to prepare"));
     };
     plan.access = access;
     let prepared = prepare(&plan, share).await?;
     say(out, &Word::Ready).await?;
     let Order::Begin { at_us } = hear(orders).await? else {
-        return Err(broken("it was prepared twice"));
+        return Err(broken("it got the order to prepare twice"));
     };
     let at = UNIX_EPOCH + Duration::from_micros(at_us);
     let start = Instant::now() + at.duration_since(SystemTime::now()).unwrap_or_default();
@@ -287,9 +288,9 @@ async fn labour(
                 let pulse = recorder.pulse(Instant::now());
                 say(out, &Word::Pulse { second, pulse }).await?;
             }
-            // There are no more orders, because the parent is gone. So the load is not needed.
+            // During a load no order comes. The input only ends if the parent process has ended.
             order = hear(orders) => return Err(match order {
-                Ok(order) => broken(format_args!("the order {order:?} came in the middle of a load")),
+                Ok(order) => broken(format_args!("it got the order {order:?} during a load")),
                 Err(gone) => gone,
             }),
         }
@@ -299,7 +300,7 @@ async fn labour(
 
 async fn hear(orders: &mut Lines<BufReader<tokio::io::Stdin>>) -> Result<Order, Failure> {
     let line = orders.next_line().await.map_err(broken)?;
-    let line = line.ok_or_else(|| broken("no order came"))?;
+    let line = line.ok_or_else(|| broken("it got no order"))?;
     serde_json::from_str(&line).map_err(broken)
 }
 

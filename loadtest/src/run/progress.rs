@@ -1,4 +1,4 @@
-//! Live progress on standard error: a bar on a terminal, a line a second elsewhere, or nothing.
+//! Progress on standard error: a bar on a terminal, one line per second elsewhere, or nothing.
 
 use std::io::IsTerminal as _;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ enum Kind {
 }
 
 impl Progress {
-    /// Shows nothing.
+    /// Makes a progress that shows nothing.
     pub fn quiet() -> Self {
         Self {
             kind: Kind::Quiet,
@@ -34,7 +34,7 @@ impl Progress {
         }
     }
 
-    /// A bar if standard error is a terminal, else lines.
+    /// Makes a bar if standard error is a terminal, otherwise lines.
     pub fn new(quiet: bool) -> Self {
         if quiet {
             return Self::quiet();
@@ -55,7 +55,7 @@ impl Progress {
         }
     }
 
-    /// The same with a prefix that names one of several loads.
+    /// The same progress with a prefix that names one of several loads.
     #[must_use]
     pub fn named(&self, what: impl Into<String>) -> Self {
         Self {
@@ -64,7 +64,7 @@ impl Progress {
         }
     }
 
-    /// Prints a note beside the progress.
+    /// Prints a note between the lines of the progress.
     pub fn note(&self, text: impl AsRef<str>) {
         match &self.kind {
             Kind::Quiet => {}
@@ -96,7 +96,7 @@ impl Progress {
             }
             Kind::Bar(bar) => {
                 if bar.is_finished() {
-                    // The next of several loads has begun.
+                    // The next of several loads starts with the same bar.
                     bar.reset();
                 }
                 bar.set_length((plan.warmup_s + plan.measured_s).ceil() as u64);
@@ -115,7 +115,7 @@ impl Progress {
     }
 }
 
-/// A second as text.
+/// The progress of one second as text.
 fn words(plan: &Plan, second: u64, of: &Pulse) -> String {
     let what = match plan.workload {
         Workload::Calls { .. } => "answers",
@@ -128,7 +128,7 @@ fn words(plan: &Plan, second: u64, of: &Pulse) -> String {
         of.right, of.frames, of.p50_ms, of.p99_ms
     );
     let extras = [
-        (of.in_flight, "on their way"),
+        (of.in_flight, "in flight"),
         (of.refused, "refused"),
         (of.failed, "FAILED"),
         (of.dropped, "DROPPED by this client"),

@@ -18,16 +18,16 @@ pub enum Aim {
 /// Bounds of a level.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Goal {
-    /// Most that the p99 of latencies may be, milliseconds.
+    /// Maximum p99 of latencies, milliseconds.
     pub p99_ms: f64,
-    /// Least plans a second and character; 0 for any number.
+    /// Minimum number of plans per second and character; 0 for any number.
     pub min_plans_per_s: f64,
-    /// Least share of due requests that are answered right.
+    /// Minimum share of due requests with a right answer.
     pub right_share: f64,
 }
 
 impl Goal {
-    /// Reasons why a run misses the goal. Empty if it meets it.
+    /// The reasons why a run misses the goal. Empty if it meets the goal.
     pub fn misses(&self, figures: &Figures) -> Vec<String> {
         let mut why = Vec::new();
         let p99 = figures.latency_ms.p99;
@@ -38,7 +38,7 @@ impl Goal {
         let due = counts.right + counts.refused + counts.failed + counts.dropped;
         let share = counts.right as f64 / due.max(1) as f64;
         if due == 0 || share < self.right_share {
-            why.push(format!("{} of {due} were answered right", counts.right));
+            why.push(format!("{} of {due} requests have a right answer", counts.right));
         }
         let slowed = underruns(figures);
         if slowed > 0.0 {
@@ -60,7 +60,7 @@ mod tests {
     use crate::figures::{Counts, LiveFigures};
 
     #[test]
-    fn every_reason_is_told() {
+    fn every_missed_bound_is_a_reason() {
         let goal = Goal {
             p99_ms: 10.0,
             min_plans_per_s: 1.0,

@@ -1,5 +1,5 @@
-//! Searches for the most that a server can do within bounds: characters without an underrun, or the
-//! highest rate.
+//! Searches for the highest load at which a server keeps its bounds: the number of characters
+//! without an underrun, or the rate of requests.
 
 mod goal;
 mod probe;

@@ -32,7 +32,8 @@ fn at_level(plan: &Plan, level: f64) -> Result<Plan, Failure> {
     Ok(plan)
 }
 
-/// Searches. Gives the search, and all runs of the level that it found.
+/// Searches for the highest level that meets the goal. Returns the report of the search, and the
+/// plan and all runs of the level that it found.
 ///
 /// # Errors
 /// See [`Failure`].

@@ -10,13 +10,13 @@ use super::goal::{Aim, Goal};
 pub struct SearchReport {
     /// The level that was raised.
     pub aim: Aim,
-    /// Bounds of each step.
+    /// The bounds that every step must meet.
     pub goal: Goal,
-    /// Each step, in order.
+    /// All steps, in order.
     pub steps: Vec<SearchStep>,
-    /// The highest level that met the goal every time. None: not even the lowest did.
+    /// The highest level that met the goal every time. None: the lowest level missed it too.
     pub found: Option<f64>,
-    /// Whether the search ended at its upper limit, so that the server may do more.
+    /// Whether the search ended at its upper limit. The server may then be able to do more.
     pub at_limit: bool,
 }
 
@@ -25,11 +25,11 @@ pub struct SearchReport {
 pub struct SearchStep {
     /// Characters, or requests a second.
     pub level: f64,
-    /// Whether it met the goal.
+    /// Whether the step met the goal.
     pub kept: bool,
-    /// Why it missed the goal.
+    /// Why the step missed the goal.
     pub why: Vec<String>,
-    /// Whether it confirmed a result.
+    /// Whether the step was to confirm a result.
     pub confirms: bool,
     /// 99th percentile of latencies, milliseconds.
     pub p99_ms: f64,

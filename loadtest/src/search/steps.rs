@@ -1,4 +1,4 @@
-//! The search as a pure state machine: it names the next level, and takes the result.
+//! The search as a pure state machine. It returns the next level to try, and takes the result.
 
 /// Limits of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,15 +9,15 @@ pub struct SearchLimits {
     pub least: f64,
     /// No level above this is tried.
     pub most: f64,
-    /// The search ends once the highest level that holds and the lowest that does not are this
-    /// near, as a share of the former.
+    /// Precision: the search ends when the highest level that holds and the lowest that does not
+    /// differ by at most this share of the former.
     pub within: f64,
     /// Levels are whole multiples of this.
     pub step: f64,
-    /// Times that the result must hold again.
+    /// Number of further runs in which the result must hold.
     pub confirmations: u32,
-    /// Tries of a level, at least 1, until it counts as one that does not hold, because machines
-    /// have hiccups. A confirmation has one try.
+    /// Number of failed runs, at least 1, after which a level does not hold. Above 1 the search
+    /// ignores single disturbances of the machine. A confirmation has one run.
     pub tries: u32,
 }
 
@@ -31,12 +31,12 @@ pub enum Next {
         /// Whether it held before and is being confirmed.
         confirms: bool,
     },
-    /// The end, with the highest level that held each time. None if no level did.
+    /// The search has ended, with the highest level that held each time. None if no level did.
     Done(Option<f64>),
 }
 
-/// Doubles until a level does not hold, halves the distance until it is small, and then confirms. A
-/// level that fails its confirmation counts as one that does not hold.
+/// A search. It doubles the level until it does not hold, then halves the distance until it is
+/// small, and then confirms the result. A level that fails its confirmation does not hold.
 #[derive(Debug, Clone)]
 pub struct Search {
     limits: SearchLimits,
@@ -50,7 +50,7 @@ pub struct Search {
 }
 
 impl Search {
-    /// A search that begins with the first level.
+    /// Makes a search that begins with the first level.
     pub fn new(limits: SearchLimits) -> Self {
         let level = round(&limits, limits.first);
         Self {
@@ -89,7 +89,7 @@ impl Search {
             (true, false) => self.holds = Some((level, 1)),
             (false, _) => {
                 self.fails = Some(self.fails.map_or(level, |fails| fails.min(level)));
-                // The true level is lower, but how far is unknown.
+                // After a failed confirmation the true level is lower, by an unknown distance.
                 self.holds = self.holds.filter(|_| !confirms);
             }
         }
@@ -111,7 +111,7 @@ impl Search {
                 if fails <= round(limits, limits.least) {
                     return Next::Done(None);
                 }
-                // After a failed confirmation it goes down a little, else far.
+                // After a failed confirmation the next level is a little lower, otherwise half.
                 let lower = if self.fails_near() {
                     fails * (1.0 - limits.within.clamp(0.01, 0.5))
                 } else {
@@ -135,14 +135,13 @@ impl Search {
         }
     }
 
-    /// Whether a level near the lowest that did not hold has held before, so that its confirmation
-    /// failed.
+    /// Whether the last step was a confirmation that failed. The level below may then still hold.
     fn fails_near(&self) -> bool {
         matches!(self.next, Next::Try { confirms: true, .. })
     }
 }
 
-/// A level that may be tried: a multiple of the step within the limits.
+/// Rounds a level to a multiple of the step, within the limits.
 fn round(limits: &SearchLimits, level: f64) -> f64 {
     let steps = (level / limits.step).round();
     (steps * limits.step).clamp(limits.least, limits.most)
@@ -192,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn where_the_first_is_too_much_it_goes_down() {
+    fn it_goes_down_if_the_first_level_is_too_high() {
         let (_, found) = run(limits(), |level| level <= 7.0);
         assert_eq!(found, Some(7.0));
         let (tried, found) = run(limits(), |_| false);
@@ -207,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hiccup_is_forgiven_where_there_are_several_tries() {
+    fn several_tries_ignore_a_single_disturbance() {
         let limits = SearchLimits { tries: 2, ..limits() };
         let mut first = true;
         let (tried, found) = run(limits, |level| level <= 430.0 && !std::mem::take(&mut first));
@@ -218,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_hold_again_is_given_up() {
+    fn a_level_that_fails_its_confirmation_does_not_hold() {
         // 400 holds only the first two times.
         let mut times = 0;
         let (tried, found) = run(limits(), |level| {
@@ -231,7 +230,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_finds_what_a_server_can_do(can in 1.0..9000.0_f64, first in 1.0..5000.0_f64, step in prop::sample::select(vec![0.5, 1.0, 10.0])) {
+        fn it_finds_the_highest_level_of_a_server(can in 1.0..9000.0_f64, first in 1.0..5000.0_f64, step in prop::sample::select(vec![0.5, 1.0, 10.0])) {
             let limits = SearchLimits { first, step, least: step, ..limits() };
             let (tried, found) = run(limits, |level| level <= can);
             match found {
@@ -245,7 +244,7 @@ mod tests {
         }
 
         #[test]
-        fn a_server_with_moods_does_not_keep_it_for_ever(moods in prop::collection::vec(any::<bool>(), 300)) {
+        fn a_server_with_random_results_does_not_stop_it_from_ending(moods in prop::collection::vec(any::<bool>(), 300)) {
             let mut moods = moods.into_iter().cycle();
             let mut search = Search::new(limits());
             let mut steps = 0;

@@ -1,5 +1,5 @@
-//! Answers to in-betweening requests, decoded as far as needed: the frame count of each character
-//! and the server's timing always, everything else of a sample.
+//! Reads answers to in-betweening requests. Of every answer it reads the frame counts and the
+//! server's timing. Only a sample of the answers is decoded in full.
 
 use bytes::Bytes;
 use prost::Message as _;
@@ -8,7 +8,7 @@ use troupe_proto::v1;
 
 use crate::measure::{Answer, Outcome};
 
-/// An answer of which only lengths and times are read. Frames are skipped.
+/// The part of an answer that is always read: frame counts and timing.
 #[derive(Clone, PartialEq, prost::Message, Deserialize)]
 #[serde(default)]
 struct Lean {
@@ -36,7 +36,7 @@ struct LeanFrames {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Expected {
     pub(super) characters: u32,
-    /// Frames of all characters together. None if the model chooses.
+    /// Number of frames of all characters together. None if the model chooses it.
     pub(super) frames: Option<u64>,
 }
 
@@ -47,7 +47,7 @@ pub(super) enum Form {
     Json,
 }
 
-/// Reads the parts of an answer that always count.
+/// Reads frame counts and timing of an answer, and compares the counts with the expected ones.
 pub(super) fn read(body: Bytes, form: Form, expected: Expected) -> Outcome {
     let bytes = body.len() as u64;
     let lean = match form {
@@ -89,15 +89,15 @@ pub(super) fn wrong(code: &'static str, message: String) -> Outcome {
     }
 }
 
-/// Most distance of a frame from its keyframe, metres.
+/// Maximum distance of a frame's root from that of its keyframe, metres.
 const KEYFRAME_TOLERANCE_M: f32 = 2e-3;
-/// Most difference of a rotation's length from 1.
+/// Maximum difference of a rotation's length from 1.
 const LENGTH_TOLERANCE: f32 = 1e-3;
 
-/// Reads a whole answer, and checks it against its request.
+/// Decodes an answer in full, and checks it against its request.
 ///
 /// # Errors
-/// A sentence about the first mistake.
+/// A sentence about the first fault.
 pub(super) fn check(body: &Bytes, form: Form, request: &v1::InBetweenRequest) -> Result<(), String> {
     let answer = match form {
         Form::Protobuf => v1::InBetweenResponse::decode(body.clone()).map_err(|e| e.to_string())?,
@@ -130,7 +130,7 @@ fn check_frames(asked: &v1::Character, frames: &v1::Frames) -> Result<(), String
     length("rotations", frames.rotations.len(), count * joints * 4)?;
     let unit = |q: &[f32; 4]| (q.iter().map(|v| v * v).sum::<f32>().sqrt() - 1.0).abs() < LENGTH_TOLERANCE;
     if let Some(place) = frames.rotations.as_chunks::<4>().0.iter().position(|q| !unit(q)) {
-        return Err(format!("rotation {place} has not unit length"));
+        return Err(format!("the length of rotation {place} is not 1"));
     }
     if frames.root_positions.iter().any(|v| !v.is_finite()) {
         return Err("a root position is not finite".to_owned());
@@ -145,7 +145,7 @@ fn check_frames(asked: &v1::Character, frames: &v1::Frames) -> Result<(), String
         let off = [place.x - root[0], place.y - root[1], place.z - root[2]];
         let off = off.iter().map(|v| v * v).sum::<f32>().sqrt();
         if off > KEYFRAME_TOLERANCE_M {
-            return Err(format!("a keyframe is missed by {off} m"));
+            return Err(format!("a frame is {off} m from its keyframe"));
         }
     }
     Ok(())
@@ -241,11 +241,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_an_answer_is_found() {
+    fn faults_of_an_answer_are_found() {
         type Breaks = fn(&mut v1::Frames);
         let broken: [(Breaks, &str); 4] = [
-            (|f| f.rotations[5] = 0.5, "unit length"),
-            (|f| f.root_positions[8] = 0.3, "missed by"),
+            (|f| f.rotations[5] = 0.5, "the length of rotation"),
+            (|f| f.root_positions[8] = 0.3, "from its keyframe"),
             (|f| f.root_positions[4] = f32::INFINITY, "finite"),
             (|f| f.rotations.truncate(8), "8 numbers instead of 12"),
         ];

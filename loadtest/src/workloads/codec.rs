@@ -1,11 +1,11 @@
-//! A gRPC codec for messages as plain bytes. A load tester on the machine of its server should not
-//! spend processor time on encoding.
+//! A gRPC codec that passes messages as plain bytes. So the load tester spends no processor time on
+//! encoding, which matters if it shares a machine with the server.
 
 use bytes::{Buf as _, BufMut as _, Bytes};
 use tonic::Status;
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 
-/// Bytes as they are, both ways.
+/// Passes bytes unchanged in both directions.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Raw;
 

@@ -5,13 +5,14 @@ use troupe_client::{ConnectOptions, KeyedChannel, channel};
 use crate::failure::Failure;
 use crate::plan::Plan;
 
-/// Largest answer that is accepted, bytes.
+/// Maximum size of an answer, bytes.
 pub(super) const MOST_ANSWER_BYTES: usize = 256 << 20;
-/// HTTP/2 windows, large enough that no answer waits for window updates.
+/// HTTP/2 windows. They are large, so that answers do not wait for window updates.
 const STREAM_WINDOW_BYTES: u32 = 4 << 20;
 const CONNECTION_WINDOW_BYTES: u32 = 64 << 20;
 
-/// Opens the connections of a plan. Requests have their own time limit, within that of connections.
+/// Opens the connections of a plan. Requests have a time limit of their own, so that of a
+/// connection is twice as long.
 pub(super) async fn channels(plan: &Plan) -> Result<Vec<KeyedChannel>, Failure> {
     let options = ConnectOptions {
         request_timeout: plan.timeout() * 2,

@@ -1,4 +1,4 @@
-//! Live characters on the server's clock: a few streams with many characters each.
+//! Live characters with the server's clock: a few streams with many characters each.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -23,9 +23,10 @@ use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
 use crate::plan::{Live, Plan, Share};
 
-/// Messages to the server that may wait. Without room for another, characters make no decisions.
+/// Maximum number of waiting messages to the server. While the queue is full, characters make no
+/// decisions.
 const QUEUE: usize = 16;
-/// Longest time for a stream to end after the load.
+/// Maximum time for a stream to end after the load.
 const GOODBYE: Duration = Duration::from_secs(5);
 
 /// A share of the characters, ready to be attached to streams.
@@ -70,7 +71,7 @@ struct Stream {
     walkers: Vec<Walker>,
     /// Index of the walker in each slot of the stream.
     slots: HashMap<u32, usize>,
-    /// The time at which tick 0 was due, by the earliest of all ticks.
+    /// Estimated time at which tick 0 was due, from the tick with the least delay.
     first_due: Option<Instant>,
     last: Option<(u64, Instant)>,
 }
@@ -131,7 +132,11 @@ impl Stream {
                     let why = closing.reason.unwrap_or_default();
                     return Err(tonic::Status::aborted(why.message));
                 }
-                None => return Err(tonic::Status::aborted("the stream ended without a word")),
+                None => {
+                    return Err(tonic::Status::aborted(
+                        "the stream ended without a closing message",
+                    ));
+                }
             }
         }
         drop(asks);
@@ -231,8 +236,8 @@ impl Stream {
         });
     }
 
-    /// Reads the places of all characters of a tick. Gives their number, and the bytes of their
-    /// frames.
+    /// Reads the positions of all characters in a tick. Returns the number of characters and the
+    /// size of their frames in bytes.
     fn read(
         &mut self,
         frames: &v1::DriveFrames,
@@ -262,9 +267,9 @@ impl Stream {
         Ok((here, bytes))
     }
 
-    /// Sends the decisions of characters since the last tick.
+    /// Sends the commands of characters that are due to decide.
     fn command(&mut self, asks: &mpsc::Sender<v1::DriveRequest>, now: Instant) {
-        // Without room they decide at a later tick.
+        // If the queue is full, they decide at a later tick.
         let Ok(room) = asks.try_reserve() else { return };
         let at = now.saturating_duration_since(self.recorder.clock().start());
         let attached = self.slots.len() == self.walkers.len();
@@ -290,6 +295,6 @@ fn request(message: Ask) -> v1::DriveRequest {
 /// Waits until the server has released the stream's sessions.
 async fn goodbye(mut answers: Streaming<v1::DriveResponse>) {
     let rest = async { while let Ok(Some(_)) = answers.message().await {} };
-    // A stream that does not end is cut.
+    // A stream that does not end in time is dropped.
     let _ = tokio::time::timeout(GOODBYE, rest).await;
 }

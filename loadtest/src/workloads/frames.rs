@@ -1,11 +1,11 @@
-//! Frames of live characters, decoded as far as needed: the places of roots always, rotations of a
+//! Reads frames of live characters. It always decodes root positions, and rotations only for a
 //! sample.
 
 use glam::Vec3;
 use troupe_motion::codec;
 use troupe_proto::v1;
 
-/// Most difference of a rotation's length from 1.
+/// Maximum difference of a rotation's length from 1.
 const LENGTH_TOLERANCE: f32 = 1e-3;
 
 /// Why a block breaks the protocol.
@@ -17,13 +17,13 @@ pub(super) enum BlockError {
         got: usize,
         wanted: usize,
     },
-    #[error("rotation {0} has not unit length")]
+    #[error("the length of rotation {0} is not 1")]
     Rotation(usize),
     #[error("a root is not finite")]
     Root,
 }
 
-/// A block of frames with columns of the right lengths.
+/// A block of frames whose columns have the right lengths.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block<'a> {
     message: &'a v1::FrameBlock,
@@ -56,15 +56,15 @@ impl<'a> Block<'a> {
         Ok(Self { message, frames })
     }
 
-    /// Bytes of its frames on the wire.
+    /// Size of the frames on the wire, bytes.
     pub(super) fn bytes(&self) -> u64 {
         let of = self.message;
         let floats = of.root_positions.len() + of.rotations.len() + of.positions.len();
         (floats * 4 + of.packed_roots.len() + of.packed_rotations.len() + of.contacts.len()) as u64
     }
 
-    /// Root of each character in its last frame, metres. Sessions of a load test use the native
-    /// convention.
+    /// Slot and root position of each character in its last frame, metres. Sessions of a load test
+    /// use the native convention.
     pub(super) fn places(&self) -> impl Iterator<Item = (u32, Vec3)> + '_ {
         let last = self.frames.saturating_sub(1);
         let slots = self.message.slots.iter().enumerate();
@@ -83,7 +83,7 @@ impl<'a> Block<'a> {
         floats.get(row).map_or(Vec3::ZERO, |&v| Vec3::from_array(v))
     }
 
-    /// Decodes and checks everything.
+    /// Decodes and checks all rotations and roots.
     pub(super) fn check(&self) -> Result<(), BlockError> {
         let unit = |length: f32| (length - 1.0).abs() < LENGTH_TOLERANCE;
         let mut rotations = Vec::new();
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_found() {
+    fn faults_of_a_block_are_found() {
         let mut message = block(true);
         message.packed_rotations.truncate(12);
         assert!(matches!(

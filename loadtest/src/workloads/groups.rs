@@ -1,4 +1,4 @@
-//! Live characters in groups, each with a connection.
+//! Live characters in groups. Each group uses one connection.
 
 use troupe_client::KeyedChannel;
 
@@ -18,7 +18,7 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// Opens the share's characters, and splits them over its share of the load's streams.
+    /// Opens the sessions of the share's characters, and splits them into groups, one per stream.
     pub(super) async fn open(plan: &Plan, live: &Live, share: Share) -> Result<Self, Failure> {
         let channels = channels(plan).await?;
         let (opened, pack, walkers) = open_walkers(plan, live, share).await?;
@@ -48,7 +48,7 @@ impl Groups {
     }
 }
 
-/// Parts of nearly equal size, in order.
+/// Splits a list into parts of nearly equal size, in order.
 fn split<T>(mut whole: Vec<T>, parts: usize) -> Vec<Vec<T>> {
     let mut split = Vec::with_capacity(parts);
     for left in (1..=parts).rev() {

@@ -1,4 +1,4 @@
-//! InBetween over gRPC.
+//! Requests to `InBetween` over gRPC.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -16,10 +16,10 @@ use crate::loops::Target;
 use crate::measure::Outcome;
 use crate::plan::Plan;
 
-/// Path of the gRPC procedure.
+/// Path of the gRPC method.
 const IN_BETWEEN: PathAndQuery = PathAndQuery::from_static("/troupe.v1.Motion/InBetween");
 
-/// Requests over a few connections.
+/// Sends requests over a few connections.
 #[derive(Debug)]
 pub struct Grpc {
     channels: Vec<KeyedChannel>,
@@ -75,7 +75,7 @@ impl Target for Grpc {
     }
 }
 
-/// The outcome for a status.
+/// The outcome of a request that failed with `status`.
 pub(super) fn from_status(status: &Status) -> Outcome {
     let name = name(status.code());
     if status.code() == Code::ResourceExhausted {
@@ -84,7 +84,7 @@ pub(super) fn from_status(status: &Status) -> Outcome {
     wrong(name, status.message().to_owned())
 }
 
-/// The names of the codes as the protocol writes them.
+/// The name of a code in the gRPC specification.
 fn name(code: Code) -> &'static str {
     match code {
         Code::Ok => "OK",

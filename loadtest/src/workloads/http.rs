@@ -1,4 +1,4 @@
-//! InBetween as JSON, and posts of bytes to any HTTP server.
+//! Requests to `InBetween` as JSON, and POST requests with prepared bytes to any HTTP server.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -20,16 +20,17 @@ use crate::loops::Target;
 use crate::measure::{Answer, Outcome};
 use crate::plan::Plan;
 
-/// Longest wait for a connection.
+/// Maximum wait for a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Posts over HTTP/1.1, with a connection for each request in flight. Connections are reused.
+/// Sends POST requests over HTTP/1.1. Each request in flight has a connection. Connections are
+/// reused.
 #[derive(Debug)]
 pub struct Http {
     client: Client<HttpsConnector<HttpConnector>, Full<Bytes>>,
     uri: Uri,
     headers: HeaderMap,
-    /// None: only the length of the body is read.
+    /// `None`: only the length of an answer's body is checked.
     form: Option<Form>,
     set: RequestSet,
     timeout: Duration,
@@ -41,7 +42,7 @@ impl Http {
         let address = format!("{}/v1/inbetween", plan.server.trim_end_matches('/'));
         let mut headers = HeaderMap::new();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
-        // Only here, because plain posts may go to servers that the key is not for.
+        // The key is only for Troupe. Plain requests may go to other servers.
         if let Some(bearer) = plan.access.bearer()? {
             headers.insert(header::AUTHORIZATION, bearer);
         }
@@ -70,7 +71,7 @@ impl Http {
     ) -> Result<Self, Failure> {
         let uri: Uri = address
             .parse()
-            .map_err(|e| Failure::Input(format!("{address:?} is no address: {e}")))?;
+            .map_err(|e| Failure::Input(format!("{address:?} is not an address: {e}")))?;
         if !matches!(uri.scheme_str(), Some("http" | "https")) || uri.host().is_none() {
             return Err(Failure::option(
                 "--server",
@@ -164,7 +165,7 @@ impl Http {
     }
 }
 
-/// An answer with a known length only.
+/// The outcome of an answer of which only the length is known.
 fn plain(body: &Bytes, item: &Item) -> Outcome {
     let bytes = body.len() as u64;
     if let Some(wanted) = item.answer_bytes.filter(|&wanted| wanted != bytes) {

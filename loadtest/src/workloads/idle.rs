@@ -1,4 +1,4 @@
-//! Open sessions without any call. They show the memory of a session on the server.
+//! Open sessions without any calls. They show how much memory the server needs for a session.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::measure::Recorder;
 use crate::plan::{Plan, Share};
 
-/// A share of the sessions, open.
+/// The open sessions of a share.
 #[derive(Debug)]
 pub struct Idle {
     opened: Opened,

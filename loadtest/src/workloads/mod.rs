@@ -24,18 +24,18 @@ use crate::plan::{Load, Plan, Protocol, Share, Workload};
 
 pub use requests::{Item, RequestSet};
 
-/// A workload that is ready to begin: connected, requests encoded, sessions open.
+/// A workload that is ready to start. Connections and sessions are open, requests are encoded.
 #[derive(Debug)]
 pub enum Prepared {
     /// Single requests over gRPC.
     Grpc(Arc<grpc::Grpc>),
     /// Single requests over HTTP.
     Http(Arc<http::Http>),
-    /// Live characters on the server's clock.
+    /// Live characters with the server's clock.
     Drive(drive::Drive),
-    /// Live characters on this client's clock.
+    /// Live characters with this client's clock.
     Step(step::Step),
-    /// Sessions that are open.
+    /// Open sessions without any calls.
     Idle(idle::Idle),
 }
 
@@ -68,10 +68,10 @@ pub async fn prepare(plan: &Plan, share: Share) -> Result<Prepared, Failure> {
 }
 
 impl Prepared {
-    /// Makes the load by the recorder's clock, and returns after all answers.
+    /// Runs the load by the recorder's clock, and returns after all answers.
     ///
     /// # Errors
-    /// See [`Failure`]. Failed requests and sessions are recorded, and no failure.
+    /// See [`Failure`]. Failed requests and sessions are recorded and do not cause an error.
     pub async fn carry_out(self, plan: &Plan, share: Share, recorder: &Arc<Recorder>) -> Result<(), Failure> {
         match self {
             Self::Grpc(target) => calls(plan, share, target, recorder).await,
@@ -115,7 +115,7 @@ async fn calls<T: Target>(
     Ok(())
 }
 
-/// The stages after the warm-up.
+/// The stages with a warm-up before them.
 fn warmed(stages: &Stages, plan: &Plan) -> Stages {
     stages.clone().after_hold(plan.warmup_s)
 }

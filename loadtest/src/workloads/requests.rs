@@ -1,4 +1,4 @@
-//! Requests, made and encoded before the load begins.
+//! Requests, which are generated and encoded before the load begins.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,13 +25,14 @@ const FOLDER_VERSION: u32 = 1;
 pub struct Item {
     /// Bytes to send.
     pub body: Bytes,
-    /// Characters in it.
+    /// Number of characters.
     pub characters: u32,
-    /// Frames that a right answer holds, of all characters together. None if the model chooses.
+    /// Number of frames in a right answer, of all characters together. `None` if the model chooses
+    /// it.
     pub frames: Option<u64>,
-    /// Length of a right answer, if it is known.
+    /// Length of a right answer, if known.
     pub answer_bytes: Option<u64>,
-    /// The request itself, to check answers against.
+    /// The decoded request, to check answers against. `None` for other servers.
     pub request: Option<v1::InBetweenRequest>,
 }
 
@@ -44,7 +45,7 @@ impl Item {
     }
 }
 
-/// Requests that are sent in turn.
+/// All requests of a load, which are sent in turn.
 #[derive(Debug)]
 pub struct RequestSet {
     items: Vec<Item>,
@@ -53,7 +54,7 @@ pub struct RequestSet {
 }
 
 impl RequestSet {
-    /// A set of requests. None without a request.
+    /// Makes a set of requests. `None` if `items` is empty.
     pub fn new(items: Vec<Item>, verify_every: u32) -> Option<Self> {
         (!items.is_empty()).then(|| Self {
             items,
@@ -66,7 +67,7 @@ impl RequestSet {
         &self.items[(number % self.items.len() as u64) as usize]
     }
 
-    /// Whether to check the whole answer of this number.
+    /// Whether to fully check answer number `number`.
     pub(super) fn is_sample(&self, number: u64) -> bool {
         self.verify_every > 0 && number.is_multiple_of(self.verify_every)
     }
@@ -75,19 +76,19 @@ impl RequestSet {
         self.verified.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Right answers that were checked whole.
+    /// Number of right answers that were fully checked.
     pub(super) fn verified(&self) -> u64 {
         self.verified.load(Ordering::Relaxed)
     }
 }
 
-/// Makes or reads the requests of a plan, in the form of its protocol.
+/// Generates or reads the requests of a plan, in the form of its protocol.
 pub(super) async fn load(plan: &Plan, protocol: &Protocol, of: &Requests) -> Result<RequestSet, Failure> {
     let items = match &of.folder {
         Some(folder) => from_folder(folder, protocol)?,
         None if matches!(protocol, Protocol::Http { .. }) => {
             return Err(Failure::Input(
-                "--workload http needs --requests FOLDER, which holds the bodies to post".to_owned(),
+                "--workload http needs --requests FOLDER, which has the bodies to send".to_owned(),
             ));
         }
         None => {
@@ -104,7 +105,7 @@ pub(super) async fn load(plan: &Plan, protocol: &Protocol, of: &Requests) -> Res
         .ok_or_else(|| Failure::Input("there are no requests to send".to_owned()))
 }
 
-/// A request in the form of its protocol.
+/// Encodes a request in the form of its protocol.
 fn encoded(request: v1::InBetweenRequest, protocol: &Protocol) -> Result<Item, Failure> {
     let body = match protocol {
         Protocol::Json => serde_json::to_vec(&request)
@@ -129,7 +130,7 @@ fn read_clip(path: Option<&Path>, pack: &Pack) -> Result<Clip, Failure> {
     let fault = |why: String| match path {
         Some(path) => Failure::file(path, why),
         None => Failure::Input(format!(
-            "the built-in walk does not fit the pack {:?}, name a clip with --clip: {why}",
+            "the built-in walk does not fit the pack {:?}; set another clip with --clip: {why}",
             pack.name()
         )),
     };
@@ -138,7 +139,7 @@ fn read_clip(path: Option<&Path>, pack: &Pack) -> Result<Clip, Failure> {
         None => WALK.to_vec(),
     };
     let file = bvh::parse_bytes(&bytes).map_err(|e| fault(e.to_string()))?;
-    // It is in centimetres, like most BVH files. Its bones may differ from the pack's.
+    // The default unit is the centimetre, as in most BVH files. Bones may differ from the pack's.
     let options = BvhOptions {
         max_offset_error_m: f32::INFINITY,
         ..BvhOptions::default()
@@ -155,7 +156,7 @@ fn read_clip(path: Option<&Path>, pack: &Pack) -> Result<Clip, Failure> {
     clip.resample(pack.fps()).map_err(|e| fault(e.to_string()))
 }
 
-/// Requests whose keyframes begin at different frames of the clip.
+/// Generates requests. Their keyframes begin at different frames of the clip.
 fn made(clip: &Clip, pack: &Pack, of: &Requests, seed: u64) -> Result<Vec<v1::InBetweenRequest>, Failure> {
     let length = of.frames as usize;
     let allowed = pack.segment_frames();
@@ -175,8 +176,8 @@ fn made(clip: &Clip, pack: &Pack, of: &Requests, seed: u64) -> Result<Vec<v1::In
         )));
     }
     let character = |number: u64| {
-        // The stride of 7 visits every start before it repeats one, because 7 shares no factor with
-        // most numbers.
+        // The stride of 7 visits every start before it repeats one, unless the number of starts is
+        // a multiple of 7.
         let start = (number.wrapping_mul(7) % starts) as usize;
         let gap = InBetween::from_clip(clip, start + context - 1, start + length - 1)?
             .id(number.to_string())
@@ -205,11 +206,11 @@ struct Folder {
 
 #[derive(Debug, Deserialize)]
 struct FolderItem {
-    /// A serialised `troupe.v1.InBetweenRequest`.
+    /// File of a serialised `troupe.v1.InBetweenRequest`.
     grpc: Option<String>,
-    /// The body of the same request for a plain HTTP server.
+    /// File of the same request's body for a plain HTTP server.
     body: Option<String>,
-    /// Frames that a right answer holds.
+    /// Number of frames in a right answer.
     frames: Option<u64>,
     /// Length of a right answer over plain HTTP.
     answer_bytes: Option<u64>,
@@ -249,7 +250,7 @@ fn from_folder(folder: &Path, protocol: &Protocol) -> Result<Vec<Item>, Failure>
             });
         }
         let request = v1::InBetweenRequest::decode(bytes.as_slice())
-            .map_err(|e| Failure::file(&file, format_args!("this is no InBetweenRequest: {e}")))?;
+            .map_err(|e| Failure::file(&file, format_args!("this is not an InBetweenRequest: {e}")))?;
         let made = encoded(request, protocol)?;
         Ok(Item {
             frames: item.frames.or(made.frames),

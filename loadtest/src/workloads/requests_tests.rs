@@ -43,7 +43,7 @@ fn a_folder_gives_the_same_problem_in_every_form() {
 }
 
 #[test]
-fn what_is_wrong_with_a_folder_is_told() {
+fn errors_of_a_folder_name_the_file_and_the_field() {
     for (list, wanted) in [
         ("{", "EOF"),
         (r#"{"version": 2, "requests": []}"#, "version is 2; allowed: 1"),
@@ -54,7 +54,7 @@ fn what_is_wrong_with_a_folder_is_told() {
         (r#"{"version": 1, "requests": [{"grpc": "no.pb"}]}"#, "no.pb"),
         (
             r#"{"version": 1, "requests": [{"grpc": "0.bin"}]}"#,
-            "no InBetweenRequest",
+            "not an InBetweenRequest",
         ),
     ] {
         let folder = folder(list);

@@ -12,12 +12,12 @@ use crate::failure::Failure;
 use crate::measure::{Clock, PlanStats, Recorder};
 use crate::plan::{Live, Plan, Share};
 
-/// Time that a session outlives a load tester that went away.
+/// A session lives for this long after the planned end of the load, if the load tester is killed.
 const TTL_MARGIN: Duration = Duration::from_secs(60);
-/// Longest time to live on a server.
+/// Maximum time to live that a server allows.
 const MOST_TTL: Duration = Duration::from_secs(86_400);
 
-/// Open sessions, for counting and closing.
+/// The ids of all sessions that this process opened.
 #[derive(Debug, Clone)]
 pub(super) struct Opened {
     client: Client,
@@ -33,18 +33,18 @@ pub(super) async fn client(plan: &Plan) -> Result<Client, Failure> {
     Ok(Client::connect_with(&plan.server, options).await?)
 }
 
-/// Time to live of a session that must outlast a load without a call.
+/// Time to live of a session, so that it survives the load even without a call.
 fn ttl(plan: &Plan) -> Duration {
     (plan.warmup() + plan.measured() + TTL_MARGIN).min(MOST_TTL)
 }
 
-/// The priority of character number `nth`. Priorities are spread evenly over any number of
-/// characters, as the fractions of multiples of the golden ratio.
+/// The priority of character number `nth`: the fraction of a multiple of the golden ratio. Such
+/// priorities are spread evenly for any number of characters.
 fn priority(nth: u32) -> f32 {
     (f64::from(nth) * 0.618_033_988_749_895).fract() as f32
 }
 
-/// Opens a share of a plan's characters, each at its own place, with a walker each.
+/// Opens the sessions of a share's characters, each at its own place, and makes a walker for each.
 pub(super) async fn open_walkers(
     plan: &Plan,
     live: &Live,
@@ -84,7 +84,7 @@ pub(super) async fn open_walkers(
     Ok((Opened::new(client, &sessions), pack, walkers))
 }
 
-/// Opens sessions that stand.
+/// Opens sessions without walkers.
 pub(super) async fn open_idle(plan: &Plan, pack: &str, count: u32) -> Result<Opened, Failure> {
     let client = client(plan).await?;
     let pack = client.pack(pack).await?;
@@ -112,7 +112,8 @@ impl Opened {
         Ok(open.into_iter().filter(|s| self.ids.contains(&s.id)))
     }
 
-    /// Watches the sessions while `tasks` make the load, and closes them afterwards.
+    /// Reads the counts of the sessions while `tasks` run the load, and closes the sessions
+    /// afterwards.
     pub(super) async fn see_through(
         self,
         mut tasks: JoinSet<()>,
@@ -126,7 +127,7 @@ impl Opened {
         closed
     }
 
-    /// Reads the counts of the sessions at both ends of the measured time, and gives the
+    /// Reads the counts of the sessions at both ends of the measured time, and returns the
     /// difference.
     async fn follow(&self, clock: &Clock) -> Result<PlanStats, Failure> {
         tokio::time::sleep_until(clock.measured_from()).await;
@@ -144,12 +145,12 @@ impl Opened {
         Ok(sum)
     }
 
-    /// Records a fault for each session that is not open any more.
+    /// Records a fault if sessions are no longer open.
     pub(super) async fn check(&self, recorder: &Recorder) -> Result<(), Failure> {
         let open = self.now().await?.count();
         let lost = self.ids.len().saturating_sub(open) as u64;
         if lost > 0 {
-            recorder.fault("SESSION_LOST", &format!("{lost} sessions are open no more"));
+            recorder.fault("SESSION_LOST", &format!("{lost} sessions are no longer open"));
         }
         recorder.live(|live| live.faults += lost);
         Ok(())

@@ -1,4 +1,4 @@
-//! Live characters on this client's clock: groups that are stepped by one frame again and again.
+//! Live characters with this client's clock: each call steps a group of characters by one frame.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -74,7 +74,7 @@ struct Group {
     rate_hz: u32,
     compact: bool,
     period: Duration,
-    /// Phase of its steps within a period. It keeps groups out of step with each other.
+    /// Offset of the group's steps within a period, so that groups do not step at the same time.
     phase: Duration,
     paced: bool,
     timeout: Duration,

@@ -13,15 +13,16 @@ use troupe_proto::v1::Style;
 use crate::failure::Failure;
 use crate::plan::Live;
 
-/// Side of the square in which they stay, metres.
+/// Side of the square in which characters stay, metres.
 const SQUARE_M: f32 = 30.0;
 /// Share of commands to stand.
 const STANDS: f64 = 0.15;
-/// Share of commands to face aside of the way.
+/// Share of commands to face away from the direction of walking.
 const LOOKS_ASIDE: f64 = 0.1;
-/// Speed below which a character counts as standing, m/s, because hips sway a little even then.
+/// Below this speed, a character counts as standing, m/s. It is above 0, because hips sway a
+/// little.
 const STANDS_BELOW_MPS: f32 = 0.15;
-/// Share of the commanded speed from which on a character counts as moving.
+/// From this share of the commanded speed on, a character counts as moving.
 const MOVES_FROM: f32 = 0.25;
 /// Mean time between two sentences of a performer, seconds.
 const SENTENCE_EVERY_S: f64 = 6.0;
@@ -34,10 +35,10 @@ const SENTENCES: [&str; 4] = [
     "someone dances",
     "a tired person sits down",
 ];
-/// Share of a new frame in the smoothed speed.
+/// Weight of a new frame in the smoothed speed, 0 to 1.
 const SMOOTHING: f32 = 0.5;
 
-/// The styles of a pack that go anywhere, or the named ones.
+/// The styles of a pack that move from place to place: all of them, or those named in `wanted`.
 pub(super) async fn styles(client: &Client, pack: &Pack, wanted: &[String]) -> Result<Vec<Style>, Failure> {
     let all = client.styles(pack).await?.styles;
     if let Some(unknown) = wanted.iter().find(|name| !all.iter().any(|s| s.name == **name)) {
@@ -50,19 +51,19 @@ pub(super) async fn styles(client: &Client, pack: &Pack, wanted: &[String]) -> R
         .collect::<Vec<_>>();
     if chosen.is_empty() {
         return Err(Failure::Input(
-            "none of these styles can go anywhere; allowed: at least one that can".to_owned(),
+            "--styles has only styles that stay in place; allowed: at least one that moves".to_owned(),
         ));
     }
     Ok(chosen)
 }
 
-/// Whether number `nth` of a crowd performs. Performers are spread evenly.
+/// Whether character number `nth` of a crowd performs. Performers are spread evenly.
 fn is_performer(nth: u32, share: f64) -> bool {
     let before = |count: u32| (f64::from(count) * share).floor();
     before(nth + 1) > before(nth)
 }
 
-/// A character and its intent.
+/// A character that wanders about.
 #[derive(Debug)]
 pub(super) struct Walker {
     /// Id of its session.
@@ -74,14 +75,14 @@ pub(super) struct Walker {
     heading: f32,
     velocity: Vec3,
     every_s: f64,
-    /// Whether it acts out sentences, once it walks.
+    /// Whether it acts out sentences after its first command to walk.
     performs: bool,
     decides_at: Option<Duration>,
     sequence: u64,
     setting_off: Option<SettingOff>,
 }
 
-/// A standing character that was commanded to go.
+/// The start of a character that stood when it got a command to walk.
 #[derive(Debug)]
 struct SettingOff {
     commanded: Instant,
@@ -89,7 +90,7 @@ struct SettingOff {
 }
 
 impl Walker {
-    /// Character number `nth` of a crowd.
+    /// Makes character number `nth` of a crowd.
     pub(super) fn new(seed: u64, nth: u32, styles: &[Style], live: &Live) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(u64::from(nth));
@@ -97,7 +98,8 @@ impl Walker {
         let mut coordinate = || (random.random::<f32>() - 0.5) * SQUARE_M;
         let place = Vec3::new(coordinate(), 0.0, coordinate());
         let every_s = live.command_every_s;
-        // The first commands are spread, else all characters would plan at the same time for ever.
+        // The first commands are spread over time. Otherwise all characters would always plan at
+        // the same time.
         let first = random.random_range(0.0..if every_s > 0.0 { every_s } else { 1.0 });
         Self {
             id: String::new(),
@@ -115,7 +117,7 @@ impl Walker {
         }
     }
 
-    /// Options of its session.
+    /// Options of the character's session.
     pub(super) fn options(&self, seed: u64) -> SessionOptions {
         SessionOptions::new()
             .seed(seed)
@@ -123,7 +125,7 @@ impl Walker {
             .at(self.place, self.heading)
     }
 
-    /// Its next decision, if one is due. `at` is the time since the start of the load.
+    /// The next command, if one is due. `at` is the time since the start of the load.
     pub(super) fn decide(&mut self, at: Duration, now: Instant) -> Option<v1::Command> {
         if at < self.decides_at? {
             return None;
@@ -157,9 +159,9 @@ impl Walker {
         Duration::from_secs_f64(mean_s * self.random.random_range(0.5..1.5))
     }
 
-    /// Acts out a sentence.
+    /// The command to act out a sentence.
     fn perform(&mut self, at: Duration) -> v1::Command {
-        // It waits until the last one is over.
+        // The next sentence begins only after this one has ended.
         let rest = SENTENCE_EVERY_S - f64::from(SENTENCE_S);
         self.decides_at = Some(at + Duration::from_secs_f32(SENTENCE_S) + self.wait(rest));
         self.setting_off = None;
@@ -174,7 +176,7 @@ impl Walker {
         }
     }
 
-    /// Decides: mostly to go somewhere, sometimes to stand or to face aside of the way.
+    /// A random decision: mostly to walk, sometimes to stand or to face aside while walking.
     fn intent(&mut self) -> Locomotion {
         if self.every_s > 0.0 && self.random.random_bool(STANDS) {
             return Locomotion::stand();
@@ -193,8 +195,8 @@ impl Walker {
         Locomotion::walk(way)
     }
 
-    /// Takes its place, `seconds` after the frame before. Returns, once, the time from the command
-    /// to go until it moves.
+    /// Takes the character's position, `seconds` after the frame before. After a command to a
+    /// standing character, it returns once the time from the command to the motion.
     pub(super) fn seen(&mut self, place: Vec3, seconds: f32, now: Instant) -> Option<Duration> {
         let step = (place - self.place) / seconds;
         self.place = place;
@@ -272,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn the_time_from_command_to_motion_is_told_once() {
+    fn the_time_from_command_to_motion_is_measured_once() {
         let mut walker = walker(1, 0);
         let commanded = Instant::now();
         walker.setting_off = Some(SettingOff {

@@ -12,7 +12,7 @@ const BENCH: &str = r#"{
 }"#;
 
 #[test]
-fn what_says_nothing_is_not_written() {
+fn empty_values_are_not_written() {
     let bench: ObjectDoc = serde_json::from_str(BENCH).unwrap();
     assert!(bench.solid && !bench.shared && bench.release.snap);
     let written = serde_json::to_value(&bench).unwrap();

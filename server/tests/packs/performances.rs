@@ -182,7 +182,7 @@ async fn what_cannot_be_acted_out_names_the_field() {
             "r",
             of("wave"),
             "perform.pack",
-            "no pack of this server makes motion of words",
+            "no pack of this server turns words into motion",
         ),
     ];
     let commands = cases.iter().enumerate();

@@ -1,4 +1,4 @@
-//! What streams hear, whether they drive or watch.
+//! Messages that every stream handles, whether it drives sessions or watches them.
 
 use tokio::sync::watch;
 use troupe_proto::v1;
@@ -9,15 +9,16 @@ use crate::wire::units;
 use troupe_character::live::CommandOutcome;
 use troupe_character::{FieldError, Path};
 
-/// Ends when the server shuts down.
+/// Returns when the server shuts down.
 pub(super) async fn drained(draining: &mut watch::Receiver<bool>) {
     if draining.wait_for(|draining| *draining).await.is_err() {
-        // The sender is gone with the server's handle; the server itself goes on.
+        // The handle of the server was dropped, but the server still runs: wait forever.
         std::future::pending().await
     }
 }
 
-/// Gives a client's commands to the characters. Those that were accepted are not told of.
+/// Gives a client's commands to the characters. The answer lists only commands that were not simply
+/// accepted.
 pub(super) async fn command(
     sessions: &Sessions,
     request: &v1::CommandRequest,

@@ -1,8 +1,8 @@
-//! Server-clocked frames: one task a stream, which ticks its sessions and hears its client.
+//! Server-clocked frames. Each stream has one task, which ticks its sessions and handles the
+//! messages of its client.
 //!
-//! The task ends when the client is done or gone, reads nothing for too long, says something that
-//! makes no sense, or when the server shuts down. Its sessions are let go of then, whatever the
-//! reason.
+//! The task ends when the client ends the stream or disconnects, reads nothing for too long or
+//! sends an invalid message, or when the server shuts down. In every case its sessions become free.
 
 mod hear;
 pub(super) mod roster;
@@ -27,11 +27,11 @@ use roster::Roster;
 use troupe_character::{FieldError, Path};
 use watching::Watching;
 
-/// Longest time that characters catch up on after ticks that the server missed. What is longer they
-/// lose: one who walked would jump otherwise.
+/// After missed ticks, characters catch up on at most this much time. They lose the rest, because a
+/// walking character would otherwise jump.
 const MAX_CATCH_UP: Duration = Duration::from_millis(200);
 
-/// A place among the server's streams; dropping it makes room for another.
+/// The right to have one stream open. Dropping it makes room for another stream.
 #[derive(Debug)]
 pub struct StreamPermit {
     _permit: OwnedSemaphorePermit,
@@ -39,11 +39,11 @@ pub struct StreamPermit {
 }
 
 impl Sessions {
-    /// A place for a stream.
+    /// Reserves room for a stream.
     ///
     /// # Errors
-    /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts
-    /// down.
+    /// [`SessionError::TooManyStreams`] if there is no room, [`SessionError::ShuttingDown`] while
+    /// the server shuts down.
     pub fn open_stream(self: &Arc<Self>) -> Result<StreamPermit, SessionError> {
         if *self.draining().borrow() {
             return Err(SessionError::ShuttingDown);
@@ -72,13 +72,13 @@ impl StreamPermit {
         }
     }
 
-    /// The sessions that the stream is one of.
+    /// The tenant's sessions, which the stream may attach.
     pub fn sessions(&self) -> &Arc<Sessions> {
         &self.sessions
     }
 
-    /// Runs a stream to its end. `inbound` gives what the client says, or why it cannot be read; it
-    /// ends when the client is done.
+    /// Runs a stream to its end. `inbound` yields the client's messages, or the problem of one that
+    /// cannot be read. It ends when the client ends the stream.
     pub async fn run<I>(&self, inbound: &mut I, outbox: Outbox)
     where
         I: Stream<Item = Result<v1::DriveRequest, v1::Problem>> + Unpin,
@@ -99,7 +99,7 @@ impl StreamPermit {
         outbox.close(closing);
     }
 
-    /// Waits for the first message, which must open the stream.
+    /// Waits for the first message, which must be `open`.
     async fn opened<I>(
         &self,
         inbound: &mut I,
@@ -134,12 +134,12 @@ impl StreamPermit {
 
 impl Drop for StreamPermit {
     fn drop(&mut self) {
-        // The permit itself goes after this.
+        // The semaphore's permit is dropped after this, so it does not count as free yet.
         self.sessions.streams_changed(1);
     }
 }
 
-/// An open stream.
+/// An open stream that drives sessions.
 struct Driving {
     sessions: Arc<Sessions>,
     roster: Roster,
@@ -179,7 +179,7 @@ impl Driving {
     {
         loop {
             tokio::select! {
-                // Ticks before messages, so that nobody can talk the clock to a stop.
+                // Ticks come before messages, so a flood of messages cannot stop the clock.
                 biased;
                 () = outbox.reader_gone() => return Closing::Gone,
                 () = drained(draining) => return Closing::Draining,
@@ -206,14 +206,14 @@ impl Driving {
         }
     }
 
-    /// Tells the client, and those who watch where it is about the sessions.
+    /// Sends a message to the client. Watchers get it too if it is about the sessions.
     fn say(&self, said: Said, outbox: &Outbox) {
         let message = outbox.message(said);
         self.audience.pass_on(&message);
         outbox.post(message);
     }
 
-    /// What a client's message leads to.
+    /// Handles a message of the client and returns the answer, if any.
     async fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Said>, Closing> {
         let root = Path::root();
         let most = self.sessions.limits().per_stream;
@@ -242,7 +242,7 @@ impl Driving {
         }
     }
 
-    /// Advances the characters by a tick, and by those that were missed before it.
+    /// Advances the characters by a tick and by the ticks that were missed before it.
     async fn tick(&mut self, tick: TickNumber, outbox: &Outbox) {
         if let Some(gone) = left(self.roster.ended()) {
             self.say(gone, outbox);
@@ -257,8 +257,7 @@ impl Driving {
             return;
         }
         let ticks = 1 + tick.missed.min(self.ticker.most_missed()) as u32;
-        // Where there is no room for what happened, it waits in the sessions, so many events for
-        // each.
+        // Without room in the outbox, events wait in the sessions, which keep a limited number.
         let mut happened = outbox.has_room().then(Vec::new);
         let (mut frames, counts) = self
             .roster
@@ -287,16 +286,16 @@ fn left(sessions: Vec<Departure>) -> Option<Said> {
     (!sessions.is_empty()).then_some(Said::Left(sessions))
 }
 
-/// A tick of a stream.
+/// The number of a tick of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct TickNumber {
-    /// Counts from 0, missed ones too.
+    /// Counts all ticks from 0, including missed ones.
     number: u64,
-    /// Ticks since the one before that nobody saw: the server was busy.
+    /// Ticks between the one before and this one, missed because the server was busy.
     missed: u64,
 }
 
-/// Counts ticks.
+/// Waits for ticks and counts them.
 struct Ticker {
     interval: Interval,
     start: tokio::time::Instant,
@@ -324,7 +323,7 @@ impl Ticker {
         self.count(at - self.start)
     }
 
-    /// The tick that was due `since` the first.
+    /// The tick that was due at time `since` after the first.
     fn count(&mut self, since: Duration) -> TickNumber {
         let due = (since.as_secs_f64() * f64::from(self.rate_hz)).round() as u64;
         let number = due.max(self.next);
@@ -333,7 +332,7 @@ impl Ticker {
         TickNumber { number, missed }
     }
 
-    /// Most missed ticks that characters catch up on.
+    /// Maximum number of missed ticks on which characters catch up.
     fn most_missed(&self) -> u64 {
         MAX_CATCH_UP.as_millis() as u64 * u64::from(self.rate_hz) / 1000
     }

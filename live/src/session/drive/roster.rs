@@ -20,17 +20,17 @@ use troupe_character::Path;
 use troupe_character::live::budget;
 use troupe_character::live::{Clock, FrameOut, Strain};
 
-/// A session on the stream.
+/// A session on the stream, which owns it.
 #[derive(Debug)]
 struct Member {
     slot: u32,
     held: Held,
-    /// Its pack, among the roster's.
+    /// Index into the roster's packs.
     pack: usize,
 }
 
-/// The sessions on a stream. Dropping it lets go of them, and closes them where that was asked for,
-/// however the stream ended.
+/// The sessions on a stream. Dropping it frees them, or closes them if the client asked for that
+/// with `close_sessions`.
 #[derive(Debug)]
 pub struct Roster {
     registry: Arc<Registry>,
@@ -38,16 +38,16 @@ pub struct Roster {
     limit: usize,
     close_at_end: bool,
     next_slot: u32,
-    /// By slot.
+    /// Sorted by slot.
     members: Vec<Member>,
     packs: Vec<Arc<LivePack>>,
-    /// Those who watch the stream.
+    /// The watchers of the stream.
     audience: Weak<Audience>,
     out: FrameOut,
 }
 
 impl Roster {
-    /// A roster for at most `limit` sessions, whose frames `audience` sees.
+    /// Makes a roster for at most `limit` sessions. `audience` sees their frames.
     pub fn new(
         registry: Arc<Registry>,
         time: TimeSource,
@@ -68,12 +68,13 @@ impl Roster {
         }
     }
 
-    /// Whether nobody is on the stream.
+    /// Whether no session is on the stream.
     pub fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
 
-    /// Takes sessions onto the stream, those that can be and whose frames can be written in `form`.
+    /// Takes sessions onto the stream. Sessions that are not free, or whose frames cannot be
+    /// written in `form`, become problems of the result.
     pub async fn attach(&mut self, ids: &[String], form: Form) -> Attached {
         let mut turn = Turn::begin();
         let mut attached = Attached::default();
@@ -115,18 +116,19 @@ impl Roster {
         Ok(slot)
     }
 
-    /// Takes sessions off the stream; those that are not on it are no error.
+    /// Takes sessions off the stream. Ids of other sessions are ignored.
     pub fn detach(&mut self, ids: &[String]) -> Vec<Departure> {
         let ids: HashSet<&str> = ids.iter().map(String::as_str).collect();
         self.remove(|cell| ids.contains(&**cell.id()).then_some(None))
     }
 
-    /// Takes off those that have ended.
+    /// Takes off the sessions that have ended.
     pub fn ended(&mut self) -> Vec<Departure> {
         self.remove(|cell| cell.end().map(Some))
     }
 
-    /// Takes off those for which `leaves` gives how they ended, where they did.
+    /// Takes off the sessions for which `leaves` returns `Some`. The inner value is how the session
+    /// ended; `None` if it stays open.
     fn remove(&mut self, leaves: impl Fn(&SessionCell) -> Option<Option<End>>) -> Vec<Departure> {
         let mut left = Vec::new();
         self.members.retain(|member| {
@@ -144,9 +146,9 @@ impl Roster {
         left
     }
 
-    /// Advances everybody by `sub_frames` and writes the frames; answers them and how many there
-    /// are of each pack. The tick's number and count of dropped ones are left to the stream.
-    /// `happened` is where to put what happened; without it, it goes on waiting.
+    /// Advances all characters by `sub_frames`. Returns their frames and the number of frames of
+    /// each pack. The caller fills in `tick` and `dropped_ticks`. Events go to `happened`; without
+    /// it they keep waiting in the sessions.
     pub async fn tick(
         &mut self,
         sub_frames: u32,
@@ -203,7 +205,7 @@ impl Roster {
         (frames, counts)
     }
 
-    /// Has the pressure on the packs read, where it is time.
+    /// Updates the measured load of the packs, if it is time to.
     fn read_load(&self) {
         let now = Instant::now();
         for pack in &self.packs {
@@ -213,7 +215,7 @@ impl Roster {
         }
     }
 
-    /// Sessions on the stream, for each pack that was ever on it.
+    /// Number of sessions on the stream, for each pack that ever had one on it.
     pub fn counts(&self) -> Vec<(Arc<LivePack>, usize)> {
         let mut counts: Vec<_> = self.packs.iter().map(|pack| (pack.clone(), 0)).collect();
         for member in &self.members {
@@ -223,7 +225,7 @@ impl Roster {
     }
 }
 
-/// How it is with the networks for a character of this priority.
+/// The load on the networks, as a character of this priority must plan for it.
 fn strain(pack: &LivePack, priority: f32) -> Strain {
     let (load, fps) = (&pack.load, pack.rig().fps);
     Strain {
@@ -233,7 +235,7 @@ fn strain(pack: &LivePack, priority: f32) -> Strain {
     }
 }
 
-/// Has the plan made that a character already wants, before its first tick.
+/// Requests a character's first plan before its first tick.
 fn ask(cell: &Arc<SessionCell>) {
     let wants = cell.settle(&mut cell.live());
     planner::serve(cell, wants, Patience::Fails);

@@ -1,4 +1,4 @@
-//! A stream that watches another one.
+//! A stream that watches another stream.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,20 +14,20 @@ use crate::session::owner::Owner;
 use crate::session::sessions::Sessions;
 use crate::session::stream::{Closing, Ending, Outbox, Said, Ticket};
 
-/// Time between looks whether the reader takes anything.
+/// Interval of the check whether the reader takes messages.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// A stream that watches.
+/// An open stream that watches another stream.
 pub struct Watching {
     sessions: Arc<Sessions>,
     ticket: Ticket,
 }
 
 impl Watching {
-    /// Joins those who watch the stream of the session that `open` names.
+    /// Becomes a watcher of the stream that drives the session `open.watch`.
     ///
     /// # Errors
-    /// [`FieldError`] where no stream has that session, or `open` asks for a rate or form of its
+    /// [`FieldError`] if no stream drives that session, or if `open` sets a rate or form of its
     /// own.
     pub fn join(sessions: &Arc<Sessions>, open: &v1::DriveOpen, outbox: &Outbox) -> Result<Self, FieldError> {
         let root = Path::root();
@@ -40,8 +40,8 @@ impl Watching {
             ("return_six_d", open.return_six_d),
         ];
         if let Some((name, _)) = own.iter().find(|(_, is_set)| *is_set) {
-            let wanted = "nothing: rate and form are those of the stream that is watched";
-            return Err(path.field(name).error("is set beside watch", wanted));
+            let wanted = "no value: a watcher gets the rate and form of the stream that it watches";
+            return Err(path.field(name).error("is set together with watch", wanted));
         }
         let now = sessions.time().now();
         let cell = sessions.registry().get(&open.watch, now, &String::new).ok();
@@ -53,13 +53,13 @@ impl Watching {
                 ticket,
             }),
             None => Err(path.field("watch").error(
-                "names no session that is on a stream",
+                "names a session that no stream drives",
                 "the id of a session that a stream drives now",
             )),
         }
     }
 
-    /// Hears the client until the end; frames come from the stream that is watched.
+    /// Handles the client's messages until the end. Frames come from the stream that is watched.
     pub async fn run<I>(
         &mut self,
         inbound: &mut I,
@@ -107,7 +107,7 @@ impl Watching {
             Some(Ask::Command(request)) => command(&self.sessions, &request).await,
             Some(Ask::Open(_) | Ask::Attach(_) | Ask::Detach(_)) => Err(root
                 .field("message")
-                .error("changes a stream that watches", "command")),
+                .error("is not a command, but the stream only watches", "command")),
             None => Err(root.field("message").error("is missing", "command")),
         }
     }

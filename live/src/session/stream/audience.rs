@@ -1,5 +1,5 @@
-//! Those who watch a stream. They read what its own client reads, each tick written once for all of
-//! them.
+//! The watchers of a stream. They get the same ticks as its client. Each tick is encoded once for
+//! all of them.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -9,17 +9,16 @@ use troupe_proto::v1::drive_response::Message;
 
 use super::outbox::{Outbox, Shared, Tick};
 
-/// How a watcher's time ended, apart from the watcher's own will.
+/// Why the server ends a watcher's stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
-    /// The stream that was watched is over.
+    /// The stream that it watched has ended.
     WatchedEnded,
-    /// So many messages waited for the watcher that there was no room for one that must not be left
-    /// out.
+    /// The watcher's queue was full when a message came that must not be lost.
     TooSlow,
 }
 
-/// A watcher's place. The watcher has the other end of `too_slow`.
+/// The audience's end of a watcher. The watcher's [`Ticket`] has the other end of `too_slow`.
 #[derive(Debug)]
 struct Seat {
     to: Arc<Shared>,
@@ -34,16 +33,16 @@ struct State {
     ended: bool,
 }
 
-/// Those who watch a stream.
+/// The watchers of a stream.
 #[derive(Debug, Default)]
 pub struct Audience(Mutex<State>);
 
-/// A watcher's end of its place; dropping it gives the place up.
+/// Membership of a watcher in the audience. Dropping it leaves the audience.
 #[derive(Debug)]
 pub struct Ticket(oneshot::Receiver<()>);
 
 impl Ticket {
-    /// Waits for the end.
+    /// Waits until the server ends the watcher's stream.
     pub async fn ended(&mut self) -> Ending {
         match (&mut self.0).await {
             Ok(()) => Ending::TooSlow,
@@ -57,7 +56,8 @@ impl Audience {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes somebody in, and tells who is on the stream. `None` where it is over.
+    /// Adds a watcher and sends it the list of sessions on the stream. `None` if the stream has
+    /// ended.
     pub fn join(&self, outbox: &Outbox) -> Option<Ticket> {
         let mut state = self.state();
         if state.ended {
@@ -73,13 +73,13 @@ impl Audience {
         Some(Ticket(ticket))
     }
 
-    /// Passes on a message of the stream, where it is about its sessions.
+    /// Passes on a message of the stream if it is about sessions.
     pub(in crate::session) fn pass_on(&self, message: &Message) {
         let mut state = self.state();
         let message = match message {
             Message::Attached(attached) if !attached.sessions.is_empty() => {
                 state.sessions.extend_from_slice(&attached.sessions);
-                // What could not be attached is its client's affair.
+                // Problems concern only the client that attached the sessions.
                 Message::Attached(v1::DriveAttached {
                     sessions: attached.sessions.clone(),
                     problems: Vec::new(),
@@ -105,7 +105,7 @@ impl Audience {
         }
     }
 
-    /// Passes on a tick. Those who have not taken the one before get this one in its place.
+    /// Passes on a tick. It replaces a tick that a watcher has not taken yet.
     pub(in crate::session) fn send(&self, tick: &Tick) {
         let mut state = self.state();
         state.seats.retain(|seat| !seat.too_slow.is_closed());
@@ -114,7 +114,7 @@ impl Audience {
         }
     }
 
-    /// The stream is over: nobody watches it any more.
+    /// Ends the streams of all watchers, because the watched stream has ended.
     pub(in crate::session) fn end(&self) {
         let mut state = self.state();
         state.ended = true;
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn who_comes_later_is_told_who_is_there() {
+    async fn a_late_watcher_gets_the_list_of_sessions() {
         let audience = Audience::default();
         audience.pass_on(&attached(&[0, 1, 2]));
         audience.pass_on(&left(1));

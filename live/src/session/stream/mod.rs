@@ -1,4 +1,4 @@
-//! What a stream says, on its way to its client and to those who watch it.
+//! The messages of a stream to its client and to its watchers.
 
 mod audience;
 mod outbox;

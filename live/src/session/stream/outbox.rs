@@ -1,7 +1,6 @@
-//! What a stream has to say, and how much of it may wait: control messages in a short queue, and
-//! one tick's frames. A tick that its reader has not taken when the next one comes is replaced, so
-//! a slow reader always gets the latest. A tick is one message for all who read it: it is written
-//! once.
+//! The outbound queue of a stream: a few control messages, and the frames of one tick. The next
+//! tick replaces a tick that its reader has not taken yet, so a slow reader always gets the latest.
+//! A tick is encoded once for all its readers.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -15,13 +14,14 @@ use troupe_proto::v1::drive_response::Message;
 use super::said::{Closing, Said};
 use crate::session::LivePack;
 
-/// Control messages that may wait. With as many waiting, the stream takes no more of its client's
+/// Maximum number of waiting control messages. At this number the stream stops reading its client's
 /// messages.
 const MAX_CONTROL: usize = 64;
-/// Bytes of them that may wait, likewise; the message that goes over it still fits.
+/// Maximum size of the waiting control messages, bytes. The message that exceeds it is still
+/// queued.
 const MAX_CONTROL_BYTES: usize = 1 << 20;
 
-/// A tick's message. Many may read it.
+/// The message of a tick, shared by all its readers.
 #[derive(Debug)]
 pub struct TickMessage {
     response: v1::DriveResponse,
@@ -29,12 +29,12 @@ pub struct TickMessage {
 }
 
 impl TickMessage {
-    /// The message.
+    /// The decoded message.
     pub fn response(&self) -> &v1::DriveResponse {
         &self.response
     }
 
-    /// It as protobuf, written by the first who asks.
+    /// The message as protobuf, encoded by the first call.
     pub fn binary(&self) -> Bytes {
         let bytes = self
             .binary
@@ -47,12 +47,12 @@ impl TickMessage {
 #[derive(Debug)]
 pub struct Tick {
     message: Arc<TickMessage>,
-    /// Frames in it, by pack.
+    /// Number of frames by pack, for the metrics. Empty for watchers.
     counts: Vec<(Arc<LivePack>, usize)>,
 }
 
 impl Tick {
-    /// A tick for the client whose sessions they are; `counts` has the frames in it, by pack.
+    /// Makes the tick of the stream's own client. `counts` is the number of frames by pack.
     pub fn new(frames: v1::DriveFrames, counts: Vec<(Arc<LivePack>, usize)>) -> Self {
         let response = v1::DriveResponse {
             message: Some(Message::Frames(frames)),
@@ -64,7 +64,7 @@ impl Tick {
         }
     }
 
-    /// The same for somebody who watches. The metrics of packs do not count it.
+    /// The same tick for a watcher. The metrics of packs do not count it.
     pub(super) fn watched(&self) -> Self {
         Self {
             message: self.message.clone(),
@@ -72,7 +72,7 @@ impl Tick {
         }
     }
 
-    /// Notes that the tick was not sent.
+    /// Counts the tick as not sent.
     fn dropped(&self) {
         for (pack, count) in &self.counts {
             pack.metrics.dropped(*count as u64);
@@ -85,11 +85,11 @@ struct State {
     control: VecDeque<Message>,
     control_bytes: usize,
     tick: Option<Tick>,
-    /// Goes out last.
+    /// Sent after all other messages.
     closing: Option<Message>,
     finished: bool,
     reader_gone: bool,
-    /// Since when something waits that the reader could have taken.
+    /// Since when the reader has left a message waiting.
     waits_since: Option<Instant>,
 }
 
@@ -102,9 +102,9 @@ impl State {
 #[derive(Debug, Default)]
 pub(super) struct Shared {
     state: Mutex<State>,
-    /// For the reader.
+    /// Wakes the reader: a message is waiting.
     readable: Notify,
-    /// For the stream.
+    /// Wakes the stream: the reader is gone.
     gone: Notify,
 }
 
@@ -113,7 +113,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts something in, and tells the reader.
+    /// Changes the queue and wakes the reader.
     fn put<T>(&self, change: impl FnOnce(&mut State) -> T) -> T {
         let result = {
             let mut state = self.state();
@@ -149,7 +149,8 @@ impl Shared {
     }
 }
 
-/// The stream's end. Dropping it ends the reader's messages.
+/// The sending end of a stream's queue. After it is dropped, the reader gets the waiting messages
+/// and then the end.
 #[derive(Debug)]
 pub struct Outbox {
     shared: Arc<Shared>,
@@ -166,7 +167,7 @@ pub enum Outgoing {
 }
 
 impl Outgoing {
-    /// The message.
+    /// The decoded message.
     pub fn response(&self) -> &v1::DriveResponse {
         match self {
             Self::Control(response) => response,
@@ -174,7 +175,7 @@ impl Outgoing {
         }
     }
 
-    /// The message, copied where others read it too.
+    /// The message, copied if it has other readers.
     pub fn into_response(self) -> v1::DriveResponse {
         match self {
             Self::Control(response) => response,
@@ -186,11 +187,11 @@ impl Outgoing {
     }
 }
 
-/// The reader's end. Dropping it tells the stream that nobody reads any more.
+/// The receiving end of a stream's queue. Dropping it wakes [`Outbox::reader_gone`].
 #[derive(Debug)]
 pub struct Outlet(Arc<Shared>);
 
-/// Both ends of an empty outbox. `write` makes messages of what the stream says.
+/// Makes both ends of an empty queue. `write` turns what the stream says into messages.
 pub fn outbox(write: fn(Said) -> Message) -> (Outbox, Outlet) {
     let shared = Arc::new(Shared::default());
     let outbox = Outbox {
@@ -211,33 +212,33 @@ impl Outbox {
         self.shared.post((self.write)(said));
     }
 
-    /// The message of what is said.
+    /// Turns what the stream says into a message, without sending it.
     pub(in crate::session) fn message(&self, said: Said) -> Message {
         (self.write)(said)
     }
 
-    /// Sends a message as it is.
+    /// Sends a finished control message.
     pub(in crate::session) fn post(&self, message: Message) {
         self.shared.post(message);
     }
 
-    /// Where messages go.
+    /// The queue itself, for an audience.
     pub(super) fn shared(&self) -> Arc<Shared> {
         self.shared.clone()
     }
 
-    /// Sends a tick's frames. Answers whether they replaced a tick that was not taken.
+    /// Sends a tick's frames. Answers whether they replaced a tick that the reader has not taken.
     pub fn send(&self, tick: Tick) -> bool {
         self.shared.send(tick)
     }
 
-    /// How long the reader has left something lying at `now`.
+    /// How long, at `now`, the reader has left a message waiting.
     pub fn stalled(&self, now: Instant) -> Duration {
         let since = self.shared.state().waits_since;
         since.map_or(Duration::ZERO, |since| now.saturating_duration_since(since))
     }
 
-    /// Waits until nobody reads any more.
+    /// Waits until the reader is gone.
     pub async fn reader_gone(&self) {
         loop {
             let gone = self.shared.gone.notified();
@@ -248,7 +249,7 @@ impl Outbox {
         }
     }
 
-    /// Ends the messages with `closing`, after what waits.
+    /// Sends `closing` as the last message, after those that wait.
     pub fn close(self, closing: Closing) {
         let message = (self.write)(Said::Closing(closing));
         self.shared.put(|state| state.closing = Some(message));
@@ -262,7 +263,7 @@ impl Drop for Outbox {
 }
 
 impl Outlet {
-    /// The next message; control messages first. `None` at the end.
+    /// Waits for the next message. Control messages come first. `None` at the end.
     pub async fn next(&mut self) -> Option<Outgoing> {
         loop {
             let readable = self.0.readable.notified();
@@ -321,7 +322,7 @@ mod tests {
         Said::Left(Vec::new())
     }
 
-    /// Messages as large as they are, and otherwise empty.
+    /// Turns what a stream says into messages. Only events keep their content.
     fn write(said: Said) -> Message {
         match said {
             Said::Left(_) => Message::Left(v1::DriveLeft::default()),

@@ -1,4 +1,4 @@
-//! What a stream says besides frames. How it looks to a client is the edge's affair.
+//! The content of a stream's control messages. The server's API layer turns it into messages.
 
 use std::time::Duration;
 
@@ -8,57 +8,57 @@ use crate::session::owner::End;
 use crate::session::results::{CommandResult, SessionProblem};
 use troupe_character::FieldError;
 
-/// What a stream says, apart from frames.
+/// The content of a control message: everything that a stream sends apart from frames.
 #[derive(Debug)]
 pub enum Said {
-    /// Result of sessions that were to join.
+    /// The answer to `attach`.
     Attached(Attached),
-    /// Sessions that left.
+    /// Sessions that left the stream.
     Left(Vec<Departure>),
     /// Commands that were not simply accepted.
     Commands(Vec<CommandResult>),
-    /// What happened to characters.
+    /// Events of characters.
     Events(Vec<v1::SessionEvents>),
-    /// The stream ends. Nothing comes after it.
+    /// The stream ends. This is its last message.
     Closing(Closing),
 }
 
-/// Result of sessions that were to join a stream.
+/// The answer to `attach`.
 #[derive(Debug, Default)]
 pub struct Attached {
-    /// Those that joined.
+    /// Sessions that joined the stream.
     pub sessions: Vec<v1::Attached>,
-    /// Those that could not.
+    /// Sessions that could not join.
     pub problems: Vec<SessionProblem>,
 }
 
 /// A session that left a stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Departure {
-    /// Its slot.
+    /// The session's number on the stream, which is not used again.
     pub slot: u32,
-    /// Its id.
+    /// The session's id.
     pub session_id: String,
-    /// How it ended; it goes on where it was only taken off the stream.
+    /// How the session ended. `None`: it was only taken off the stream and stays open.
     pub end: Option<End>,
 }
 
 /// Why a stream ends.
 #[derive(Debug)]
 pub enum Closing {
-    /// The client says that it is done.
+    /// The client ended its half of the stream.
     ClientDone,
-    /// The client has gone: nobody is left to tell.
+    /// The client disconnected, so no closing message can reach it.
     Gone,
     /// The server shuts down.
     Draining,
-    /// The stream that was watched is over.
+    /// The stream that was watched has ended.
     WatchedEnded,
-    /// Nobody read for this long.
+    /// The client read nothing for this long.
     SlowReader(Duration),
-    /// The client said something that cannot be read.
+    /// A message of the client could not be decoded.
     Unreadable(v1::Problem),
-    /// The client said something that makes no sense.
+    /// A message of the client has a value that is not accepted.
     Invalid(FieldError),
 }
 
