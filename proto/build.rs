@@ -175,7 +175,8 @@ fn rpcs(pool: &DescriptorPool) -> Result<String, String> {
         let _ = writeln!(table, "Rpc {{ name: {name:?}, lists: &[{lists}] }},");
         let _ = writeln!(
             requests,
-            "impl Request for crate::v1::{} {{ const RPC: &'static str = {name:?}; }}",
+            "impl Request for crate::v1::{} {{ const RPC: &'static str = {name:?}; \
+             fn from_json(json: &[u8]) -> Result<Self, JsonError> {{ read_json(json) }} }}",
             input.name()
         );
     }

@@ -287,7 +287,7 @@ impl Simulation {
 
     fn begin(&mut self, batch: &Batch) {
         let finished: Vec<Finished> = batch
-            .parts
+            .slices
             .iter()
             .map(|part| Finished {
                 request: part.request,

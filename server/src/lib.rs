@@ -50,6 +50,7 @@ pub mod doctor;
 pub mod health;
 pub mod inbetween;
 pub mod mmcp;
+pub mod program;
 pub mod server;
 pub mod service;
 pub mod traces;

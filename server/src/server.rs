@@ -28,7 +28,7 @@ use troupe_base::telemetry::Telemetry;
 use troupe_batch::scheduler::Limits;
 use troupe_batch::{Batcher, GeneratorFactory, PackMetrics};
 use troupe_edge::clients::Clients;
-use troupe_edge::port::{self, ConnectionSlots, Listen, Tls, TlsError, TlsFiles};
+use troupe_edge::port::{self, ConnectionSlots, Listen, Port, Tls, TlsError, TlsFiles};
 use troupe_edge::reload::{self, Source};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
@@ -248,16 +248,14 @@ async fn serve_on(
         &telemetry,
     );
     let (stop, stopping) = watch::channel(false);
-    let accepting = port::accept(
-        listener,
+    let connections = listener.spawn(Port {
         routes,
         clients,
-        tls.clone(),
-        config.connection_limits(),
+        tls: tls.clone(),
+        limits: config.connection_limits(),
         slots,
         stopping,
-    );
-    let connections = tokio::spawn(accepting);
+    });
     let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
     let upkeep = tokio::spawn(upkeep(service.clone()));
     let reload = Arc::new(Notify::new());

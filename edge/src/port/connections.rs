@@ -76,17 +76,33 @@ pub struct ConnectionLimits {
     pub max_calls: u32,
 }
 
-/// Accepts connections until `stopping` is true, then waits for open requests, for at most
+/// A port's services and limits, for all of its connections.
+pub struct Port {
+    /// The services.
+    pub routes: Routes,
+    /// Who is connected.
+    pub clients: Arc<Clients>,
+    /// The certificate, for a port that speaks only TLS.
+    pub tls: Option<Arc<Tls>>,
+    /// Times and sizes.
+    pub limits: ConnectionLimits,
+    /// Places for connections.
+    pub slots: Arc<ConnectionSlots>,
+    /// Becomes true when the server stops.
+    pub stopping: watch::Receiver<bool>,
+}
+
+/// Accepts connections until [`Port::stopping`] is true, then waits for open requests, for at most
 /// [`ConnectionLimits::drain`]. Returns whether all of them finished.
-pub async fn accept<L: Listen>(
-    mut listener: L,
-    routes: Routes,
-    clients: Arc<Clients>,
-    tls: Option<Arc<Tls>>,
-    limits: ConnectionLimits,
-    slots: Arc<ConnectionSlots>,
-    mut stopping: watch::Receiver<bool>,
-) -> bool {
+pub async fn accept<L: Listen>(mut listener: L, port: Port) -> bool {
+    let Port {
+        routes,
+        clients,
+        tls,
+        limits,
+        slots,
+        mut stopping,
+    } = port;
     let connections = Arc::new(Connections {
         builder: builder(&limits),
         routes,

@@ -7,6 +7,9 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinHandle;
+
+use super::connections::{Port, accept};
 
 /// Most unsent bytes of a connection that the system buffers.
 #[cfg(any(target_os = "android", target_os = "linux"))]
@@ -26,6 +29,10 @@ pub trait Listen: Send + 'static {
 
     /// Splits a connection into its two directions.
     fn halves(stream: Self::Stream) -> (Self::Read, Self::Write);
+
+    /// Runs [`accept`] as a task. Each type does this itself: then the code for its connections is
+    /// compiled once, with the type, and not in every crate that starts a server.
+    fn spawn(self, port: Port) -> JoinHandle<bool>;
 }
 
 impl Listen for TcpListener {
@@ -41,6 +48,10 @@ impl Listen for TcpListener {
 
     fn halves(stream: TcpStream) -> (OwnedReadHalf, OwnedWriteHalf) {
         stream.into_split()
+    }
+
+    fn spawn(self, port: Port) -> JoinHandle<bool> {
+        tokio::spawn(accept(self, port))
     }
 }
 

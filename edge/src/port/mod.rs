@@ -7,7 +7,7 @@ mod listen;
 mod slots;
 mod tls;
 
-pub use connections::{ConnectionLimits, Routes, accept};
+pub use connections::{ConnectionLimits, Port, Routes, accept};
 pub use files::{TooFewFiles, max_connections};
 pub use listen::Listen;
 pub use slots::ConnectionSlots;

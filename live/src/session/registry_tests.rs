@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use troupe_motion::conventions::Convention;
 use troupe_motion::{GlobalRoot, Vec3};
 
-use super::super::cell::{Held, Parts};
+use super::super::cell::{Held, SessionParts};
 use super::super::owner::Owner;
 use super::super::{LivePack, TimeSource};
 use super::*;
@@ -111,7 +111,7 @@ impl Setup {
         let start = Start::Standing(GlobalRoot::new(Vec3::ZERO, 0.0));
         let (from, passed) = (self.start, self.passed_ms.clone());
         let time = TimeSource::new(move || from + Duration::from_millis(passed.load(Ordering::Relaxed)));
-        let parts = Parts {
+        let parts = SessionParts {
             id: Arc::from(id),
             pack: self.pack.clone(),
             convention: Convention::Native,

@@ -74,7 +74,7 @@ impl Waiting {
         self.scheduler
             .step(self.now, Event::Ready(ready), &mut self.actions);
         let taken = self.actions.iter().find_map(|action| match action {
-            Action::Start(batch) => Some(batch.parts.iter().map(|part| part.characters).sum()),
+            Action::Start(batch) => Some(batch.slices.iter().map(|part| part.characters).sum()),
             _ => None,
         });
         let taken: usize = taken.expect("a worker takes what waits");

@@ -7,7 +7,6 @@ use std::task::{Context, Poll};
 
 use axum::extract::ws::Message;
 use futures_util::{Sink, Stream};
-use serde::de::DeserializeOwned;
 use troupe_proto::rpc::Request;
 use troupe_proto::v1;
 
@@ -35,7 +34,7 @@ impl Reader {
     ///
     /// # Errors
     /// [`ApiError`] if it is too large or cannot be read.
-    pub fn json<T: Request + DeserializeOwned>(&self, bytes: &[u8]) -> Result<T, ApiError> {
+    pub fn json<T: Request>(&self, bytes: &[u8]) -> Result<T, ApiError> {
         json::read(bytes, &self.0)
     }
 

@@ -9,7 +9,7 @@ use troupe_character::FieldError;
 use troupe_character::post::NonFinite;
 use troupe_character::take::{Made, Making};
 use troupe_motion::model::{Output, Task};
-use troupe_proto::rpc;
+use troupe_proto::rpc::{self, JsonError, read_json};
 
 use super::answer;
 use super::asked::Asked;
@@ -34,6 +34,10 @@ pub struct RequestOrBatch(pub Value);
 
 impl rpc::Request for RequestOrBatch {
     const RPC: &'static str = "MmcpGenerate";
+
+    fn from_json(json: &[u8]) -> Result<Self, JsonError> {
+        read_json(json)
+    }
 }
 
 /// Why a request was not served.

@@ -8,8 +8,7 @@ use axum::extract::{FromRequest, Request};
 use axum::response::{IntoResponse as _, Response};
 use http::{HeaderMap, StatusCode, header};
 use serde::Serialize;
-use serde::de::DeserializeOwned;
-use troupe_proto::rpc;
+use troupe_proto::rpc::{self, JsonError};
 
 use crate::api::error::ApiError;
 use crate::api::shape::Shapes;
@@ -30,31 +29,22 @@ pub(in crate::api) struct BodyLimits {
 }
 
 /// Reads a message. Errors name the field by its path.
-pub(in crate::api) fn read<T: rpc::Request + DeserializeOwned>(
-    bytes: &[u8],
-    limits: &BodyLimits,
-) -> Result<T, ApiError> {
+pub(in crate::api) fn read<T: rpc::Request>(bytes: &[u8], limits: &BodyLimits) -> Result<T, ApiError> {
     check_start(bytes)?;
     if let Some(shape) = limits.shapes.of(T::RPC) {
         shape.check_json(bytes)?;
     }
-    let mut json = serde_json::Deserializer::from_slice(bytes);
-    let value = serde_path_to_error::deserialize(&mut json).map_err(|error| {
-        let (path, inner) = (error.path().to_string(), error.inner());
-        if inner.is_eof() {
-            return ApiError::Truncated {
-                problem: inner.to_string(),
-                limit_bytes: limits.bytes,
-            };
-        }
-        ApiError::Malformed {
-            message: cut(&plain(&inner.to_string()), MAX_MESSAGE),
-            field: Some(cut(&field_at_fault(&path, &inner.to_string()), MAX_PATH)),
-        }
-    })?;
-    json.end()
-        .map_err(|error| not_json(format!("{error}; allowed: one JSON object")))?;
-    Ok(value)
+    T::from_json(bytes).map_err(|error| match error {
+        JsonError::Truncated(cause) => ApiError::Truncated {
+            problem: cause.to_string(),
+            limit_bytes: limits.bytes,
+        },
+        JsonError::Field { path, cause } => ApiError::Malformed {
+            message: cut(&plain(&cause.to_string()), MAX_MESSAGE),
+            field: Some(cut(&field_at_fault(&path, &cause.to_string()), MAX_PATH)),
+        },
+        JsonError::Trailing(cause) => not_json(format!("{cause}; allowed: one JSON object")),
+    })
 }
 
 fn not_json(message: String) -> ApiError {
@@ -155,7 +145,7 @@ pub(in crate::api) async fn body<S: Send + Sync>(
 /// A body that must be JSON.
 pub(in crate::api) struct JsonBody<T>(pub(in crate::api) T);
 
-impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for JsonBody<T> {
+impl<S: Send + Sync, T: rpc::Request> FromRequest<S> for JsonBody<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {

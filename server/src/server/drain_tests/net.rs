@@ -5,8 +5,9 @@ use std::net::SocketAddr;
 
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
 use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
 
-use troupe_edge::port::Listen;
+use troupe_edge::port::{self, Listen};
 
 /// Bytes that wait in a connection.
 const BUFFER: usize = 64 << 10;
@@ -45,6 +46,10 @@ impl Listen for Port {
 
     fn halves(stream: DuplexStream) -> (Self::Read, Self::Write) {
         split(stream)
+    }
+
+    fn spawn(self, port: port::Port) -> JoinHandle<bool> {
+        tokio::spawn(port::accept(self, port))
     }
 }
 
