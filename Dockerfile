@@ -32,8 +32,8 @@ WORKDIR /src
 COPY . .
 RUN --mount=type=cache,id=troupe-cargo,target=/usr/local/cargo/registry \
     --mount=type=cache,id=troupe-target,target=/src/target \
-    cargo build --release --locked --timings --package troupe-server \
-    && install -D target/release/troupe-server /out/troupe-server \
+    cargo build --profile dist --features jemalloc --locked --timings --package troupe-server \
+    && install -D target/dist/troupe-server /out/troupe-server \
     && mkdir /out/state /out/credentials
 
 # The server without packs: mount them at /opt/troupe/models.

@@ -26,7 +26,8 @@ rm -rf "$tree"
 mkdir -p "$tree/bin" "$tree/lib"
 scripts/get-runtime.sh
 scripts/docs.sh build "$tree/docs"
-cargo build --locked --profile "$profile" --package troupe-server --package troupe-cli --package troupe-loadtest
+cargo build --locked --profile "$profile" --package troupe-server --package troupe-cli --package troupe-loadtest \
+    --features troupe-server/jemalloc
 for program in troupe-server troupe troupe-loadtest; do
     install -s "target/$profile/$program" "$tree/lib/$program"
 done

@@ -18,7 +18,7 @@ from troupe_bench.machine import ROOT
 from troupe_bench.store import Json
 
 HOME = ROOT / "target" / "bench"
-RELEASE = ROOT / "target" / "release"
+RELEASE = ROOT / "target" / "dist"
 READY_WITHIN_S = 180
 RAW_LOOP = "troupe-eval"
 RAW_LOOP_JEMALLOC = "troupe-eval-jemalloc"
@@ -56,8 +56,8 @@ def call(*command: str | Path, env: dict[str, str] | None = None, timeout: float
 
 def build() -> None:
     """Builds every Rust program of the benchmarks."""
-    release = ("cargo", "build", "--release", "--locked")
-    call(*release, "-p", "troupe-server", "-p", "troupe-loadtest", "--bins")
+    release = ("cargo", "build", "--profile", "dist", "--locked")
+    call(*release, "-p", "troupe-server", "-p", "troupe-loadtest", "--features", "troupe-server/jemalloc", "--bins")
     call(*release, "-p", "troupe-eval", "--bins")
 
 
