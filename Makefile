@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -75,6 +75,10 @@ mmcp-test: runtime
 mmcp-figure: runtime
 	tests/mmcp/setup.sh
 	scripts/with-server.sh target/mmcp/venv/bin/python tests/mmcp/figure.py $(ARGS)
+
+# Every figure of budgets.toml beside its limit. Those of the image are measured by `make image`.
+budgets:
+	python3 scripts/budgets.py
 
 # libFuzzer on one target: make fuzz TARGET=object SECONDS=60 (see fuzz/README.md)
 fuzz:

@@ -1,5 +1,5 @@
-//! The program `troupe-server`: command line, signals and exit codes. It is in the library: a binary
-//! would compile the generic code of the server once more.
+//! The program `troupe-server`: command line, signals and exit codes. It is in the library: a
+//! binary would compile the generic code of the server once more.
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::net::SocketAddr;
