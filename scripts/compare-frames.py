@@ -117,6 +117,8 @@ def play(server: str, engine: str, sessions: bool):
     """The scenario: names of answers, and the answers."""
     with running(server, engine) as url:
         for pack in call(f"{url}/v1/packs")["packs"]:
+            if "inbetween" not in pack["capabilities"]:
+                continue
             yield from in_betweens(url, pack)
             if sessions:
                 yield from stepped(url, pack)
