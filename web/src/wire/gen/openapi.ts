@@ -53,7 +53,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Whether the process lives */
+        /** Whether the process is alive */
         get: operations["healthz"];
         put?: never;
         post?: never;
@@ -108,7 +108,7 @@ export interface paths {
         put?: never;
         /**
          * Give commands to sessions
-         * @description Each has a result of its own. One that is refused does not hold up the others.
+         * @description Each command has its own result. A refused command does not affect the others.
          */
         post: operations["Command"];
         delete?: never;
@@ -127,10 +127,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Put a motion into words, or into audio that goes with it
-         * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
-         *     An error after the first part is a line of its own, with the member `error`, and ends the
-         *     answer. What a pack can do is in its `capabilities`.
+         * Describe a motion in words, or as audio that goes with it
+         * @description The server sends the parts of the answer while it makes them, one JSON object per line. The last
+         *     one has `is_last`. An error after the first part is a separate line with the member `error`, and
+         *     ends the answer. The `capabilities` of a pack list what it can do.
          */
         post: operations["Describe"];
         delete?: never;
@@ -148,7 +148,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        /** What a character, or any box, reaches */
+        /** List the objects in reach of a character or of a box */
         post: operations["Detect"];
         delete?: never;
         options?: never;
@@ -166,7 +166,7 @@ export interface paths {
         /**
          * Drive sessions over a WebSocket
          * @description The messages are DriveRequest and DriveResponse: as JSON in text messages, or as protobuf in
-         *     binary ones; the server answers in the form of the first. That one must be `open`.
+         *     binary messages. The server answers in the form of the first message, which must be `open`.
          */
         get: operations["Drive"];
         put?: never;
@@ -188,9 +188,9 @@ export interface paths {
         put?: never;
         /**
          * Act out words, or follow a path
-         * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
-         *     An error after the first part is a line of its own, with the member `error`, and ends the
-         *     answer. What a pack can do is in its `capabilities`.
+         * @description The server sends the parts of the answer while it makes them, one JSON object per line. The last
+         *     one has `is_last`. An error after the first part is a separate line with the member `error`, and
+         *     ends the answer. The `capabilities` of a pack list what it can do.
          */
         post: operations["Generate"];
         delete?: never;
@@ -247,8 +247,8 @@ export interface paths {
         get: operations["GetObjectDefinition"];
         /**
          * Add an object definition, or replace one
-         * @description An error of the document names its line, column and field. `name` in the body is the name in the
-         *     path, or left out.
+         * @description An error in the document names its line, column and field. `name` in the body must equal the
+         *     name in the path, or be left out.
          */
         put: operations["PutObjectDefinition"];
         post?: never;
@@ -321,7 +321,7 @@ export interface paths {
         get: operations["GetStyle"];
         /**
          * Add a style to a pack, or replace one that was added
-         * @description The name in the body is that of the path, or left out.
+         * @description The name in the body must equal the name in the path, or be left out.
          */
         put: operations["PutStyle"];
         post?: never;
@@ -359,7 +359,7 @@ export interface paths {
         get: operations["GetScene"];
         /**
          * Create a scene, or replace one as a whole
-         * @description Either `scene` or `document`. The names in the body are that of the path, or left out.
+         * @description Either `scene` or `document`. Names in the body must equal the name in the path, or be left out.
          */
         put: operations["PutScene"];
         post?: never;
@@ -381,8 +381,8 @@ export interface paths {
         put?: never;
         /**
          * Put objects into a scene
-         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the
-         *     body is the name in the path, or left out.
+         * @description Each object has its own result. A refused object does not affect the others. `scene` in the body
+         *     must equal the name in the path, or be left out.
          */
         post: operations["AddObjects"];
         delete?: never;
@@ -402,8 +402,8 @@ export interface paths {
         put?: never;
         /**
          * Move objects of a scene
-         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the
-         *     body is the name in the path, or left out.
+         * @description Each object has its own result. A refused object does not affect the others. `scene` in the body
+         *     must equal the name in the path, or be left out.
          */
         post: operations["MoveObjects"];
         delete?: never;
@@ -422,9 +422,9 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Take objects out of a scene, whoever has them
-         * @description Each has a result of its own. One that is refused does not hold up the others. `scene` in the
-         *     body is the name in the path, or left out.
+         * Remove objects from a scene, even if characters use them
+         * @description Each object has its own result. A refused object does not affect the others. `scene` in the body
+         *     must equal the name in the path, or be left out.
          */
         post: operations["RemoveObjects"];
         delete?: never;
@@ -460,7 +460,7 @@ export interface paths {
         };
         get?: never;
         put?: never;
-        /** Take up sessions again after the connection broke or the server was started again */
+        /** Resume sessions after a broken connection or a restart of the server */
         post: operations["ResumeSessions"];
         delete?: never;
         options?: never;
@@ -479,7 +479,7 @@ export interface paths {
         get: operations["GetSession"];
         put?: never;
         post?: never;
-        /** Close a session; that it is gone already is no error */
+        /** Close a session, or do nothing if it is gone */
         delete: operations["CloseSessions"];
         options?: never;
         head?: never;
@@ -514,8 +514,8 @@ export interface paths {
         put?: never;
         /**
          * Give commands and take the next frames
-         * @description Waits for the plans that the frames need. Sessions that cannot be served are among the problems;
-         *     where none can be, the answer is the first one's error.
+         * @description Waits for the plans that the frames need. Sessions that cannot be served are listed in
+         *     `problems`. If none can be served, the answer is the first session's error.
          */
         post: operations["Step"];
         delete?: never;
@@ -989,7 +989,7 @@ export interface components {
         CreateTicketResponse: {
             /**
              * Format: int64
-             * @description How long it is good for, in milliseconds.
+             * @description How long it is valid, in milliseconds.
              */
             expires_in_ms: number;
             /** @description Opens one stream: `/v1/drive?ticket=TICKET`. */
@@ -2174,7 +2174,7 @@ export interface components {
         MmcpErrorDetail: {
             /** @description One of the protocol's closed list of codes. */
             code: string;
-            /** @description The field at fault, what is allowed, and what else there is to tell. */
+            /** @description The field at fault, what is allowed, and further details. */
             details: Record<string, never>;
             /** @description What went wrong, for people. */
             message: string;
@@ -3915,7 +3915,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description glTF 2.0 with the extension MMCP_motion: an animation a sample */
+            /** @description glTF 2.0 with the extension MMCP_motion: one animation per sample */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -4016,7 +4016,7 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description It does */
+            /** @description It is */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -4134,7 +4134,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4161,7 +4161,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -4185,7 +4185,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description The parts, one a line */
+            /** @description The parts, one per line */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -4203,7 +4203,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4239,7 +4239,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -4299,7 +4299,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4353,7 +4353,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -4376,7 +4376,7 @@ export interface operations {
     Drive: {
         parameters: {
             query?: {
-                /** @description A ticket of POST /v1/tickets, in the place of a key: browsers cannot send one here */
+                /** @description A ticket of POST /v1/tickets instead of a key, which browsers cannot send here */
                 ticket?: string;
             };
             header?: never;
@@ -4403,7 +4403,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4454,7 +4454,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description The parts, one a line */
+            /** @description The parts, one per line */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -4472,7 +4472,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4508,7 +4508,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -4568,7 +4568,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4604,7 +4604,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -4669,7 +4669,7 @@ export interface operations {
                     "application/json": components["schemas"]["ListObjectDefinitionsResponse"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4731,7 +4731,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4803,7 +4803,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4839,7 +4839,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -4848,7 +4848,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description As many definitions as there may be */
+            /** @description There are as many definitions as allowed */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4898,7 +4898,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -4963,7 +4963,7 @@ export interface operations {
                     "application/json": components["schemas"]["ListPacksResponse"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5022,7 +5022,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5063,7 +5063,7 @@ export interface operations {
     ListStyles: {
         parameters: {
             query?: {
-                /** @description Name of the body, for packs of many. Empty: the pack's default one. */
+                /** @description Name of the body, for packs with several bodies. Empty: the default body. */
                 body?: string;
             };
             header?: never;
@@ -5093,7 +5093,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5134,7 +5134,7 @@ export interface operations {
     GetStyle: {
         parameters: {
             query?: {
-                /** @description Name of the body, for packs of many. Empty: the pack's default one. */
+                /** @description Name of the body, for packs with several bodies. Empty: the default body. */
                 body?: string;
             };
             header?: never;
@@ -5166,7 +5166,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5207,7 +5207,7 @@ export interface operations {
     PutStyle: {
         parameters: {
             query?: {
-                /** @description Name of the body, for packs of many. Empty: the pack's default one. */
+                /** @description Name of the body, for packs with several bodies. Empty: the default body. */
                 body?: string;
             };
             header?: never;
@@ -5243,7 +5243,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5288,7 +5288,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -5326,7 +5326,7 @@ export interface operations {
                     "application/json": components["schemas"]["ListScenesResponse"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5390,7 +5390,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5462,7 +5462,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5489,7 +5489,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -5498,7 +5498,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description As many scenes as there may be */
+            /** @description There are as many scenes as allowed */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5548,7 +5548,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5629,7 +5629,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5665,7 +5665,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -5719,7 +5719,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5755,7 +5755,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -5809,7 +5809,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5845,7 +5845,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -5897,7 +5897,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5948,7 +5948,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -5993,7 +5993,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -6002,7 +6002,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description No room for as many sessions */
+            /** @description No room for that many sessions */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6035,7 +6035,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description The sessions as they stand, and those that are gone */
+            /** @description The state of the sessions, and which of them are gone */
             200: {
                 headers: {
                     [name: string]: unknown;
@@ -6053,7 +6053,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6080,7 +6080,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -6121,7 +6121,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6189,7 +6189,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6212,7 +6212,7 @@ export interface operations {
     Peek: {
         parameters: {
             query?: {
-                /** @description Frames to return at most: 1 to 64. 0: all that there are. */
+                /** @description Most frames to return: 1 to 64. 0: all. */
                 frames?: number;
             };
             header?: never;
@@ -6242,7 +6242,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6311,7 +6311,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6338,7 +6338,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description All sessions are in somebody else's hands */
+            /** @description Other clients drive all of these sessions */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6365,7 +6365,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The body is not said to be application/json */
+            /** @description The Content-Type is not application/json */
             415: {
                 headers: {
                     [name: string]: unknown;
@@ -6412,7 +6412,7 @@ export interface operations {
                     "application/json": components["schemas"]["CreateTicketResponse"];
                 };
             };
-            /** @description The server asks for a key, and there is none, or an unknown one */
+            /** @description The key is missing or unknown */
             401: {
                 headers: {
                     [name: string]: unknown;
@@ -6430,7 +6430,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The server asks for no keys, so that streams need no tickets */
+            /** @description The server asks for no keys, so streams need no tickets */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6439,7 +6439,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description As many tickets as there may be are not used yet */
+            /** @description Too many tickets are unused */
             429: {
                 headers: {
                     [name: string]: unknown;

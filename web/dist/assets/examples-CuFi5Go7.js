@@ -22,9 +22,9 @@ max_drop_m = 1.2
 max_slope_deg = 20.0
 align = "upright"
 
-# Places on a character that hold the object: the object's origin in the joint's frame, and its \`rotation\` there, w, x, y, z;
-# left out, as here, it keeps the turn in which it was taken. On attaching it moves there over \`blend_frames\` (0 to 30,
-# default 4). Who walks with it keeps the hand where it is, before the hips; with \`swings = true\` (default false) the arm
+# Places on a character that hold the object: the object's origin in the joint's frame, and its \`rotation\` there, w, x, y, z.
+# Without \`rotation\`, as here, the object keeps the turn in which it was taken. On attaching it moves there over \`blend_frames\`
+# (0 to 30, default 4). A walking character keeps the hand still before the hips; with \`swings = true\` (default false) the arm
 # swings as in any walk. With \`upright = true\` (default false) it stands upright however the hand turns, as a full cup must.
 [[sockets]]
 name = "right-hand"
@@ -1838,8 +1838,8 @@ reach_m = 1.5
 pivot_m = [0.0, 0.0, 0.0]
 
 # Sides from which a character may come, seen from the pivot: first and last direction from the object's +Z. A character on
-# another side goes to the nearest. \`distance_m\` is how far from the pivot it starts; left out, it starts where it is. A
-# definition without approaches is used from any side.
+# another side goes to the nearest. \`distance_m\` is how far from the pivot it starts. Without it, it starts at its present
+# place. A definition without approaches is used from any side.
 [[approaches]]
 name = "front"
 directions_deg = [-60.0, 60.0]
@@ -1994,7 +1994,7 @@ id = "step"
 position_m = [0.0, 0.1, 4.0]
 heading_deg = 15.0
 
-# A box along the axes of that frame: \`half_extents_m\`, and \`center_m\` where it is not about the origin.
+# A box along the axes of that frame: \`half_extents_m\`, and \`center_m\` if it is not about the origin.
 [colliders.shape.box]
 half_extents_m = [1.5, 0.1, 0.5]
 
