@@ -97,8 +97,8 @@ impl Batcher {
         self.workers() > 0
     }
 
-    /// Why a call of so many characters would be refused now; none if it would be accepted. Lets a
-    /// caller refuse early, before it prepares the call.
+    /// Why a call with this number of characters would be refused now; none if it would be
+    /// accepted. Lets a caller refuse early, before it prepares the call.
     pub fn refuse(&self, characters: usize) -> Option<SubmitError> {
         self.shared().refuse(characters)
     }

@@ -125,7 +125,8 @@ impl Scheduler {
         self.meter.character_time()
     }
 
-    /// Why a call of so many characters would be refused now; none if it would be accepted.
+    /// Why a call with this number of characters would be refused now; none if it would be
+    /// accepted.
     pub fn refuse(&self, characters: usize) -> Option<QueueRefusal> {
         self.refusal(Class::Request, characters, 0)
     }
@@ -167,8 +168,7 @@ impl Scheduler {
         actions.extend(older.map(|request| Action::Supersede { request }));
     }
 
-    /// Why so many more characters would be refused if `leaving` waiting ones were replaced by
-    /// them.
+    /// Why `characters` more would be refused if they replaced `leaving` waiting ones.
     fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<QueueRefusal> {
         let pending = self.queue.pending(class) - leaving;
         let taken: usize = self.workers.iter().filter_map(|worker| worker.room()).sum();

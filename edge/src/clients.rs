@@ -28,9 +28,9 @@ const REFUSED: Metric = Metric::new(
      of the limit (client, key, address, all)",
 );
 
-/// With so many accounts, unused ones are forgotten.
+/// Number of accounts from which unused ones are forgotten.
 const MANY_ACCOUNTS: usize = 1024;
-/// Memory is counted in pieces of so many bytes.
+/// Bytes of a piece; memory is counted in pieces.
 const PIECE: usize = 1024;
 
 /// Limits on usage at a time.

@@ -83,7 +83,7 @@ pub const COPIES_AS_PROTOBUF: usize = 2;
 /// As [`COPIES_AS_PROTOBUF`], but a number as text is about three times as long.
 pub const COPIES_AS_JSON: usize = 4;
 
-/// Takes memory for an answer of so many bytes before it is made. None for a small answer.
+/// Takes the memory for an answer of this size before it is made. None for a small answer.
 ///
 /// # Errors
 /// [`Exhausted`] if there is not enough.

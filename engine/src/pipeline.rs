@@ -47,7 +47,7 @@ pub fn length_of(lengths: &[usize], tokens: usize) -> usize {
 }
 
 /// Rows of the batch that [`Pipeline::trial`] measures, or the largest batch if it is smaller. A
-/// busy server has at least so many.
+/// busy server has at least as many.
 const TRIAL_ROWS: usize = 8;
 
 /// Durations of the parts of a batch.

@@ -54,14 +54,14 @@ impl BatchSizes {
         self.sizes.last().copied().unwrap_or(1)
     }
 
-    /// The smallest size that holds so many rows: padding fills the rest. A number above the
-    /// largest batch is returned unchanged.
+    /// The smallest size that holds `rows`: padding fills the rest. A number above the largest
+    /// batch is returned unchanged.
     pub fn for_rows(&self, rows: usize) -> usize {
         let size = self.sizes.iter().find(|&&size| size >= rows);
         size.copied().unwrap_or(rows)
     }
 
-    /// The largest size that so many rows fill without padding; 0 if they fill none.
+    /// The largest size that `rows` fill without padding; 0 for no rows.
     pub fn within(&self, rows: usize) -> usize {
         let size = self.sizes.iter().rev().find(|&&size| size <= rows);
         size.copied().unwrap_or(rows)

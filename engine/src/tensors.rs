@@ -191,7 +191,7 @@ impl TokenInput {
         }
     }
 
-    /// N, the token count of a call: every row has room for so many tokens, padding included.
+    /// N, the token count of a call: every row has room for N tokens, padding included.
     pub fn length(&self) -> usize {
         self.length
     }

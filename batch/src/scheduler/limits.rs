@@ -29,8 +29,8 @@ pub struct Limits {
     pub max_wait: Duration,
     /// How long a call waits before it goes in front of live plans.
     pub ageing: Duration,
-    /// One in so many places of batches goes to a waiting call; 0 for none. In a large crowd some
-    /// plans always wait, and would make each call wait for `ageing` or be refused.
+    /// One of this number of places in batches goes to a waiting call; 0 for none. In a large crowd
+    /// some plans always wait, and would make each call wait for `ageing` or be refused.
     pub call_share: usize,
 }
 

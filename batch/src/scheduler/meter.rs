@@ -51,7 +51,7 @@ impl Meter {
         }
     }
 
-    /// A step took this long and finished so many characters.
+    /// Records a step: its time, and the number of characters that it finished.
     pub(super) fn stepped(&mut self, took: Duration, characters: usize) {
         self.open_s += took.as_secs_f64();
         if characters > 0 {
@@ -66,8 +66,8 @@ impl Meter {
         self.workers = self.workers.saturating_sub(1);
     }
 
-    /// So many characters of calls have left the queue since the last time. `some_wait` is whether
-    /// further ones wait.
+    /// Records that `characters` of calls have left the queue since the last time. `some_wait` is
+    /// whether others still wait.
     pub(super) fn left(&mut self, now: Instant, characters: usize, some_wait: bool) {
         match self.backlog_since {
             Some(since) => {
@@ -84,7 +84,7 @@ impl Meter {
         self.backlog_since = some_wait.then_some(now);
     }
 
-    /// Expected time until so many characters of calls have left the queue.
+    /// Expected time until this number of characters of calls has left the queue.
     pub(super) fn wait(&self, characters: usize) -> Duration {
         if characters == 0 {
             return Duration::ZERO;

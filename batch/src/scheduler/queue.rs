@@ -170,7 +170,7 @@ impl Queue {
         Some(waiting.left)
     }
 
-    /// So many characters of a request have left their worker.
+    /// Records that `characters` of a request have left their worker.
     pub(super) fn finish(&mut self, request: RequestId, characters: usize) {
         let Some(&id) = self.running.get(&request) else {
             return;

@@ -19,7 +19,7 @@ use crate::limits::MAX_DISTANCE_M;
 use crate::post::{NonFinite, check_finite};
 use crate::{FieldError, Path};
 
-/// A loop is made from so many frames before its start, so that it starts in motion.
+/// Frames that are made before the start of a loop, so that it starts in motion.
 const BEFORE: usize = 20;
 /// Frames of the transition to a stretch whose predecessor is too short to be its context.
 const LEAD_FRAMES: usize = 8;

@@ -8,7 +8,7 @@ use super::track::Track;
 use super::way::{STANDING_MPS, Way};
 use crate::live::CONTEXT_FRAMES;
 
-/// A motion that starts in motion is made from so many frames before.
+/// Frames that are made before the start of a motion that begins on its way.
 const BEFORE: usize = 36;
 
 /// The frames that a motion starts with, and the number of them before its first frame.

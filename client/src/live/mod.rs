@@ -15,7 +15,7 @@
 //!
 //! An [`Act`] is done once: follow a path ([`LivePath`]), act out a sentence ([`Performance`]), or
 //! use an object of a scene ([`SessionOptions::scene`]). Events report its progress. Do not change
-//! the locomotion meanwhile, because a change ends the act.
+//! the locomotion until it is over, because a change ends the act.
 
 mod act;
 mod calls;

@@ -134,8 +134,8 @@ impl Session {
     }
 
     /// Does something once, such as use an object of its scene. Do not change its locomotion
-    /// meanwhile, because a change ends the action. The next step sends the action. If that step
-    /// fails, the action may not have arrived, and is not sent again.
+    /// until it is over, because a change ends the action. The next step sends the action. If that
+    /// step fails, the action may not have arrived, and is not sent again.
     pub fn act(&mut self, act: &Act) -> &mut Self {
         self.intent.act(act);
         self

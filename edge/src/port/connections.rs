@@ -86,7 +86,7 @@ pub struct Port {
     pub tls: Option<Arc<Tls>>,
     /// Times and sizes.
     pub limits: ConnectionLimits,
-    /// Places for connections.
+    /// Slots for connections.
     pub slots: Arc<ConnectionSlots>,
     /// Becomes true when the server stops.
     pub stopping: watch::Receiver<bool>,

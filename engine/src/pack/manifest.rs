@@ -55,7 +55,7 @@ pub struct Manifest {
     /// Codes of a codebook; 0 for a family without tokens.
     #[serde(default)]
     pub codes: usize,
-    /// Context keyframes of a request: exactly so many.
+    /// Exact number of context keyframes in a request.
     pub context_frames: usize,
     /// Most target keyframes of a request; 0 for a family that has none.
     #[serde(default)]

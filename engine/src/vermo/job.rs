@@ -17,8 +17,8 @@ use crate::generator::JobId;
 use crate::pack::{FRAMES_PER_TOKEN, LANGUAGE_FILE};
 use crate::random::step64;
 
-/// Frames of a token depend on this number of tokens on either side. So many tokens are held back
-/// while more may follow.
+/// Frames of a token depend on this number of tokens on either side. The same
+/// number is held back while more may follow.
 const HELD_BACK: usize = 2;
 /// Tokens before a window that are decoded together with it.
 const LEAD: usize = 4;

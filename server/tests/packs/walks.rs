@@ -3,31 +3,18 @@
 use std::path::Path;
 
 use futures_util::future::join_all;
-use tokio::net::TcpListener;
-use tonic::transport::Channel;
 use tonic::{Code, Status};
 use tonic_types::StatusExt as _;
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 use troupe_proto::v1::generate_response::Part;
-use troupe_proto::v1::motion_client::MotionClient;
-use troupe_server::config::Config;
-use troupe_server::server::{ServerHandle, serve};
+use troupe_server::server::ServerHandle;
 
-type Client = MotionClient<Channel>;
+use super::{Client, served};
 
 async fn start(pack: &str) -> (ServerHandle, Client) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models").join(pack);
-    let mut config = Config::local(&folder).unwrap();
-    // However slow the machine is, nothing is refused.
-    config.max_queue_ms = 0;
-    let listener = TcpListener::bind(config.listen).await.unwrap();
-    let mut server = serve(config, listener).await.unwrap();
-    server.ready().await.unwrap();
-    let client = Client::connect(format!("http://{}", server.address()))
-        .await
-        .unwrap();
-    (server, client.max_decoding_message_size(usize::MAX))
+    served(&folder).await
 }
 
 fn point(x: f32, z: f32, time: f32) -> v1::PathPoint {

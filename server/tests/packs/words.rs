@@ -8,30 +8,17 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use tokio::net::TcpListener;
 use tonic::Code;
-use tonic::transport::Channel;
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 use troupe_proto::v1::generate_response::Part;
-use troupe_proto::v1::motion_client::MotionClient;
-use troupe_server::config::Config;
-use troupe_server::server::{ServerHandle, serve};
+use troupe_server::server::ServerHandle;
 
-type Client = MotionClient<Channel>;
+use super::{Client, served};
 
 async fn start() -> (ServerHandle, Client) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../engine/tests/vermo");
-    let mut config = Config::local(&folder).unwrap();
-    // However slow the machine is, no call is refused.
-    config.max_queue_ms = 0;
-    let listener = TcpListener::bind(config.listen).await.unwrap();
-    let mut server = serve(config, listener).await.unwrap();
-    server.ready().await.unwrap();
-    let client = Client::connect(format!("http://{}", server.address()))
-        .await
-        .unwrap();
-    (server, client.max_decoding_message_size(usize::MAX))
+    served(&folder).await
 }
 
 fn prompt(text: &str, frame_count: Option<u32>) -> v1::GenerateRequest {
