@@ -27,6 +27,7 @@ keeps_out troupe-client ort troupe-engine troupe-character troupe-server
 keeps_out troupe-base tonic axum ort prost troupe-motion
 keeps_out troupe-batch tonic axum prost troupe-character
 keeps_out troupe-live tonic axum troupe-edge
+keeps_out troupe-service troupe-edge
 keeps_out troupe-edge tonic ort prost troupe-motion
 
 # What a file says without comments and tests.
@@ -45,7 +46,7 @@ families='motion_?bricks|uni_?mo_?gen|ver_?mo\b'
 while read -r file; do
     found=$(code "$file" | grep -inE "$families" | head -3 || true)
     [ -z "$found" ] || fail "$file names a model family: $found"
-done < <(find {character,base,batch,live,edge,server}/src -name '*.rs' ! -name '*_tests.rs' ! -name tests.rs | sort)
+done < <(find {character,base,batch,live,edge,service,server}/src -name '*.rs' ! -name '*_tests.rs' ! -name tests.rs | sort)
 
 [ "$failed" -ne 0 ] || echo "layers hold"
 exit "$failed"

@@ -18,7 +18,7 @@ use troupe_server::api::testing::Reader;
 use troupe_server::config::Config;
 use troupe_server::server::testing::serve_here;
 use troupe_server::server::{PackSource, ServerHandle};
-use troupe_server::service::Service;
+use troupe_service::Service;
 
 /// The object definition that every target starts with.
 pub const STOOL: &str = include_str!("../corpus/object/toy-stool.toml");

@@ -30,7 +30,7 @@ use troupe_motion::{Joint, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_server::api::testing::Reader;
 use troupe_server::config::Config;
-use troupe_server::inbetween::{RequestLimits, prepare, prepare_describe, prepare_prompt};
+use troupe_service::inbetween::{RequestLimits, prepare, prepare_describe, prepare_prompt};
 
 pub use calls::{CALLS, Call, calls};
 pub use home::{Local, STOOL, YARD, options};

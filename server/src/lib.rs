@@ -1,7 +1,7 @@
 //! Troupe's motion server.
 //!
-//! Characters run in the crates below: `troupe-batch` has queues and workers, `troupe-live`
-//! sessions and scenes, `troupe-edge` connections and keys. This crate has the calls, their
+//! The crates below do the work: `troupe-batch` has queues and workers, `troupe-live` sessions and
+//! scenes, `troupe-service` the calls, `troupe-edge` connections and keys. This crate has the
 //! transports, and the server that joins all parts.
 //!
 //! A module uses only modules above it in this table:
@@ -9,8 +9,6 @@
 //! | module | holds |
 //! |---|---|
 //! | [`traces`] | export of traces |
-//! | [`inbetween`] | single requests: from keyframes to tasks, from motion to frames |
-//! | [`service`] | every call, without its transport |
 //! | [`mmcp`] | the protocol of motion tools: its requests, and answers as glTF |
 //! | [`api`] | gRPC, HTTP, WebSocket, and the form of errors |
 //! | [`health`] | asks a running server whether it is ready |
@@ -19,8 +17,8 @@
 //! Each layer has its own error type. Only [`api`] turns errors into answers.
 //!
 //! # How a request is served
-//! A request arrives over gRPC or HTTP. [`inbetween`] checks it and moves each character into its
-//! segment frame. The request waits in a bounded queue and shares a batch with other requests
+//! A request arrives over gRPC or HTTP. [`troupe_service::inbetween`] checks it and moves each
+//! character into its segment frame. The request waits in a bounded queue and shares a batch with other requests
 //! (`troupe-batch`). The networks of a pack process the batch (`troupe-engine`), and the result
 //! becomes frames.
 //!
@@ -48,9 +46,7 @@ pub mod api;
 pub mod config;
 pub mod doctor;
 pub mod health;
-pub mod inbetween;
 pub mod mmcp;
 pub mod program;
 pub mod server;
-pub mod service;
 pub mod traces;

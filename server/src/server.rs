@@ -21,7 +21,6 @@ use tonic_health::server::HealthReporter;
 
 use crate::api;
 use crate::config::Config;
-use crate::service::Service;
 use access::Access;
 use keeping::{Keeping, OpenRecords};
 use troupe_base::telemetry::Telemetry;
@@ -37,6 +36,7 @@ use troupe_engine::{Decision, EngineError, Pipeline, Stages};
 use troupe_live::packs::{LoadedPack, PackTable, load_skills, load_styles};
 use troupe_live::session::{Executor, Sessions, TimeSource};
 use troupe_live::world::Store;
+use troupe_service::Service;
 
 pub use error::StartError;
 pub use handle::{ServerHandle, Stopped};

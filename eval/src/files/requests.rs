@@ -19,7 +19,7 @@ use troupe_motion::Clip;
 use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 use troupe_motion::model::{KeyTensors, KeyframeTask};
 use troupe_proto::v1;
-use troupe_server::inbetween::{RequestLimits, prepare};
+use troupe_service::inbetween::{RequestLimits, prepare};
 
 /// Make the requests of the benchmarks, which `troupe-loadtest --requests` sends.
 #[derive(Debug, Args)]

@@ -17,7 +17,7 @@ use troupe_motion::model::{KeyframeTask, Motion, Trace};
 use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::{Clip, GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
-use troupe_server::inbetween::{Plan, RequestLimits, finish, prepare};
+use troupe_service::inbetween::{Plan, RequestLimits, finish, prepare};
 
 pub use waiting::Waiting;
 

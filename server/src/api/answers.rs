@@ -4,12 +4,12 @@ use troupe_proto::v1;
 use troupe_proto::v1::drive_response::Message;
 
 use super::ApiError;
-use crate::service::ServiceError;
 use troupe_character::live::CommandOutcome;
 use troupe_live::session::End;
 use troupe_live::session::stream::{Closing, Departure, Said};
 use troupe_live::session::{CommandResult, Resumed, SessionError, SessionProblem, Stepped};
 use troupe_live::world::ObjectsChanged;
+use troupe_service::ServiceError;
 
 /// An error inside an answer that also holds results.
 fn problem(error: impl Into<ServiceError>) -> v1::Problem {

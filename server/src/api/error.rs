@@ -16,7 +16,6 @@ mod world;
 use std::time::Duration;
 
 use crate::mmcp::Fault;
-use crate::service::ServiceError;
 use row::{
     INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE, UNIMPLEMENTED,
     WRONG_TYPE,
@@ -28,6 +27,7 @@ use troupe_edge::clients::Exhausted;
 use troupe_engine::EngineError;
 use troupe_live::session::SessionError;
 use troupe_live::world::WorldError;
+use troupe_service::ServiceError;
 
 pub(super) use form::CodeLabel;
 pub use form::{ErrorBody, ErrorDetail};

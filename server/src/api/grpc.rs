@@ -26,7 +26,7 @@ use self::sessions::SessionsApi;
 use super::ours::ours;
 use super::track::{self, Tracker};
 use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES};
-use crate::service::{Service, ServiceError, Streamed};
+use troupe_service::{Service, ServiceError, Streamed};
 
 /// Sets the state that gRPC health checks report, for each service and for the server as a whole.
 pub async fn set_serving(health: &HealthReporter, serving: bool) {

@@ -32,9 +32,9 @@ use super::ours::Ours;
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
 use super::{ApiLimits, openapi, ws};
-use crate::service::Service;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
+use troupe_service::Service;
 
 /// The routes of remote procedures, with their documentation.
 fn rpcs() -> OpenApiRouter<Arc<Service>> {

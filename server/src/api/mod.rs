@@ -27,13 +27,13 @@ use std::time::Duration;
 
 use tonic_health::server::HealthReporter;
 
-use crate::service::Service;
 use front::FRONT;
 use troupe_edge::clients::Clients;
 use troupe_edge::credentials::Credentials;
 use troupe_edge::guard::{self, Guard};
 use troupe_edge::port::Routes;
 use troupe_edge::{access, head, observe, reserve, traffic};
+use troupe_service::Service;
 
 pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use troupe_proto::v1;
 
 use super::error::ApiError;
-use crate::service::Service;
 use troupe_edge::clients::Client;
+use troupe_service::Service;
 
 /// Opens sessions for a client, all or none.
 pub(super) async fn create_sessions(

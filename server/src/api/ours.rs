@@ -7,8 +7,8 @@ use http::request::Parts;
 use tonic::Status;
 
 use super::error::ApiError;
-use crate::service::Service;
 use troupe_edge::clients::Identity;
+use troupe_service::Service;
 
 /// Extracts the service of the caller's tenant, in HTTP handlers.
 pub(super) struct Ours(pub(super) Arc<Service>);

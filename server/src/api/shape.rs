@@ -9,10 +9,10 @@ use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_f
 use troupe_proto::rpc::{List, RPCS, Step};
 
 use super::{ApiError, ApiLimits};
-use crate::inbetween::{MAX_PATH_KEYFRAMES, MAX_PATH_POINTS};
 use troupe_character::FieldError;
 use troupe_character::primitives::path::PATH_POINTS;
 use troupe_live::session::MAX_COMMANDS;
+use troupe_service::inbetween::{MAX_PATH_KEYFRAMES, MAX_PATH_POINTS};
 
 /// How many entries a list may have.
 #[derive(Debug, Clone, Copy)]

@@ -15,8 +15,8 @@ use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
 use super::shape::Shapes;
 use super::ws;
-use crate::service::{Service, ServiceError};
 use troupe_base::turns::Turns;
+use troupe_service::{Service, ServiceError};
 
 /// Decodes messages like the server.
 pub struct Reader(BodyLimits);

@@ -24,8 +24,8 @@ use super::ApiLimits;
 use super::error::{ApiError, CodeLabel};
 use super::metrics::RequestMetrics;
 use super::shape::{Shape, Shapes};
-use crate::service::Service;
 use troupe_base::telemetry::{RequestContext, Trace};
+use troupe_service::Service;
 
 /// Codes of failures of the server.
 const FAULTS: [&str; 3] = ["INTERNAL", "UNAVAILABLE", "UNKNOWN"];

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use super::Config;
 use crate::api::ApiLimits;
-use crate::inbetween::RequestLimits;
 use crate::traces::TraceOptions;
 use troupe_batch::scheduler::Limits;
 use troupe_edge::clients::{Share, Shares};
@@ -17,6 +16,7 @@ use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
 use troupe_live::session::{SessionLimits, TenantOptions};
 use troupe_live::world::Folders;
+use troupe_service::inbetween::RequestLimits;
 
 /// Shortest time for which InBetween calls wait behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);

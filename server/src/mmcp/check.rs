@@ -17,9 +17,9 @@ use super::schema::{
     ENGLISH, Guidance, MotionReference, Options, Request, Text, Unconditioned, check_version, read, take_type,
 };
 use super::{reference, skeleton};
-use crate::inbetween::check_words;
 use troupe_base::echo::cut;
 use troupe_live::wire::MAX_PROMPT_CHARS;
+use troupe_service::inbetween::check_words;
 
 /// Types of segments in the protocol.
 const SEGMENTS: [&str; 5] = [

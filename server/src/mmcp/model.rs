@@ -16,9 +16,9 @@ use super::limits::{
 };
 use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
-use crate::inbetween::fitting;
 use troupe_live::packs::{LoadedPack, PackTable};
 use troupe_live::wire::MAX_PROMPT_CHARS;
+use troupe_service::inbetween::fitting;
 
 /// The protocol version of this server.
 pub const VERSION: &str = "1.4";

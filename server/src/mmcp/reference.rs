@@ -16,8 +16,8 @@ use super::limits::FPS;
 use super::model::Model;
 use super::schema::MotionReference;
 use super::skeleton;
-use crate::inbetween::check_description;
 use troupe_base::echo::cut;
+use troupe_service::inbetween::check_description;
 
 /// Checks the reference motion of the segment at `place` in the request.
 ///

@@ -18,11 +18,11 @@ use super::fault::{Code, Fault};
 use super::limits::MAX_BATCH;
 use super::model::models;
 use super::schema::check_version;
-use crate::service::{Service, ServiceError};
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::RequestContext;
 use troupe_batch::trace_served;
 use troupe_live::packs::LoadedPack;
+use troupe_service::{Service, ServiceError};
 
 /// Most samples whose planning stays on the calling thread.
 const INLINE_SAMPLES: usize = 2;

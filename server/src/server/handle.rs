@@ -13,7 +13,7 @@ use super::access::Access;
 use super::keeping::Keeping;
 use super::{FAREWELL, StartError};
 use crate::api;
-use crate::service::Service;
+use troupe_service::Service;
 
 /// How a server stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

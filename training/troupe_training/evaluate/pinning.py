@@ -1,6 +1,6 @@
 """Pinning as the server does it: generated frames meet the keyframes they were given, without a pop.
 
-The same as `motion/src/segment.rs::pin_targets`, `motion/src/pin.rs` and `server/src/inbetween/finish.rs`, for batches that
+The same as `motion/src/segment.rs::pin_targets`, `motion/src/pin.rs` and `service/src/inbetween/finish.rs`, for batches that
 all give the same frames. `tests/evaluate/test_evaluation.py` holds both to the same numbers.
 """
 

@@ -104,11 +104,11 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::service::ServiceError;
     use troupe_batch::SubmitError;
     use troupe_edge::EdgeError;
     use troupe_edge::clients::Role;
     use troupe_engine::EngineError;
+    use troupe_service::ServiceError;
 
     #[test]
     fn every_error_is_one_of_the_list() {

@@ -9,7 +9,7 @@ use troupe_proto::v1::scenes_server::Scenes;
 use super::answer;
 use crate::api::answers;
 use crate::api::ours::ours;
-use crate::service::Service;
+use troupe_service::Service;
 
 /// The Scenes service.
 pub(super) struct ScenesApi(pub(super) Arc<Service>);

@@ -11,11 +11,11 @@ use troupe_proto::v1::sessions_server::Sessions;
 use super::answer;
 use crate::api::ours::ours;
 use crate::api::{ApiError, answers, opening};
-use crate::service::Service;
 use troupe_base::turns::Turns;
 use troupe_edge::clients::Client;
 use troupe_edge::traffic;
 use troupe_live::session::stream::{Outlet, outbox};
+use troupe_service::Service;
 
 /// The Sessions service.
 pub(super) struct SessionsApi {

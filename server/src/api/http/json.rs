@@ -12,11 +12,11 @@ use troupe_proto::rpc::{self, JsonError};
 
 use crate::api::error::ApiError;
 use crate::api::shape::Shapes;
-use crate::service::ServiceError;
 use troupe_base::echo::{MAX_MESSAGE, MAX_PATH, cut};
 use troupe_base::offload::WorkerStopped;
 use troupe_base::telemetry::RequestContext;
 use troupe_character::document::plain;
+use troupe_service::ServiceError;
 
 /// Field name in errors about the whole body.
 const BODY: &str = "body";

@@ -14,8 +14,8 @@ use crate::api::error::ApiError;
 use crate::api::ours::Ours;
 use crate::mmcp::limits::MAX_REQUEST_BYTES;
 use crate::mmcp::{Capabilities, Reply, RequestOrBatch};
-use crate::service::{Service, ServiceError};
 use troupe_base::offload::offload;
+use troupe_service::{Service, ServiceError};
 
 /// Content type of the answer to a single request.
 const GLTF: &str = "model/gltf+json";

@@ -12,7 +12,7 @@ use troupe_proto::v1;
 use super::json::JsonBody;
 use crate::api::error::ApiError;
 use crate::api::ours::Ours;
-use crate::service::{ServiceError, Streamed};
+use troupe_service::{ServiceError, Streamed};
 
 /// Content type of the answer: one JSON value per line.
 const LINES: &str = "application/x-ndjson";

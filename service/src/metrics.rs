@@ -18,17 +18,17 @@ const UPLOADS: Metric = Metric::new(
 
 /// The metrics of a service.
 #[derive(Debug)]
-pub(super) struct ServiceMetrics {
+pub(crate) struct ServiceMetrics {
     ready: Gauge,
     scenes: Gauge,
     scene_memory: Gauge,
-    pub(super) styles_uploaded: Counter,
-    pub(super) scenes_uploaded: Counter,
-    pub(super) objects_uploaded: Counter,
+    pub(crate) styles_uploaded: Counter,
+    pub(crate) scenes_uploaded: Counter,
+    pub(crate) objects_uploaded: Counter,
 }
 
 impl ServiceMetrics {
-    pub(super) fn new(telemetry: &Telemetry) -> Self {
+    pub(crate) fn new(telemetry: &Telemetry) -> Self {
         let none = Labels::default();
         let uploads = |kind| telemetry.counter(&UPLOADS, &none.with("kind", kind));
         Self {
@@ -42,7 +42,7 @@ impl ServiceMetrics {
     }
 
     /// Updates the metrics that no event updates.
-    pub(super) fn look(&self, ready: bool, spaces: Option<&Arc<Spaces>>) {
+    pub(crate) fn look(&self, ready: bool, spaces: Option<&Arc<Spaces>>) {
         self.ready.set(f64::from(u8::from(ready)));
         let (mut count, mut bytes) = (0, 0);
         for space in spaces.map(|spaces| spaces.all()).unwrap_or_default() {

@@ -13,12 +13,12 @@ use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 
-use super::streamed::{Pieces, Streamed};
-use super::{Service, ServiceError};
 use crate::inbetween::{
     PartWriter, Prepared, no_sampling, path_judge, prepare_path, prepare_prompt, prepare_walk, refuse_frames,
     refuse_path, refuse_walk, walk_judge,
 };
+use crate::streamed::{Pieces, Streamed};
+use crate::{Service, ServiceError};
 use troupe_batch::{Batcher, Piece};
 use troupe_live::packs::LoadedPack;
 

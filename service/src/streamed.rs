@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use troupe_motion::model::Task;
 
-use super::{REQUEST_TARGET, ServiceError};
+use crate::{REQUEST_TARGET, ServiceError};
 use troupe_base::telemetry::{RequestContext, Trace};
 use troupe_batch::{AnswerStream, Batcher, Order, Piece, trace_queue, trace_step};
 
@@ -21,7 +21,7 @@ pub trait Streamed: Send + 'static {
 /// The pieces that a generator makes for one answer. The request's trace records each step.
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
-pub(super) struct Pieces {
+pub(crate) struct Pieces {
     stream: AnswerStream,
     trace: Option<Trace>,
     /// Time when the task was given to the batcher. None after its first piece.
@@ -34,7 +34,7 @@ impl Pieces {
     ///
     /// # Errors
     /// [`ServiceError`] if the queue is full.
-    pub(super) fn ask(
+    pub(crate) fn ask(
         batcher: &Batcher,
         task: Task,
         arrived: Instant,
@@ -51,7 +51,7 @@ impl Pieces {
     ///
     /// # Errors
     /// As [`ask`](Self::ask).
-    pub(super) fn ask_on(
+    pub(crate) fn ask_on(
         &mut self,
         batcher: &Batcher,
         task: Task,
@@ -64,7 +64,7 @@ impl Pieces {
     }
 
     /// The next piece. None after the last piece.
-    pub(super) async fn next(&mut self) -> Option<Result<Piece, ServiceError>> {
+    pub(crate) async fn next(&mut self) -> Option<Result<Piece, ServiceError>> {
         let piece = match self.stream.next().await? {
             Ok(piece) => piece,
             Err(error) => return Some(Err(error.into())),

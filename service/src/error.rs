@@ -11,7 +11,6 @@ use troupe_live::world::WorldError;
 
 /// Why a call was not served.
 #[derive(Debug, Clone, thiserror::Error)]
-#[non_exhaustive]
 pub enum ServiceError {
     /// The packs are still loading.
     #[error("the server is starting: its packs are not loaded yet")]

@@ -9,7 +9,7 @@ use troupe_motion::{Joint, Robot, Skeleton};
 use troupe_proto::v1;
 
 /// The public description of a pack. `engine` runs it, and `skills` are those of its characters.
-pub(super) fn describe(pack: &Pack, skills: &Skills, is_default: bool, engine: &str) -> v1::Pack {
+pub(crate) fn describe(pack: &Pack, skills: &Skills, is_default: bool, engine: &str) -> v1::Pack {
     let manifest = &pack.manifest;
     let (skeleton, dims) = (&pack.rig.skeleton, &pack.rig.dims);
     let contacts = skeleton.contacts.as_ref();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
-use super::{Service, ServiceError};
+use crate::{Service, ServiceError};
 use troupe_base::offload::WorkerStopped;
 use troupe_base::turns::Turns;
 use troupe_live::session::{Resumed, Sessions, Space, styles};

@@ -1,9 +1,10 @@
 //! The service behind all transports: finds the pack, checks the request, has it served, and makes
-//! the answer.
+//! the answer. [`inbetween`] does this for single requests, `troupe-live` for live characters.
 
 mod describe;
 mod error;
 mod generate;
+pub mod inbetween;
 mod metrics;
 mod pack;
 mod scenes;
@@ -173,7 +174,10 @@ impl Service {
     }
 
     /// The tenant's packs, sessions, scenes and definitions.
-    pub(crate) fn space(&self) -> Result<&Arc<Space>, ServiceError> {
+    ///
+    /// # Errors
+    /// [`ServiceError::Starting`] while the server starts.
+    pub fn space(&self) -> Result<&Arc<Space>, ServiceError> {
         match (&self.space, self.common.spaces.get()) {
             (Some(space), _) => Ok(space),
             (None, Some(spaces)) => Ok(spaces.common()),
@@ -182,16 +186,20 @@ impl Service {
     }
 
     /// The place in the queue of a request that arrived at `arrived`.
-    pub(crate) fn order(&self, arrived: Instant) -> Order {
+    pub fn order(&self, arrived: Instant) -> Order {
         Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout)
     }
 
     /// Most characters of a request.
-    pub(crate) fn max_characters(&self) -> usize {
+    pub fn max_characters(&self) -> usize {
         self.common.limits.max_characters
     }
 
-    pub(crate) fn table(&self) -> Result<&PackTable, ServiceError> {
+    /// The packs in the order that the configuration names them.
+    ///
+    /// # Errors
+    /// [`ServiceError::Starting`] while the server starts.
+    pub fn table(&self) -> Result<&PackTable, ServiceError> {
         self.space().map(|space| space.packs.table())
     }
 

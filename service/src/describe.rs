@@ -5,9 +5,9 @@ use std::time::Instant;
 use troupe_motion::model::{Capability, Telling};
 use troupe_proto::v1;
 
-use super::streamed::{Pieces, Streamed};
-use super::{Service, ServiceError};
 use crate::inbetween::{prepare_describe, write_description};
+use crate::streamed::{Pieces, Streamed};
+use crate::{Service, ServiceError};
 
 /// A description in progress.
 #[derive(Debug)]

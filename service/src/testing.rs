@@ -1,6 +1,6 @@
 //! Loading of kept sessions, for fuzz targets.
 
-use super::{Service, ServiceError};
+use crate::{Service, ServiceError};
 use troupe_character::Path;
 use troupe_character::live::World;
 use troupe_character::saved::Surroundings;

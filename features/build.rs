@@ -1,0 +1,3 @@
+//! Cargo takes features of build scripts into account where there is one.
+
+fn main() {}
