@@ -54,7 +54,7 @@ rust-test: runtime real-clips python-env
 	cargo test $(CARGO_TEST) --test e2e --test packs && cargo test $(CARGO_TEST) --doc
 
 python-test: python-env
-	cd training && ../.venv/bin/python -m pytest --quiet
+	cd training && OMP_NUM_THREADS=1 ../.venv/bin/python -m pytest --quiet --numprocesses auto
 	.venv/bin/python -m pytest --quiet bench/tests
 
 # The viewer: its sources are checked, web/dist is what they build, and a browser uses it. Without npm it is left out, aloud.
