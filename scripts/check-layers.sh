@@ -27,7 +27,7 @@ keeps_out troupe-client ort troupe-engine troupe-character troupe-server
 keeps_out troupe-base tonic axum ort prost troupe-motion
 keeps_out troupe-batch tonic axum prost troupe-character
 keeps_out troupe-live tonic axum troupe-edge
-keeps_out troupe-service troupe-edge
+keeps_out troupe-service tonic axum troupe-edge
 keeps_out troupe-edge tonic ort prost troupe-motion
 
 # What a file says without comments and tests.

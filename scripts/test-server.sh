@@ -3,4 +3,4 @@
 # compile it and its dependencies once more, because the tests need further features of tokio and others.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-exec cargo test --quiet --workspace --locked --no-run --test packs
+exec cargo test --workspace --locked --no-run --test packs
