@@ -76,8 +76,8 @@ pub enum RecordsError {
 /// Opens the database: at the start, and again after an error.
 type Open = Box<dyn Fn() -> Result<Database, DatabaseError> + Send + Sync>;
 
-/// Checks the checksums of a whole file when it is opened. Otherwise a damaged record would be found
-/// late, or not at all.
+/// Checks the checksums of a whole file when it is opened. Otherwise a damaged record would be
+/// found late, or not at all.
 fn builder() -> Builder {
     let mut builder = Builder::new();
     builder

@@ -104,8 +104,8 @@ fn records_are_there_again() {
     std::fs::remove_file(&folder).unwrap();
 }
 
-/// Random damage to a file: changed bytes, lost blocks, a missing end. The records are either as they
-/// were written, or the error says that they are not, and what to do.
+/// Random damage to a file: changed bytes, lost blocks, a missing end. The records are either as
+/// they were written, or the error says that they are not, and what to do.
 #[test]
 fn damage_is_an_error_that_says_what_to_do() {
     let disk = Shared::default();

@@ -318,19 +318,13 @@ impl Keeper {
                 changes.put(Kind::Session, &*name, self.record(&cell));
                 sessions.push((name, stamp));
             }
-            if let Some(ChangedScene {
-                name,
-                scene,
-                cell,
-                store,
-            }) = unit.scene
-            {
-                let snapshot = cell.snapshot();
+            if let Some(changed) = unit.scene {
+                let snapshot = changed.cell.snapshot();
                 // A scene without a file has no record.
-                if let Some(record) = store.record_of(&scene, &snapshot) {
-                    changes.put(Kind::Scene, &*name, record);
+                if let Some(record) = changed.store.record_of(&changed.scene, &snapshot) {
+                    changes.put(Kind::Scene, &*changed.name, record);
                 }
-                scenes.push((name, snapshot.revision()));
+                scenes.push((changed.name, snapshot.revision()));
             }
         }
         if !changes.is_empty() {
@@ -450,7 +444,8 @@ impl Keeper {
         units
     }
 
-    /// The changed scenes of a space by name. Adds them to `unkept`, and all of its scenes to `there`.
+    /// The changed scenes of a space by name. Adds them to `unkept`, and all of its scenes to
+    /// `there`.
     fn changed_scenes(
         &self,
         space: &Arc<Space>,

@@ -6,7 +6,7 @@
 mod clients;
 mod engine;
 mod net;
-mod store;
+mod store_tests;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -367,8 +367,8 @@ fn check_streams(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
     }
 }
 
-/// The next server has what clients have learned: all of it after a stop. After a forced stop, or one
-/// that says that it lost changes, it has what is older than a snapshot and the disk's fault.
+/// The next server has what clients have learned: all of it after a stop. After a forced stop, or
+/// one that says that it lost changes, it has what is older than a snapshot and the disk's fault.
 async fn check_kept(plan: &Plan, end: &End, log: &Log, disk: &Shared, sum: &mut Sum) {
     let service = &end.service;
     let telemetry = service.telemetry();

@@ -107,8 +107,8 @@ impl ServerHandle {
         self.shut_down_unless(std::future::pending()).await == Stopped::Clean
     }
 
-    /// [`shut_down`](Self::shut_down), which gives up when `again` completes. Even then it waits for
-    /// the running steps of the workers.
+    /// [`shut_down`](Self::shut_down), which gives up when `again` completes. Even then it waits
+    /// for the running steps of the workers.
     pub async fn shut_down_unless(self, again: impl Future<Output = ()>) -> Stopped {
         let (service, last_step) = (self.service.clone(), self.last_step);
         let stopped = tokio::select! {

@@ -443,8 +443,7 @@ fn a_server_that_is_killed_goes_on_where_it_was() {
 fn server_with_store(name: &str) -> (std::path::PathBuf, Command) {
     let folder = std::env::temp_dir().join(format!("troupe-program-{name}-{}", std::process::id()));
     let _ = std::fs::remove_dir_all(&folder);
-    let mut command = server(&["--without-keys", "anyone", "--store"]);
-    command.arg(&folder);
+    let command = server(&["--store", folder.to_str().unwrap()]);
     (folder, command)
 }
 
@@ -469,8 +468,8 @@ fn a_damaged_store_ends_the_start_with_advice() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// The shell ignores the signal of the limit of file sizes, and the server inherits that. With a limit
-/// of nothing every write fails, as on a full disk.
+/// The shell ignores the signal of the limit of file sizes, and the server inherits that. With a
+/// limit of nothing every write fails, as on a full disk.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_stop_on_a_full_disk_has_an_exit_code_of_its_own() {
