@@ -327,8 +327,15 @@ impl Keeper {
                 scenes.push((changed.name, snapshot.revision()));
             }
         }
-        if !changes.is_empty() {
-            self.records.write(&changes)?;
+        if !changes.is_empty()
+            && let Err(error) = self.records.write(&changes)
+        {
+            // A failed write may have gone through. These records must be written again or removed.
+            let written = sessions.into_iter().map(|(name, _)| (name, Stamp::NONE));
+            self.sessions.extend(written);
+            self.scenes
+                .extend(scenes.into_iter().map(|(name, _)| (name, u64::MAX)));
+            return Err(error);
         }
         for (kind, name) in changes.removed() {
             match kind {
