@@ -421,3 +421,25 @@ async fn an_engine_that_does_not_start_gives_the_reason() {
         "{error}"
     );
 }
+
+#[tokio::test]
+async fn a_stop_waits_for_the_running_step_and_fails_the_rest() {
+    let setup = setup(limits(1), [Trouble::None]).await;
+    let running = setup.enqueue(0..4);
+    setup.dispatched(1).await;
+    let waiting = setup.enqueue(4..12);
+    setup.batcher.stop();
+    for answer in [running, waiting] {
+        assert!(has_stopped(&answer.await.unwrap_err()));
+    }
+    let refused = setup.batcher.enqueue(tasks(0..1), soon()).unwrap_err();
+    assert!(has_stopped(&refused), "{refused}");
+    assert!(
+        !setup.batcher.join(Instant::now() + Duration::from_millis(20)),
+        "a step still runs"
+    );
+    setup.permit(0);
+    assert!(setup.batcher.join(Instant::now() + Duration::from_secs(10)));
+    assert_eq!(setup.sizes(0), [4], "no step began after the stop");
+    assert!(setup.batcher.join(Instant::now()), "all have ended");
+}

@@ -176,6 +176,11 @@ impl State {
         }
     }
 
+    /// Fails all requests, because the workers end.
+    pub(super) fn abandon(&mut self) {
+        self.jobs.clear();
+    }
+
     /// Orders all busy workers to drop the jobs of a request.
     fn cancel(&mut self, request: RequestId) {
         for (worker, orders) in self.orders.iter_mut().enumerate() {

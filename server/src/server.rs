@@ -257,6 +257,7 @@ async fn serve_on(
         stopping,
     });
     let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
+    let last_step = config.fixed.last_step;
     let upkeep = tokio::spawn(upkeep(service.clone()));
     let reload = Arc::new(Notify::new());
     let (reloads, reloading) = (!sources.is_empty(), reload::watch(sources, reload.clone()));
@@ -284,6 +285,7 @@ async fn serve_on(
         access,
         drain_delay,
         drain_timeout,
+        last_step,
     })
 }
 

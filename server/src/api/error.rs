@@ -135,6 +135,7 @@ impl Tabled for ServiceError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::Starting => UNAVAILABLE.because("NOT_READY"),
+            Self::Store(_) => UNAVAILABLE.because("STORE_BEHIND"),
             Self::Space(error) => error.row(),
             Self::Field(error) => error.row(),
             Self::NotFeasible(error) => Row {

@@ -205,7 +205,7 @@ pub(super) async fn healthz() -> &'static str {
     tag = "operations",
     responses(
         (status = 200, description = "Ready", body = String, content_type = "text/plain"),
-        (status = 503, description = "Starting, draining, or an engine has stopped"),
+        (status = 503, description = "Starting, draining, an engine has stopped, or the store is behind"),
     )
 )]
 pub(super) async fn readyz(State(service): State<Arc<Service>>) -> Result<&'static str, ApiError> {

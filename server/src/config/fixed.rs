@@ -22,9 +22,11 @@ pub struct Fixed {
     /// Most sessions of a stream: a tick of 4096 is 0.7 MB in the compact form.
     pub max_sessions_per_stream: usize,
     /// Time between two writes of sessions to the store. A killed server loses the changes since
-    /// the last write. A character costs 0.15 ms of a core per second. With many sessions the
-    /// server writes less often.
+    /// the last write. A character costs 0.15 ms of a core per second.
     pub snapshot_interval: Duration,
+    /// Longest time in which a worker ends its running step when the server stops. A step takes
+    /// milliseconds, on a slow machine seconds.
+    pub last_step: Duration,
     /// Most connections of one address. None: half of all.
     pub max_connections_per_address: Option<usize>,
     /// Most streams of one client. None: a quarter of all.
@@ -60,6 +62,7 @@ impl Default for Fixed {
             max_sessions_per_request: 1024,
             max_sessions_per_stream: 4096,
             snapshot_interval: Duration::from_millis(250),
+            last_step: Duration::from_secs(10),
             max_connections_per_address: None,
             max_streams_per_client: None,
             max_tenants: 256,

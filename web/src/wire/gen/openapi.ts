@@ -4092,7 +4092,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description Starting, draining, or an engine has stopped */
+            /** @description Starting, draining, an engine has stopped, or the store is behind */
             503: {
                 headers: {
                     [name: string]: unknown;
