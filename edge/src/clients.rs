@@ -324,6 +324,12 @@ impl Client {
         })
     }
 
+    /// Whether there is room for `count` more sessions.
+    pub fn has_room_for(&self, count: usize) -> bool {
+        let mut levels = self.levels.iter();
+        levels.all(|level| level.sessions.available_permits() >= count)
+    }
+
     /// Takes places for `count` sessions. Dropping one gives it back.
     ///
     /// # Errors

@@ -158,6 +158,7 @@ fn sessions_count_for_their_address_when_the_connection_is_gone() {
         error.to_string(),
         "this address has no room for as many sessions; allowed at a time: 1500 sessions (a share of max_sessions)"
     );
+    assert!(again.has_room_for(500) && !again.has_room_for(501));
     assert!(again.sessions(500).is_ok());
     assert!(clients.connected(address(2)).sessions(1000).is_ok());
     drop(open);

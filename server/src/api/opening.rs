@@ -30,11 +30,9 @@ pub(super) async fn create_sessions(
 
 /// Places for `count` sessions of a client.
 fn places(service: &Service, client: &Arc<Client>, count: usize) -> Result<SessionPlaces, Exhausted> {
-    client.sessions(count).or_else(|error| {
+    if !client.has_room_for(count) {
         // Sessions whose time is up have their places until the next sweep.
-        match service.sessions().sweep() {
-            0 => Err(error),
-            _ => client.sessions(count),
-        }
-    })
+        service.sessions().sweep();
+    }
+    client.sessions(count)
 }

@@ -138,7 +138,10 @@ impl Config {
             };
         }
         let part = self.fixed.keyless_share;
-        let sessions = (self.max_sessions / part).max(1);
+        let sessions = match part {
+            1 => usize::MAX,
+            part => (self.max_sessions / part).max(1),
+        };
         let address = share(bytes / part, streams_of(part), sessions);
         Shares {
             client: address,
