@@ -25,6 +25,11 @@ use crate::clients::{Client, Resets};
 /// Time between two checks whether a closing connection is done.
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
+/// Longest time in which the body of a refused call is read.
+const DISCARD_TIMEOUT: Duration = Duration::from_secs(1);
+/// Most bytes of the body of a refused call that are read.
+const MAX_DISCARDED_BYTES: usize = 64 << 10;
+
 /// The activity on one connection.
 #[derive(Debug)]
 pub(super) struct Activity {
@@ -232,7 +237,7 @@ where
         if let Some(response) = early.and_then(|early| early.refused(&request, &self.client)) {
             call.serve();
             return Box::pin(async move {
-                discard(request.into_body()).await;
+                discard(request.into_body());
                 Ok(response.map(|body| CallBody::of_answer(body, call)))
             });
         }
@@ -248,14 +253,23 @@ where
     }
 }
 
-/// Reads what has arrived of a body, and waits for no more. Unread frames would count against the
-/// connection (`connections.rs`).
-async fn discard<B: HttpBody + Unpin>(mut body: B) {
-    std::future::poll_fn(|context| {
-        while let Poll::Ready(Some(Ok(_))) = Pin::new(&mut body).poll_frame(context) {}
-        Poll::Ready(())
-    })
-    .await;
+/// Reads and drops a body. It waits neither long nor for many bytes, and not in this task.
+///
+/// A body that is dropped before its end resets its call. What its client sends until it knows
+/// counts as an error of the client, and the HTTP library ends connections with many of them.
+fn discard<B: HttpBody<Data = Bytes> + Send + Unpin + 'static>(mut body: B) {
+    if body.is_end_stream() {
+        return;
+    }
+    let rest = async move {
+        let mut left = MAX_DISCARDED_BYTES;
+        while left > 0 {
+            let frame = std::future::poll_fn(|context| Pin::new(&mut body).poll_frame(context));
+            let Some(Ok(frame)) = frame.await else { return };
+            left = left.saturating_sub(frame.data_ref().map_or(1, |data| data.len().max(1)));
+        }
+    };
+    tokio::spawn(tokio::time::timeout(DISCARD_TIMEOUT, rest));
 }
 
 /// The body of a request or an answer. Keeps its call open.

@@ -245,7 +245,9 @@ async fn full_server() -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
         // The worker takes the first one meanwhile.
         tokio::time::sleep(Duration::from_millis(500)).await;
     }
-    server.metric("troupe_pending_characters{model=\"toy\"", "1").await;
+    server
+        .metric("troupe_pending_characters{model=\"toy\"", "1")
+        .await;
     (server, waiting)
 }
 
@@ -287,6 +289,18 @@ async fn a_client_with_a_debt_is_refused_before_its_call_is_read() {
         assert!(status.get_details_retry_info().is_some());
         assert_eq!(status.get_details_error_info().unwrap().reason, "QUEUE_FULL");
     }
+    // Thousands of them do not end the connection.
+    for _ in 0..15 {
+        let calls = (0..100).map(|_| {
+            let mut client = client.clone();
+            async move { client.in_between(request(1)).await.unwrap_err().code() }
+        });
+        let codes = join_all(calls).await;
+        assert!(
+            codes.iter().all(|code| *code == Code::ResourceExhausted),
+            "{codes:?}"
+        );
+    }
     server.gate.open();
     for call in waiting {
         call.await.unwrap();
@@ -308,8 +322,8 @@ fn thread_time(name: &str) -> Duration {
     Duration::from_nanos(ticks_ns)
 }
 
-/// Prints what a refusal costs: in the whole server, and beside that of a request that the HTTP
-/// library refuses by itself.
+/// Prints what a refusal at the head costs the server's thread, HTTP library included, beside a call
+/// that is read and then refused.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "a measurement, for builds with optimisation"]
@@ -364,10 +378,6 @@ fn cost_of_a_refusal() {
     println!(
         "at the head: {:?}",
         cost("/troupe.v1.Motion/InBetween", body, "8")
-    );
-    println!(
-        "an unknown method: {:?}",
-        cost("/troupe.v1.Motion/Unknown", body, "12")
     );
     println!(
         "a call that is read: {:?}",
