@@ -322,8 +322,8 @@ fn thread_time(name: &str) -> Duration {
     Duration::from_nanos(ticks_ns)
 }
 
-/// Prints what a refusal at the head costs the server's thread, HTTP library included, beside a call
-/// that is read and then refused.
+/// Prints what a refusal at the head costs the server's thread, HTTP library included, beside a
+/// call that is read and then refused.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "a measurement, for builds with optimisation"]
