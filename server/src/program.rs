@@ -124,7 +124,10 @@ fn check_health(args: &HealthArgs) -> anyhow::Result<ExitCode> {
         Some(url) => (url.clone(), args.tls(None)),
         None => {
             let config = Config::load_for_health(args)?;
-            let url = health::ready_url(config.listen, config.tls_certificate.is_some())?;
+            let url = match config.health_listen {
+                Some(address) => health::ready_url(address, false)?,
+                None => health::ready_url(config.listen, config.tls_certificate.is_some())?,
+            };
             (url, args.tls(config.options.tls_certificate))
         }
     };

@@ -257,6 +257,13 @@ impl Service {
         Ok(described(table, table.find("name", name)?))
     }
 
+    /// Why a call of InBetween with one character would be refused by this pack's queue now. None:
+    /// it would wait there, or this says nothing about it.
+    pub fn refusal_of(&self, pack: &str) -> Option<ServiceError> {
+        let loaded = self.table().ok()?.find("pack", pack).ok()?;
+        loaded.batcher.refuse(1).map(Into::into)
+    }
+
     /// `troupe.v1.Motion/InBetween`.
     ///
     /// # Errors

@@ -29,7 +29,11 @@ pub struct Fixed {
     pub last_step: Duration,
     /// Most connections of one address. None: half of all.
     pub max_connections_per_address: Option<usize>,
-    /// Most streams of one client. None: a quarter of all.
+    /// Without keys, one address gets one in this many of all sessions and streams and of the
+    /// memory in transfer. Eight addresses must then act together to fill a server. By default one
+    /// gets 2,048 sessions and 128 streams, more characters than two cores can drive.
+    pub keyless_share: usize,
+    /// Most streams of one client. None: a share of all.
     pub max_streams_per_client: Option<usize>,
     /// Most tenants. Each keeps its folders and tables in memory once it has called.
     pub max_tenants: usize,
@@ -48,6 +52,9 @@ pub struct Fixed {
     /// Time without a call after which a connection is closed. Open streams are calls. Load
     /// balancers keep idle connections for a minute or so, and must be the first to close them.
     pub idle_timeout: Duration,
+    /// How long a connection keeps its place without a call if others want it. A client that
+    /// connects and then asks needs a fraction of that, and one that has asked connects again.
+    pub spare_idle: Duration,
     /// Most bytes of a request, as protobuf or as JSON: twice the largest scene as text.
     pub max_message_bytes: usize,
 }
@@ -64,6 +71,7 @@ impl Default for Fixed {
             snapshot_interval: Duration::from_millis(250),
             last_step: Duration::from_secs(10),
             max_connections_per_address: None,
+            keyless_share: 8,
             max_streams_per_client: None,
             max_tenants: 256,
             session_ttl_ms: 60_000,
@@ -71,6 +79,7 @@ impl Default for Fixed {
             max_calls_per_connection: 1024,
             keepalive: Duration::from_secs(20),
             idle_timeout: Duration::from_secs(300),
+            spare_idle: Duration::from_secs(2),
             max_message_bytes: 16 << 20,
         }
     }

@@ -10,6 +10,7 @@ use tonic_health::server::HealthReporter;
 use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
 use super::access::Access;
+use super::health_port::HealthPort;
 use super::keeping::Keeping;
 use super::{FAREWELL, StartError};
 use crate::api;
@@ -37,6 +38,7 @@ pub struct ServerHandle {
     pub(super) starting: Option<JoinHandle<Result<Option<Keeping>, StartError>>>,
     pub(super) keeping: Option<Keeping>,
     pub(super) connections: JoinHandle<bool>,
+    pub(super) health_port: Option<HealthPort>,
     pub(super) upkeep: JoinHandle<()>,
     pub(super) reloading: JoinHandle<()>,
     pub(super) reload: Arc<Notify>,
@@ -52,6 +54,11 @@ impl ServerHandle {
     /// The address that the server listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// The address of the second port, which only answers health checks.
+    pub fn health_address(&self) -> Option<SocketAddr> {
+        self.health_port.as_ref().map(|port| port.address)
     }
 
     /// Whether calls need a key.
@@ -156,6 +163,10 @@ impl ServerHandle {
                 false
             }
         };
+        if let Some(port) = self.health_port {
+            // Half a health check is no loss.
+            let _ = port.connections.await;
+        }
         self.upkeep.abort();
         self.reloading.abort();
         // Connections that became WebSockets are not among those above.

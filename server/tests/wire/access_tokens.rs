@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use tokio::time::timeout;
 use troupe_edge::clients::Role;
 use troupe_edge::keys;
+use troupe_proto::v1;
 use troupe_server::api::ErrorBody;
 
 use crate::common::TestServer;
@@ -133,6 +134,41 @@ async fn tokens_of_the_provider_let_in_by_their_role() {
         let token = provider.signed(&json!({ "alg": algorithm }), &plain);
         assert_eq!(get(&server, "/v1/packs", &token).await.0, StatusCode::OK);
     }
+}
+
+#[tokio::test]
+async fn the_end_of_a_token_ends_its_streams() {
+    let provider = Provider::new();
+    let server = start(&provider).await;
+    // Tokens are accepted for 30 s longer, because clocks may differ.
+    let token = provider.token("EdDSA", &claims("drive", -27));
+    let mut client = server.sessions().await;
+    let (_ask, asked) = tokio::sync::mpsc::channel::<v1::DriveRequest>(1);
+    let mut call = tonic::Request::new(tokio_stream::wrappers::ReceiverStream::new(asked));
+    let bearer = format!("Bearer {token}").parse().unwrap();
+    call.metadata_mut().insert("authorization", bearer);
+    let mut answers = client.drive(call).await.unwrap().into_inner();
+    assert!(
+        timeout(Duration::from_secs(1), answers.message()).await.is_err(),
+        "it goes on"
+    );
+    let ended = timeout(Duration::from_secs(4), answers.message()).await;
+    let status = ended.expect("an end in time").unwrap_err();
+    assert_eq!(status.code(), tonic::Code::Unauthenticated, "{status}");
+    assert!(status.message().contains("the token has expired"), "{status}");
+}
+
+#[tokio::test]
+async fn a_tenants_admin_does_not_read_the_metrics_of_all() {
+    let provider = Provider::new();
+    let server = start(&provider).await;
+    let of_tenant = provider.token("EdDSA", &claims("admin", 60));
+    let (status, message) = get(&server, "/metrics", &of_tenant).await;
+    assert_eq!(status, StatusCode::FORBIDDEN, "{message}");
+    assert!(message.contains("a key of the role metrics"), "{message}");
+    assert_eq!(get(&server, "/v1/packs", &of_tenant).await.0, StatusCode::OK);
+    let of_all = provider.token("EdDSA", &with(claims("admin", 60), "tenant", Value::Null));
+    assert_eq!(get(&server, "/metrics", &of_all).await.0, StatusCode::OK);
 }
 
 #[tokio::test]
