@@ -14,7 +14,7 @@ use std::time::Instant;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
-use troupe_base::turns::{Line, Turns};
+use troupe_base::turns::{ClientId, Line, Turns};
 
 pub use identity::{Identity, Quota, Role};
 
@@ -294,7 +294,12 @@ impl Client {
     /// The client's fair turns on the server's threads.
     pub fn turns(&self) -> Turns {
         let [of_client, of_address, _] = &self.levels;
-        Turns::new([&of_client.turns, &of_address.turns])
+        let own = of_client.turns.id();
+        let group = match of_client.whose {
+            Whose::Key => own,
+            _ => of_address.turns.id(),
+        };
+        Turns::new(ClientId { group, own }, [&of_client.turns, &of_address.turns])
     }
 
     /// Takes memory for a request or an answer. Dropping it gives it back.
