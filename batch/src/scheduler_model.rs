@@ -79,6 +79,12 @@ pub(super) struct Model {
     working: BTreeSet<Name>,
 }
 
+/// Whether two names take turns with each other.
+fn same_level(one: &Name, other: &Name) -> bool {
+    let level = |(class, group, own): &Name| (*class, own.map(|_| *group));
+    level(one) == level(other)
+}
+
 impl Model {
     pub(super) fn new(limits: Limits, slots: usize) -> Self {
         let worker = Holder {
@@ -116,6 +122,16 @@ impl Model {
         let working: BTreeSet<Name> = (self.ready().iter())
             .flat_map(|request| self.names(*request))
             .collect();
+        // Where nobody waits any more, all are even.
+        let rests: Vec<Name> = (self.times.keys())
+            .filter(|name| !working.iter().any(|other| same_level(name, other)))
+            .copied()
+            .collect();
+        for name in rests {
+            let time = self.times[&name];
+            let now = self.now_of(name);
+            *now = time.max(*now);
+        }
         for &name in working.difference(&self.working.clone()) {
             let now = *self.now_of(name);
             let time = self.times.entry(name).or_default();
@@ -289,6 +305,7 @@ impl Model {
             assert_eq!(Some(&pushed), out.as_ref(), "the wrong ones leave");
             for request in pushed {
                 self.requests.get_mut(&request).expect("it waits").fate = Fate::Refused;
+                self.look_who_works();
             }
         } else {
             assert!(fits, "took what does not fit");

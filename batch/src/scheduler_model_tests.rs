@@ -252,11 +252,12 @@ impl Pair {
 
     /// What a worker has fails when it is lost.
     fn lose(&mut self, worker: usize) {
-        let finished = std::mem::take(&mut self.model.workers[worker].held);
+        let finished = self.model.workers[worker].held.clone();
         self.model.workers[worker].state = State::Lost;
         for part in &finished {
             self.leave(part.request);
         }
+        self.model.finish(worker, &finished);
         let lost = Event::WorkerLost {
             worker,
             finished: &finished,

@@ -518,9 +518,18 @@ fn from(client: (u64, u64), order: Order) -> Order {
     })
 }
 
+/// One worker with so large batches, and room for 1,000 waiting characters.
+fn roomy(max_batch: usize) -> Limits {
+    Limits {
+        max_queued: 1000,
+        max_live: 1000,
+        ..limits(1, max_batch)
+    }
+}
+
 #[test]
 fn a_client_with_one_call_does_not_wait_for_the_crowd_of_another() {
-    let mut setup = Setup::busy(limits(1, 8));
+    let mut setup = Setup::busy(roomy(8));
     for _ in 0..10 {
         setup.arrive(64, from((1, 1), Order::request(setup.now)));
     }
@@ -533,7 +542,7 @@ fn a_client_with_one_call_does_not_wait_for_the_crowd_of_another() {
 
 #[test]
 fn many_connections_of_one_address_share_what_it_gets() {
-    let mut setup = Setup::busy(limits(1, 10));
+    let mut setup = Setup::busy(roomy(10));
     for connection in 0..50 {
         setup.arrive(10, from((1, connection), Order::request(setup.now)));
     }
@@ -548,7 +557,7 @@ fn many_connections_of_one_address_share_what_it_gets() {
 
 #[test]
 fn an_urgent_flood_of_one_client_delays_no_plan_of_another() {
-    let mut setup = Setup::busy(limits(1, 4));
+    let mut setup = Setup::busy(roomy(4));
     for owner in 0..100 {
         let order = Order::live(OwnerId(owner), setup.now);
         setup.arrive(1, from((1, 1), order));

@@ -18,6 +18,8 @@ pub(super) struct Fair<K, T> {
     working: BTreeSet<(u64, K)>,
     /// Virtual time: that of the key for which something was taken last.
     now: u64,
+    /// The greatest virtual time of all keys. Once no key has work, it is `now`, so all are even.
+    latest: u64,
 }
 
 #[derive(Debug, Default)]
@@ -33,6 +35,7 @@ impl<K, T> Default for Fair<K, T> {
             entries: BTreeMap::new(),
             working: BTreeSet::new(),
             now: 0,
+            latest: 0,
         }
     }
 }
@@ -76,6 +79,9 @@ impl<K: Copy + Ord, T: Default> Fair<K, T> {
             self.working.remove(&(entry.time, key));
         }
         entry.works = works;
+        if self.working.is_empty() {
+            self.now = self.latest;
+        }
     }
 
     /// Something was taken for a key.
@@ -85,6 +91,7 @@ impl<K: Copy + Ord, T: Default> Fair<K, T> {
         };
         self.now = self.now.max(entry.time);
         let charged = entry.time.saturating_add(cost);
+        self.latest = self.latest.max(charged);
         if entry.works {
             self.working.remove(&(entry.time, key));
             self.working.insert((charged, key));

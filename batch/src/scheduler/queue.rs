@@ -99,9 +99,14 @@ impl Line {
     fn remove(&mut self, client: ClientId, at: (Instant, RequestId)) -> bool {
         let was_ready = self.ready.remove(&at);
         let (group, own) = self.client(client);
-        let member = group.members.held(own);
-        member.ready.remove(&at);
-        if member.ready.is_empty() {
+        group.members.held(own).ready.remove(&at);
+        was_ready
+    }
+
+    /// Requests of a client were removed, and others of it may have come.
+    fn settle(&mut self, client: ClientId) {
+        let (group, own) = self.client(client);
+        if group.members.held(own).ready.is_empty() {
             group.members.set_working(own, false);
             group.members.clean(|member| member.pending == 0);
         }
@@ -109,7 +114,6 @@ impl Line {
             self.groups.set_working(client.group, false);
             self.groups.clean(|group| group.pending == 0);
         }
-        was_ready
     }
 
     /// The next request, and how many characters of it may go before those of other clients.
@@ -240,7 +244,8 @@ impl Queue {
         mut due: Instant,
     ) -> Option<RequestId> {
         let older = order.owner.and_then(|owner| self.owners.get(&owner)?.waiting);
-        if let Some(older) = older.and_then(|older| self.remove(older)) {
+        let replaced = older.and_then(|older| self.remove(older));
+        if let Some(older) = &replaced {
             due = due.min(older.due);
         }
         self.lines[order.class as usize].wait(order.client, characters);
@@ -259,6 +264,9 @@ impl Queue {
         });
         if !blocked {
             self.make_ready(&order, due, request, characters);
+        }
+        if let Some(older) = replaced {
+            self.settle(&older.order);
         }
         older
     }
@@ -305,6 +313,7 @@ impl Queue {
         if left == 0 {
             self.requests.remove(&request);
             line.remove(client, at);
+            line.settle(client);
         }
         if let Some(id) = owner {
             let owner = self.owners.entry(id).or_default();
@@ -329,6 +338,7 @@ impl Queue {
             }
             self.release(owner);
         }
+        self.settle(&waiting.order);
         Some(waiting.left)
     }
 
@@ -373,7 +383,11 @@ impl Queue {
         self.ready_characters += characters;
     }
 
-    /// Removes a request from all fields but `owners`.
+    fn settle(&mut self, order: &Order) {
+        self.lines[order.class as usize].settle(order.client);
+    }
+
+    /// Removes a request from all fields but `owners`. The caller settles its client afterwards.
     fn remove(&mut self, request: RequestId) -> Option<Waiting> {
         let waiting = self.requests.remove(&request)?;
         let line = &mut self.lines[waiting.order.class as usize];
