@@ -54,12 +54,12 @@ rust-test: runtime real-clips python-env
 	cargo test $(CARGO_TEST) --test e2e --test packs && cargo test $(CARGO_TEST) --doc
 
 python-test: python-env
-	cd training && ../.venv/bin/python -m pytest --quiet
+	cd training && OMP_NUM_THREADS=1 ../.venv/bin/python -m pytest --quiet --numprocesses auto
 	.venv/bin/python -m pytest --quiet bench/tests
 
 # The viewer: its sources are checked, web/dist is what they build, and a browser uses it. Without npm it is left out, aloud.
 web-test: runtime
-	@if command -v npm >/dev/null; then scripts/web.sh check && scripts/web.sh build && cargo build --package troupe-server --locked && scripts/web.sh e2e; \
+	@if command -v npm >/dev/null; then scripts/web.sh check && scripts/web.sh build && scripts/test-server.sh && scripts/web.sh e2e; \
 	else echo "*** THE VIEWER WAS NOT TESTED: there is no npm (Node 20.19 or newer)" >&2; fi
 
 # The Python client as users get it: its wheel is built, installed in an environment of its own, checked and tested.

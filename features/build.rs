@@ -1,3 +1,3 @@
-//! Cargo takes features of build scripts into account where there is one.
+//! Cargo unites the features of build dependencies only for a crate with a build script.
 
 fn main() {}

@@ -7,9 +7,10 @@ cd "$(dirname "$0")/.."
 [ -z "${TROUPE_SERVER:-}" ] || exec "$@"
 
 build=${TROUPE_BUILD:-release}
-profile=dev
-[ "$build" = debug ] || profile=$build
-cargo build --profile "$profile" --package troupe-server
+case $build in
+debug) scripts/test-server.sh ;;
+*) cargo build --profile "$build" --package troupe-server ;;
+esac
 log=$(mktemp)
 ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$PWD/.runtime/libonnxruntime.so} \
     "target/$build/troupe-server" --listen 127.0.0.1:0 >"$log" 2>&1 &

@@ -18,9 +18,9 @@
 //!
 //! # How a request is served
 //! A request arrives over gRPC or HTTP. [`troupe_service::inbetween`] checks it and moves each
-//! character into its segment frame. The request waits in a bounded queue and shares a batch with other requests
-//! (`troupe-batch`). The networks of a pack process the batch (`troupe-engine`), and the result
-//! becomes frames.
+//! character into its segment frame. The request waits in a bounded queue and shares a batch with
+//! other requests (`troupe-batch`). The networks of a pack process the batch (`troupe-engine`), and
+//! the result becomes frames.
 //!
 //! # How a live character moves
 //! Commands change what a character wants (`troupe-character`). When a character needs a plan, its
