@@ -115,6 +115,8 @@ impl Batcher {
     }
 
     fn admit(&self, tasks: Vec<Task>, order: Order, reply: Reply) -> Result<PendingRequest, SubmitError> {
+        let work = tasks.iter().map(Task::work).max().unwrap_or(1);
+        let order = Order { work, ..order };
         let request = self.shared().admit(tasks, order, reply)?;
         Ok(PendingRequest {
             shared: Some(self.shared().clone()),
@@ -134,8 +136,8 @@ impl Batcher {
 
     /// Why a call with this number of characters would be refused now; none if it would be
     /// accepted. Lets a caller refuse early, before it prepares the call.
-    pub fn refuse(&self, characters: usize) -> Option<SubmitError> {
-        self.shared().refuse(characters)
+    pub fn refuse(&self, order: &Order, characters: usize) -> Option<SubmitError> {
+        self.shared().refuse(order, characters)
     }
 
     /// Serves `tasks`, possibly in batches with tasks of other callers. Dropping the future cancels

@@ -72,6 +72,8 @@ pub enum Rejection {
     QueueFull,
     /// The request would have waited for longer than allowed.
     QueueSlow,
+    /// The queue was full, and a client with less waiting work needed the room.
+    PushedOut,
     /// The caller no longer waited for the answer.
     ClientGone,
     /// A newer plan of the same character replaced it.
@@ -84,9 +86,10 @@ pub enum Rejection {
 
 impl Rejection {
     /// In the order of the discriminants.
-    const ALL: [Self; 6] = [
+    const ALL: [Self; 7] = [
         Self::QueueFull,
         Self::QueueSlow,
+        Self::PushedOut,
         Self::ClientGone,
         Self::Superseded,
         Self::Expired,
@@ -97,6 +100,7 @@ impl Rejection {
         match self {
             Self::QueueFull => "queue_full",
             Self::QueueSlow => "queue_slow",
+            Self::PushedOut => "pushed_out",
             Self::ClientGone => "client_gone",
             Self::Superseded => "superseded",
             Self::Expired => "expired",

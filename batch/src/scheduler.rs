@@ -11,6 +11,11 @@
 //! the virtual deadline of another has a later one itself. So from then on only requests that
 //! already wait can go first, and [`Limits::max_queued`] and [`Limits::max_live`] bound those.
 //!
+//! **Clients share evenly**: the order above decides which class goes first. Within a class the
+//! clients with waiting requests take turns by the work that each has had ([fair order](fair)),
+//! first the groups and then the clients of a group. A client's own requests go by virtual deadline.
+//! So a client that asks for much, or says that all of it is urgent, delays itself.
+//!
 //! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the most
 //! urgent call, whatever its deadline. If a batch is too small for that, the fraction is carried
 //! over to the next batch. So the share also holds for batches of one.
@@ -29,12 +34,14 @@
 //! of plans does not push itself back.
 //!
 //! # Limits
-//! A request that does not fit is refused as a whole, at once. A call is also refused if it would
+//! A request that does not fit is refused as a whole, at once. If its client has less waiting than
+//! others, the least urgent calls of the client with most leave the full queue for it. A call is also refused if it would
 //! wait for longer than [`Limits::max_wait`], judged by the rate at which calls left the queue
-//! lately. Characters that idle workers are about to take do not count as waiting. Cancelled,
+//! lately, and by what may go before it: at most as much of each other client as it has waiting. Characters that idle workers are about to take do not count as waiting. Cancelled,
 //! replaced and expired work is dropped before it starts.
 
 mod event;
+mod fair;
 mod limits;
 mod meter;
 mod queue;
@@ -127,8 +134,12 @@ impl Scheduler {
 
     /// Why a call with this number of characters would be refused now; none if it would be
     /// accepted.
-    pub fn refuse(&self, characters: usize) -> Option<QueueRefusal> {
-        self.refusal(Class::Request, characters, 0)
+    pub fn refuse(&self, order: &Order, characters: usize) -> Option<QueueRefusal> {
+        let refusal = self.refusal(order, characters, 0)?;
+        match self.in_the_way(order, characters, refusal) {
+            Some(_) => None,
+            None => Some(refusal),
+        }
     }
 
     /// Handles one event, and adds the resulting actions to `actions`.
@@ -160,23 +171,44 @@ impl Scheduler {
     ) {
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let leaving = older.map_or(0, |older| older.pending(order.class));
-        if let Some(refusal) = self.refusal(order.class, characters, leaving) {
-            return actions.push(Action::Refuse { request, refusal });
+        if let Some(refusal) = self.refusal(&order, characters, leaving) {
+            let Some(in_the_way) = self.in_the_way(&order, characters, refusal) else {
+                return actions.push(Action::Refuse { request, refusal });
+            };
+            for request in in_the_way {
+                self.queue.forget(request);
+                actions.push(Action::PushOut { request, refusal });
+            }
         }
         let due = order.deadline.max(now) + self.limits.class_offset(order.class);
         let older = self.queue.add(now, request, characters, order, due);
         actions.extend(older.map(|request| Action::Supersede { request }));
     }
 
-    /// Why `characters` more would be refused if they replaced `leaving` waiting ones.
-    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<QueueRefusal> {
-        let pending = self.queue.pending(class) - leaving;
+    /// The calls that must go to make room for a call that finds the queue full; none if it is
+    /// refused.
+    fn in_the_way(&self, order: &Order, characters: usize, refusal: QueueRefusal) -> Option<Vec<RequestId>> {
+        if !refusal.full || order.class != Class::Request {
+            return None;
+        }
+        let free = (self.room(order.class)).saturating_sub(self.queue.pending(order.class));
+        self.queue.in_the_way(order, characters, characters - free)
+    }
+
+    /// Most waiting characters of a class. Idle workers are about to take some.
+    fn room(&self, class: Class) -> usize {
         let taken: usize = self.workers.iter().filter_map(|worker| worker.room()).sum();
-        let wait = self.meter.wait(pending);
-        let room = self.limits.room(class) + taken;
-        let full = characters > room.saturating_sub(pending);
+        self.limits.room(class) + taken
+    }
+
+    /// Why `characters` more would be refused if they replaced `leaving` waiting ones.
+    fn refusal(&self, order: &Order, characters: usize, leaving: usize) -> Option<QueueRefusal> {
+        let class = order.class;
+        let pending = self.queue.pending(class) - leaving;
+        let wait = self.meter.wait(self.queue.ahead(order, characters).min(pending));
+        let full = characters > self.room(class).saturating_sub(pending);
         let limited = class == Class::Request && !self.limits.max_wait.is_zero();
-        let slow = limited && taken == 0 && wait > self.limits.max_wait;
+        let slow = limited && self.room(class) == self.limits.room(class) && wait > self.limits.max_wait;
         (full || slow).then(|| QueueRefusal {
             pending_characters: self.pending_characters(),
             expected_wait: wait,
@@ -262,10 +294,8 @@ impl Scheduler {
                     own = own.saturating_sub(slice.characters);
                     let is_call = slice.class == Class::Request;
                     calls += if is_call { slice.characters } else { 0 };
-                    // A call may get places that are kept for calls, and then further ones. Any
-                    // other request comes up only once.
-                    let mut before = slices.iter_mut().filter(|_| is_call);
-                    match before.find(|before| before.request == slice.request) {
+                    // A request comes up again after those of other clients.
+                    match slices.iter_mut().find(|before| before.request == slice.request) {
                         Some(before) => before.characters += slice.characters,
                         None => slices.push(slice),
                     }

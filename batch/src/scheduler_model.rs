@@ -1,9 +1,11 @@
 //! A simple model of the scheduler: one list, searched for each question.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use super::super::{Action, Batch, BatchReason, Finished, Limits, RequestId, RequestSlice};
+use troupe_base::turns::ClientId;
+
 use crate::order::{Class, Order, OwnerId};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +55,9 @@ pub(super) struct Holder {
     pub(super) held: Vec<Finished>,
 }
 
+/// A client or a group of a class, by name.
+type Name = (Class, u64, Option<u64>);
+
 #[derive(Debug, Clone)]
 pub(super) struct Model {
     limits: Limits,
@@ -66,6 +71,18 @@ pub(super) struct Model {
     open_s: f64,
     /// Places since a call had one of its own.
     call_credit: usize,
+    /// Virtual times of clients and groups.
+    times: BTreeMap<Name, u64>,
+    /// The virtual time of what was taken last: of groups by class, of clients by class and group.
+    nows: BTreeMap<(Class, Option<u64>), u64>,
+    /// Clients and groups that had something ready.
+    working: BTreeSet<Name>,
+}
+
+/// Whether two names take turns with each other.
+fn same_level(one: &Name, other: &Name) -> bool {
+    let level = |(class, group, own): &Name| (*class, own.map(|_| *group));
+    level(one) == level(other)
 }
 
 impl Model {
@@ -83,6 +100,82 @@ impl Model {
             measured: vec![(0.005, 1)],
             open_s: 0.0,
             call_credit: limits.call_share,
+            times: BTreeMap::new(),
+            nows: BTreeMap::new(),
+            working: BTreeSet::new(),
+        }
+    }
+
+    /// The client and the group of a request.
+    fn names(&self, request: RequestId) -> [Name; 2] {
+        let Order { class, client, .. } = self.requests[&request].order;
+        [
+            (class, client.group, Some(client.own)),
+            (class, client.group, None),
+        ]
+    }
+
+    /// The virtual time of those among which a name takes its turn.
+    fn now_of(&mut self, (class, group, own): Name) -> &mut u64 {
+        self.nows.entry((class, own.map(|_| group))).or_default()
+    }
+
+    /// Clients and groups that begin to wait start at the time of what was taken last.
+    fn look_who_works(&mut self) {
+        let working: BTreeSet<Name> = (self.ready().iter())
+            .flat_map(|request| self.names(*request))
+            .collect();
+        // Where nobody waits any more, all are even.
+        let rests: Vec<Name> = (self.times.keys())
+            .filter(|name| !working.iter().any(|other| same_level(name, other)))
+            .copied()
+            .collect();
+        for name in rests {
+            let time = self.times[&name];
+            let now = self.now_of(name);
+            *now = time.max(*now);
+        }
+        for &name in working.difference(&self.working.clone()) {
+            let now = *self.now_of(name);
+            let time = self.times.entry(name).or_default();
+            *time = now.max(*time);
+        }
+        self.working = working;
+    }
+
+    /// Whose turn it is among those that `fits` allows, and how far the next one is behind.
+    fn turn(&self, fits: impl Fn(&Name) -> bool) -> (Name, Option<u64>) {
+        let mut order: Vec<(u64, Name)> = (self.working.iter())
+            .filter(|name| fits(name))
+            .map(|name| (self.times[name], *name))
+            .collect();
+        order.sort();
+        let ahead = order.get(1).map(|next| next.0 - order[0].0);
+        (order[0].1, ahead)
+    }
+
+    /// The request of a class that goes first, and how many of its characters.
+    fn first_of(&self, class: Class) -> (RequestId, usize) {
+        let (group, ahead) = self.turn(|name| name.0 == class && name.2.is_none());
+        let (client, ahead_too) = self.turn(|name| name.0 == class && name.1 == group.1 && name.2.is_some());
+        let ready = self.ready();
+        let request = ready.iter().find(|request| self.names(**request)[0] == client);
+        let request = *request.expect("a client that works has something ready");
+        let cost = u64::from(self.requests[&request].order.work);
+        let ahead = ahead.into_iter().chain(ahead_too).min();
+        (
+            request,
+            ahead.map_or(usize::MAX, |ahead| (ahead / cost) as usize + 1),
+        )
+    }
+
+    fn charge(&mut self, request: RequestId, characters: usize) {
+        let cost = u64::from(self.requests[&request].order.work) * characters as u64;
+        for name in self.names(request) {
+            let time = self.times[&name];
+            let now = self.now_of(name);
+            *now = time.max(*now);
+            self.times.insert(name, time + cost);
         }
     }
 
@@ -133,6 +226,44 @@ impl Model {
         ready.iter().map(|request| self.requests[request].left()).sum()
     }
 
+    /// The calls that leave a full queue for one more: again and again the least urgent unstarted
+    /// call of the client with most waiting, in the group with most waiting.
+    fn push_out(&self, order: Order, characters: usize, lacking: usize) -> Option<Vec<RequestId>> {
+        let mut waiting: Vec<(RequestId, &Known)> = (self.requests.iter())
+            .filter(|(_, known)| known.order.class == order.class && known.left() > 0)
+            .map(|(request, known)| (*request, known))
+            .collect();
+        let (mut out, mut freed) = (Vec::new(), 0);
+        while freed < lacking {
+            let (mut groups, mut clients) = (BTreeMap::new(), BTreeMap::new());
+            *groups.entry(order.client.group).or_insert(0) += characters;
+            *clients.entry(order.client).or_insert(0) += characters;
+            for (_, known) in &waiting {
+                *groups.entry(known.order.client.group).or_insert(0) += known.left();
+                *clients.entry(known.order.client).or_insert(0) += known.left();
+            }
+            let heaviest =
+                |(group, pending): &(&u64, &usize)| (**pending, **group != order.client.group, **group);
+            let (&group, _) = groups.iter().max_by_key(heaviest)?;
+            let heaviest =
+                |(client, pending): &(&ClientId, &usize)| (**pending, **client != order.client, client.own);
+            let of_group = clients.iter().filter(|(client, _)| client.group == group);
+            let (&client, &pending) = of_group.max_by_key(heaviest)?;
+            let own = clients[&order.client];
+            if group == order.client.group && (client == order.client || pending <= own) {
+                return None;
+            }
+            let last = (waiting.iter())
+                .filter(|(_, known)| known.order.client == client && known.next == 0)
+                .max_by_key(|(request, known)| (known.due, *request));
+            let &(request, known) = last?;
+            out.push(request);
+            freed += known.left();
+            waiting.retain(|(other, _)| *other != request);
+        }
+        Some(out)
+    }
+
     pub(super) fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
@@ -166,6 +297,23 @@ impl Model {
                 assert!(!max_wait.is_zero() && refusal.expected_wait > max_wait);
             }
             known.fate = Fate::Refused;
+            if !fits && order.class == Class::Request {
+                let lacking = pending + characters - room.max(pending);
+                assert_eq!(self.push_out(order, characters, lacking), None, "could make room");
+            }
+        } else if !fits && order.class == Class::Request {
+            let out = self.push_out(order, characters, pending + characters - room.max(pending));
+            let pushed: Vec<RequestId> = (actions.iter())
+                .map(|action| match action {
+                    Action::PushOut { request, refusal } if refusal.full => *request,
+                    other => panic!("{other:?}"),
+                })
+                .collect();
+            assert_eq!(Some(&pushed), out.as_ref(), "the wrong ones leave");
+            for request in pushed {
+                self.requests.get_mut(&request).expect("it waits").fate = Fate::Refused;
+                self.look_who_works();
+            }
         } else {
             assert!(fits, "took what does not fit");
             let supersede = replaced.map(|request| Action::Supersede { request });
@@ -177,6 +325,7 @@ impl Model {
             }
         }
         self.requests.insert(request, known);
+        self.look_who_works();
     }
 
     pub(super) fn leave(&mut self, request: RequestId, actions: &[Action]) {
@@ -189,6 +338,7 @@ impl Model {
             }
             None => assert_eq!(actions, []),
         }
+        self.look_who_works();
     }
 
     /// Takes out of a worker's hands what is finished.
@@ -199,6 +349,7 @@ impl Model {
             held.expect("it has some of it").characters -= done.characters;
         }
         self.workers[worker].held.retain(|held| held.characters > 0);
+        self.look_who_works();
     }
 
     pub(super) fn measure(&mut self, took: Option<Duration>, finished: &[Finished]) {
@@ -247,17 +398,18 @@ impl Model {
             && let Some(&first) = ready.first()
         {
             let is_call = |request: &&RequestId| self.requests[*request].order.class == Class::Request;
-            let request = match ready.iter().find(is_call) {
-                Some(&call) if own > 0 => call,
-                _ => {
-                    own = 0;
-                    first
-                }
+            if !ready.iter().any(|request| is_call(&request)) {
+                own = 0;
+            }
+            let class = match own > 0 {
+                true => Class::Request,
+                false => self.requests[&first].order.class,
             };
+            let (request, most) = self.first_of(class);
             let place_since = self.requests[&request].place_since;
-            // What came after another's virtual deadline does not go before it, but to a place of
-            // calls.
-            for other in ready.iter().filter(|_| own == 0) {
+            // What came after the virtual deadline of another of the same client does not go before.
+            let same = |other: &&RequestId| self.names(**other) == self.names(request);
+            for other in ready.iter().filter(same) {
                 assert!(place_since <= self.requests[other].due, "{other:?} is starved");
             }
             let known = self.requests.get_mut(&request).unwrap();
@@ -266,9 +418,10 @@ impl Model {
                 known.fate = Fate::Expired;
                 expires = true;
                 actions.push(Action::Expire { request, waited });
+                self.look_who_works();
                 continue;
             }
-            let characters = known.left().min(if own > 0 { own } else { wanted });
+            let characters = known.left().min(if own > 0 { own } else { wanted }).min(most);
             wanted -= characters;
             own = own.saturating_sub(characters);
             if known.order.class == Class::Request {
@@ -293,6 +446,8 @@ impl Model {
                 Some(held) => held.characters += characters,
                 None => held.push(Finished { request, characters }),
             }
+            self.charge(request, characters);
+            self.look_who_works();
         }
         self.call_credit = self.call_credit.saturating_sub(calls * share).min(share);
         let is_idle = self.workers[worker].held.is_empty();

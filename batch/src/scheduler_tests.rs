@@ -1,3 +1,5 @@
+use troupe_base::turns::ClientId;
+
 use super::*;
 use crate::order::OwnerId;
 
@@ -88,6 +90,10 @@ impl Setup {
     }
 
     /// A call that has a place.
+    fn refuse(&self, characters: usize) -> Option<QueueRefusal> {
+        self.scheduler.refuse(&Order::request(self.now), characters)
+    }
+
     fn call(&mut self, characters: usize) -> u64 {
         let (request, actions) = self.arrive(characters, Order::request(self.now));
         assert_eq!(actions, []);
@@ -341,7 +347,7 @@ fn a_full_queue_refuses_and_a_leaver_makes_room() {
         ..limits(1, 8)
     });
     let call = setup.call(2);
-    let refusal = setup.scheduler.refuse(2).unwrap();
+    let refusal = setup.refuse(2).unwrap();
     assert!(refusal.full && refusal.pending_characters == 2);
     assert!(refusal.retry_after() >= MS * 10);
     let (refused, actions) = setup.arrive(2, Order::request(setup.now));
@@ -350,7 +356,7 @@ fn a_full_queue_refuses_and_a_leaver_makes_room() {
         refusal,
     };
     assert_eq!(actions, [refuse]);
-    assert_eq!(setup.scheduler.refuse(1), None, "asking changes nothing");
+    assert_eq!(setup.refuse(1), None, "asking changes nothing");
     let gone = setup.step(Event::Gone {
         request: RequestId(call),
     });
@@ -359,7 +365,7 @@ fn a_full_queue_refuses_and_a_leaver_makes_room() {
         characters: 2,
     };
     assert_eq!(gone, [dropped]);
-    assert_eq!(setup.scheduler.refuse(3), None);
+    assert_eq!(setup.refuse(3), None);
 }
 
 #[test]
@@ -370,7 +376,7 @@ fn calls_do_not_take_the_room_of_live_characters_nor_idle_workers_that_of_the_qu
         ..limits(1, 4)
     });
     setup.call(2);
-    assert!(setup.scheduler.refuse(1).is_some());
+    assert!(setup.refuse(1).is_some());
     assert_eq!(setup.plan(1, 100).1, []);
     assert!(matches!(setup.plan(2, 100).1[..], [Action::Refuse { .. }]));
 
@@ -379,8 +385,8 @@ fn calls_do_not_take_the_room_of_live_characters_nor_idle_workers_that_of_the_qu
         ..limits(1, 4)
     });
     assert_eq!(setup.boundary(0, 4, true, None, &[]), []);
-    assert_eq!(setup.scheduler.refuse(6), None, "four start at once, two wait");
-    assert!(setup.scheduler.refuse(7).is_some());
+    assert_eq!(setup.refuse(6), None, "four start at once, two wait");
+    assert!(setup.refuse(7).is_some());
 }
 
 #[test]
@@ -393,7 +399,7 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
     for _ in 0..11 {
         setup.call(1);
     }
-    let refusal = setup.scheduler.refuse(1).unwrap();
+    let refusal = setup.refuse(1).unwrap();
     assert!(!refusal.full && refusal.expected_wait > MS * 50);
     assert_eq!(setup.plan(1, 100).1, []);
     // A batch tried at 0.1 ms a character says otherwise.
@@ -403,7 +409,7 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
             took: MS,
         });
     }
-    assert_eq!(setup.scheduler.refuse(1), None);
+    assert_eq!(setup.refuse(1), None);
 }
 
 #[test]
@@ -502,4 +508,96 @@ fn batches_larger_than_a_call_are_whole_calls() {
         ..limits
     };
     assert_eq!(any.whole_calls(15), 15);
+}
+
+/// Requests of a client: a group and its own number.
+fn from(client: (u64, u64), order: Order) -> Order {
+    order.of(ClientId {
+        group: client.0,
+        own: client.1,
+    })
+}
+
+/// One worker with so large batches, and room for 1,000 waiting characters.
+fn roomy(max_batch: usize) -> Limits {
+    Limits {
+        max_queued: 1000,
+        max_live: 1000,
+        ..limits(1, max_batch)
+    }
+}
+
+#[test]
+fn a_client_with_one_call_does_not_wait_for_the_crowd_of_another() {
+    let mut setup = Setup::busy(roomy(8));
+    for _ in 0..10 {
+        setup.arrive(64, from((1, 1), Order::request(setup.now)));
+    }
+    setup.ready(0);
+    setup.pass(50);
+    let (late, _) = setup.arrive(1, from((2, 2), Order::request(setup.now)));
+    let started = setup.ready(0);
+    assert!(started.contains(&(late, 1)), "{started:?}");
+}
+
+#[test]
+fn many_connections_of_one_address_share_what_it_gets() {
+    let mut setup = Setup::busy(roomy(10));
+    for connection in 0..50 {
+        setup.arrive(10, from((1, connection), Order::request(setup.now)));
+    }
+    let (other, _) = setup.arrive(100, from((2, 1), Order::request(setup.now)));
+    let of_other = |started: &[(u64, usize)]| -> usize {
+        let own = started.iter().filter(|(request, _)| *request == other);
+        own.map(|(_, characters)| characters).sum()
+    };
+    let first = setup.ready(0);
+    assert_eq!(of_other(&first), 5, "{first:?}");
+}
+
+#[test]
+fn an_urgent_flood_of_one_client_delays_no_plan_of_another() {
+    let mut setup = Setup::busy(roomy(4));
+    for owner in 0..100 {
+        let order = Order::live(OwnerId(owner), setup.now);
+        setup.arrive(1, from((1, 1), order));
+    }
+    setup.pass(10);
+    let order = Order::live(OwnerId(1000), setup.at(200));
+    let (plan, _) = setup.arrive(1, from((2, 1), order));
+    let started = setup.ready(0);
+    assert!(started.contains(&(plan, 1)), "{started:?}");
+}
+
+#[test]
+fn dear_work_counts_for_more() {
+    let mut setup = Setup::busy(limits(1, 11));
+    let dear = Order {
+        work: 10,
+        ..from((1, 1), Order::request(setup.now))
+    };
+    let (dear, _) = setup.arrive(50, dear);
+    let (cheap, _) = setup.arrive(50, from((2, 1), Order::request(setup.now)));
+    let mut started = setup.ready(0);
+    started.sort_unstable();
+    assert_eq!(started, [(dear, 1), (cheap, 10)]);
+}
+
+#[test]
+fn the_client_with_most_makes_room_in_a_full_queue() {
+    let mut setup = Setup::busy(Limits {
+        max_queued: 10,
+        ..limits(1, 4)
+    });
+    let (first, _) = setup.arrive(6, from((1, 1), Order::request(setup.now)));
+    let (second, _) = setup.arrive(4, from((1, 2), Order::request(setup.now)));
+    let (third, actions) = setup.arrive(1, from((2, 1), Order::request(setup.now)));
+    assert!(
+        matches!(actions[..], [Action::PushOut { request, .. }] if request.0 == first),
+        "{actions:?}"
+    );
+    // Its own group has most now, and it has most of the group.
+    let order = from((1, 2), Order::request(setup.now));
+    assert!(setup.scheduler.refuse(&order, 6).is_some());
+    assert_eq!(setup.ready(0), [(second, 3), (third, 1)]);
 }

@@ -70,8 +70,8 @@ impl Shared {
     }
 
     /// Why a call of so many characters would be refused now.
-    pub(super) fn refuse(&self, characters: usize) -> Option<SubmitError> {
-        let refusal = self.state().scheduler().refuse(characters)?;
+    pub(super) fn refuse(&self, order: &Order, characters: usize) -> Option<SubmitError> {
+        let refusal = self.state().scheduler().refuse(order, characters)?;
         self.metrics.rejected(refusal.into());
         Some(refusal.into())
     }

@@ -392,6 +392,10 @@ impl State {
                     self.jobs.remove(&request);
                     refused = Some(refusal.into());
                 }
+                Action::PushOut { request, refusal } => {
+                    self.metrics.rejected(Rejection::PushedOut);
+                    self.answer(request, refusal.into(), replies);
+                }
                 Action::Supersede { request } => {
                     self.metrics.rejected(Rejection::Superseded);
                     self.answer(request, SubmitError::Superseded, replies);

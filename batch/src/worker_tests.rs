@@ -145,11 +145,11 @@ async fn a_slow_queue_refuses_before_any_work() {
         ..limits(2)
     };
     let setup = setup(limits, TWO).await;
-    assert!(setup.batcher.refuse(1).is_none());
+    assert!(setup.batcher.refuse(&Order::request(Instant::now()), 1).is_none());
     let busy = setup.fill().await;
     // By the first guess, 2.5 ms each.
     let waiting = setup.enqueue(0..50);
-    let error = setup.batcher.refuse(1);
+    let error = setup.batcher.refuse(&Order::request(Instant::now()), 1);
     let Some(SubmitError::QueueFull { retry_after, .. }) = error else {
         panic!("{error:?}");
     };
@@ -162,7 +162,7 @@ async fn a_slow_queue_refuses_before_any_work() {
         setup.permit(worker);
     }
     plan.await.unwrap();
-    assert!(setup.batcher.refuse(1).is_none());
+    assert!(setup.batcher.refuse(&Order::request(Instant::now()), 1).is_none());
 }
 
 /// Tells when its thread lets go of it.

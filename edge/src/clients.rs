@@ -20,7 +20,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use metrics::ClientMetrics;
 use troupe_base::telemetry::Telemetry;
-use troupe_base::turns::{Line, Turns};
+use troupe_base::turns::{ClientId, Line, Turns};
 
 pub use debt::Debt;
 pub(crate) use debt::Debts;
@@ -254,10 +254,22 @@ impl Client {
         self.address
     }
 
+    /// Identifies the client to the queues. A key shares with nothing, a connection with the others
+    /// of its address.
+    pub fn id(&self) -> ClientId {
+        let [of_client, of_address, _] = &self.levels;
+        let own = of_client.turns.id();
+        let group = match of_client.whose {
+            Whose::Key => own,
+            _ => of_address.turns.id(),
+        };
+        ClientId { group, own }
+    }
+
     /// The client's fair turns on the server's threads.
     pub fn turns(&self) -> Turns {
         let [of_client, of_address, _] = &self.levels;
-        Turns::new([&of_client.turns, &of_address.turns])
+        Turns::new(self.id(), [&of_client.turns, &of_address.turns])
     }
 
     /// Notes that a call of the client was refused because `queue` is full, and may be sent again

@@ -102,8 +102,10 @@ async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next)
     let client = client.unwrap_or_else(|| traffic.clients.within());
     request.extensions_mut().insert(client.clone());
     let grpc = is_grpc(request.headers());
+    // The queue shares by client, so calls run in its scope.
+    let turns = client.turns();
     if (traffic.front.is_stream)(request.uri().path()) {
-        return next.run(request).await;
+        return turns.scope(next.run(request)).await;
     }
     let refused = Arc::new(OnceLock::new());
     let memory = Arc::new(Mutex::new(client.no_memory()));
@@ -115,7 +117,7 @@ async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next)
             received: traffic.received.clone(),
         })
     });
-    let response = next.run(request).await;
+    let response = turns.scope(next.run(request)).await;
     drop(memory);
     if let Some(error) = refused.get() {
         return traffic.front.turn_away_in(&EdgeError::from(error.clone()), grpc);

@@ -250,7 +250,7 @@ impl Simulation {
                     self.requests.remove(&request);
                     self.figures.superseded += 1;
                 }
-                Action::Refuse { request, refusal } => {
+                Action::Refuse { request, refusal } | Action::PushOut { request, refusal } => {
                     self.figures.refused += 1;
                     if let Some(Request { caller, .. }) = self.requests.remove(&request)
                         && let Caller::Calls(_) = self.callers[caller]

@@ -25,6 +25,7 @@ use pack::describe;
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::{RequestContext, Telemetry};
 use troupe_base::tenant::Tenant;
+use troupe_base::turns::{ClientId, Turns};
 use troupe_batch::{Batcher, Order, Served, SubmitError, trace_served};
 use troupe_engine::EngineError;
 use troupe_live::packs::{LoadedPack, PackTable};
@@ -211,9 +212,9 @@ impl Service {
         }
     }
 
-    /// The place in the queue of a request that arrived at `arrived`.
+    /// The place in the queue of the current caller's request, which arrived at `arrived`.
     pub fn order(&self, arrived: Instant) -> Order {
-        Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout)
+        streamed::order(arrived, self.common.timeout, Turns::current().client())
     }
 
     /// Most characters of a request.
@@ -257,11 +258,12 @@ impl Service {
         Ok(described(table, table.find("name", name)?))
     }
 
-    /// Why a call of InBetween with one character would be refused by this pack's queue now. None:
-    /// it would wait there, or this says nothing about it.
-    pub fn refusal_of(&self, pack: &str) -> Option<ServiceError> {
+    /// Why a client's call of InBetween with one character would be refused by this pack's queue
+    /// now. None: it would wait there, or this says nothing about it.
+    pub fn refusal_of(&self, pack: &str, client: ClientId) -> Option<ServiceError> {
         let loaded = self.table().ok()?.find("pack", pack).ok()?;
-        loaded.batcher.refuse(1).map(Into::into)
+        let order = streamed::order(Instant::now(), self.common.timeout, client);
+        loaded.batcher.refuse(&order, 1).map(Into::into)
     }
 
     /// `troupe.v1.Motion/InBetween`.
@@ -278,10 +280,10 @@ impl Service {
         let characters = request.characters.len();
         // A request over the size limit gets its own error, without a retry hint.
         let most = self.common.limits.max_characters;
-        if let Some(error) = loaded.batcher.refuse(characters.min(most)) {
+        let order = self.order(arrived);
+        if let Some(error) = loaded.batcher.refuse(&order, characters.min(most)) {
             return Err(error.into());
         }
-        let order = self.order(arrived);
         let (rig, limits) = (loaded.pack.rig.clone(), self.common.limits);
         let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
             let (items, plans) = prepare(&request, &rig, limits)?;

@@ -79,6 +79,14 @@ pub enum Action {
         /// Whether the queue was full or too slow.
         refusal: QueueRefusal,
     },
+    /// The request leaves the full queue, because a client with less waiting work needs its room.
+    /// The scheduler has forgotten it.
+    PushOut {
+        /// The least urgent request of the client with most waiting work.
+        request: RequestId,
+        /// As for a request that finds the queue full.
+        refusal: QueueRefusal,
+    },
     /// A newer plan of the same owner replaced this one, which the scheduler has forgotten.
     Supersede {
         /// The older request.

@@ -252,6 +252,21 @@ pub enum Task {
 }
 
 impl Task {
+    /// How much work the task is for its pack, relative to other tasks: frames times passes of the
+    /// networks. At least 1.
+    pub fn work(&self) -> u32 {
+        /// Assumed if the network chooses.
+        const SOME_FRAMES: usize = 64;
+        let (frames, passes) = match self {
+            // Root stage and decoder run once each.
+            Self::Keyframes(task) => (task.frames.unwrap_or(SOME_FRAMES), task.pose_steps.max(1) + 2),
+            Self::Path(task) => (task.path.len(), task.steps),
+            Self::Prompt(task) => (task.frames.unwrap_or(SOME_FRAMES), 1 + task.flow_steps),
+            Self::Describe(task) => (task.frames.len(), 1),
+        };
+        u32::try_from(frames.max(1)).map_or(u32::MAX, |frames| frames.saturating_mul(passes.max(1)))
+    }
+
     /// The capability that a pack needs for this task.
     pub fn needs(&self) -> super::Capability {
         match self {

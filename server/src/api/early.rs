@@ -30,19 +30,22 @@ const REUSE: Duration = Duration::from_millis(20);
 struct Prepared {
     made: Instant,
     queue: Arc<str>,
+    /// The hint when to come back is for these clients.
+    group: u64,
     status: StatusCode,
     headers: HeaderMap,
     body: Bytes,
 }
 
 impl Prepared {
-    fn new(error: &ApiError, queue: &Arc<str>, grpc: bool) -> Self {
+    fn new(error: &ApiError, queue: &Arc<str>, group: u64, grpc: bool) -> Self {
         let (parts, body) = error.in_protocol(grpc).into_parts();
         // The body of an error is in memory, so it can be read at once.
         let body = to_bytes(body, usize::MAX).now_or_never();
         Self {
             made: Instant::now(),
             queue: queue.clone(),
+            group,
             status: parts.status,
             headers: parts.headers,
             body: body.and_then(Result::ok).unwrap_or_default(),
@@ -76,13 +79,16 @@ impl Refusals {
             _ => return None,
         };
         let asked = Instant::now();
-        let error = self.service.refusal_of(&debt.queue)?;
+        let error = self.service.refusal_of(&debt.queue, head.client)?;
         let mut last = self.prepared[usize::from(grpc)]
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        let fits = |last: &Prepared| last.queue == debt.queue && asked.duration_since(last.made) < REUSE;
+        let group = head.client.group;
+        let fits = |last: &Prepared| {
+            last.queue == debt.queue && last.group == group && asked.duration_since(last.made) < REUSE
+        };
         if !last.as_ref().is_some_and(fits) {
-            *last = Some(Prepared::new(&ApiError::from(error), &debt.queue, grpc));
+            *last = Some(Prepared::new(&ApiError::from(error), &debt.queue, group, grpc));
         }
         let response = last.as_ref().map(Prepared::response);
         drop(last);
