@@ -25,10 +25,19 @@ const STEP_PLANS_PER_CORE: usize = 64;
 /// is the server itself.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientId {
-    /// Groups share evenly with each other.
+    /// Groups share with each other by their shares.
     pub group: u64,
-    /// The clients of a group share evenly too.
+    /// The clients of a group share evenly.
     pub own: u64,
+    /// The group counts as so many groups; 0 as 1.
+    pub share: u32,
+}
+
+impl ClientId {
+    /// The group counts as so many groups, at least 1.
+    pub fn share(&self) -> u64 {
+        u64::from(self.share.max(1))
+    }
 }
 
 /// A line of waiting tasks.

@@ -92,7 +92,7 @@ impl Order {
         Self { client, ..self }
     }
 
-    /// What one character counts in the client's share.
+    /// Work of one character, at least 1. It counts in the client's share.
     pub(crate) fn cost(&self) -> u64 {
         u64::from(self.work.max(1))
     }

@@ -24,7 +24,8 @@
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
-//! to the characters that a worker does in [`Limits::max_batch_time`]. Idle workers share the
+//! to the work that a worker does in [`Limits::max_batch_time`]; while several clients ask, in
+//! [`Limits::shared_batch_time`]. Idle workers share the
 //! waiting characters evenly. More characters than one engine call takes are given out in
 //! [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
@@ -49,11 +50,15 @@ mod queue;
 use std::time::{Duration, Instant};
 
 use self::meter::Meter;
-use self::queue::{Queue, Take};
+use self::queue::{Queue, Room, Take, Waiting};
 use super::order::{Class, Order};
+use troupe_base::turns::ClientId;
 
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
+
+/// How long batches stay short after requests of different clients came one after the other.
+const SHARED_MEMORY: Duration = Duration::from_secs(10);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
@@ -86,6 +91,10 @@ pub struct Scheduler {
     /// Places given out since the last place that was kept for calls; at most
     /// [`Limits::call_share`].
     call_credit: usize,
+    /// The client of the latest arrival.
+    last_client: Option<ClientId>,
+    /// When a request last came from another client than the request before.
+    shared_at: Option<Instant>,
 }
 
 impl Scheduler {
@@ -96,6 +105,8 @@ impl Scheduler {
             workers: vec![Worker::Busy; limits.workers],
             meter: Meter::new(limits.workers),
             call_credit: limits.call_share,
+            last_client: None,
+            shared_at: None,
             limits,
         }
     }
@@ -127,15 +138,15 @@ impl Scheduler {
         self.first_idle() == Some(worker)
     }
 
-    /// A worker's mean time for one character, over the latest steps.
-    pub(crate) fn character_time(&self) -> Duration {
-        self.meter.character_time()
+    /// A worker's expected time for so much [work](Order::work).
+    pub(crate) fn time_of(&self, work: u32) -> Duration {
+        self.meter.time_of(work.into())
     }
 
     /// Why a call with this number of characters would be refused now; none if it would be
     /// accepted.
     pub fn refuse(&self, order: &Order, characters: usize) -> Option<QueueRefusal> {
-        let refusal = self.refusal(order, characters, 0)?;
+        let refusal = self.refusal(order, characters, (0, 0))?;
         match self.in_the_way(order, characters, refusal) {
             Some(_) => None,
             None => Some(refusal),
@@ -154,7 +165,7 @@ impl Scheduler {
                 let left = self.queue.forget(request);
                 actions.extend(left.map(|characters| Action::Drop { request, characters }));
             }
-            Event::Tried { characters, took } => self.meter.stepped(took, characters),
+            Event::Tried { work, took } => self.meter.stepped(took, work),
             Event::Ready(ready) => self.ready(now, ready, actions),
             Event::WorkerLost { worker, finished } => self.lose(worker, finished),
         }
@@ -169,8 +180,13 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
+        let last = self.last_client.replace(order.client);
+        if last.is_some_and(|last| last != order.client) {
+            self.shared_at = Some(now);
+        }
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
-        let leaving = older.map_or(0, |older| older.pending(order.class));
+        let older = older.filter(|older| older.class() == order.class);
+        let leaving = older.map_or((0, 0), Waiting::pending);
         if let Some(refusal) = self.refusal(&order, characters, leaving) {
             let Some(in_the_way) = self.in_the_way(&order, characters, refusal) else {
                 return actions.push(Action::Refuse { request, refusal });
@@ -201,11 +217,17 @@ impl Scheduler {
         self.limits.room(class) + taken
     }
 
-    /// Why `characters` more would be refused if they replaced `leaving` waiting ones.
-    fn refusal(&self, order: &Order, characters: usize, leaving: usize) -> Option<QueueRefusal> {
+    /// Why `characters` more would be refused if they replaced `leaving` waiting ones of so much
+    /// work.
+    fn refusal(
+        &self,
+        order: &Order,
+        characters: usize,
+        (leaving, work): (usize, u64),
+    ) -> Option<QueueRefusal> {
         let class = order.class;
         let pending = self.queue.pending(class) - leaving;
-        let wait = self.meter.wait(self.queue.ahead(order, characters).min(pending));
+        let wait = self.meter.wait(self.queue.ahead(order, characters, work));
         let full = characters > self.room(class).saturating_sub(pending);
         let limited = class == Class::Request && !self.limits.max_wait.is_zero();
         let slow = limited && self.room(class) == self.limits.room(class) && wait > self.limits.max_wait;
@@ -238,19 +260,20 @@ impl Scheduler {
             took,
             finished,
         } = ready;
-        for done in finished {
-            self.queue.finish(done.request, done.characters);
-        }
+        let done = finished.iter();
+        let work = done
+            .map(|done| self.queue.finish(done.request, done.characters))
+            .sum();
         if let Some(took) = took {
-            let characters = finished.iter().map(|done| done.characters).sum();
-            self.meter.stepped(took, characters);
+            self.meter.stepped(took, work);
         }
         match self.workers.get(worker) {
             None | Some(Worker::Lost) => return,
             _ => {}
         }
         let room = room.min(self.limits.max_batch);
-        let slices = self.take(now, self.share(worker, room), actions);
+        let work = self.most_work(now);
+        let slices = self.take(now, self.share(worker, room, work), work, actions);
         self.workers[worker] = match slices.is_empty() && is_idle {
             true => Worker::Idle(room),
             false => Worker::Busy,
@@ -269,31 +292,57 @@ impl Scheduler {
         }
     }
 
-    /// How many of the ready characters a worker with so much room takes.
-    fn share(&self, worker: usize, room: usize) -> usize {
-        let cap = match self.limits.max_batch_time {
-            Duration::ZERO => usize::MAX,
-            time => self.meter.within(time).max(1),
+    /// Most work of a batch.
+    fn most_work(&self, now: Instant) -> u64 {
+        let within = |time: Duration| match time.is_zero() {
+            true => u64::MAX,
+            false => self.meter.within(time),
         };
+        let alone = within(self.limits.max_batch_time);
+        let is_shared = |since| now.saturating_duration_since(since) < SHARED_MEMORY;
+        match self.shared_at.is_some_and(is_shared) {
+            true => alone.min(within(self.limits.shared_batch_time)),
+            false => alone,
+        }
+    }
+
+    /// How many of the ready characters a worker with room for so many characters and so much work
+    /// takes.
+    fn share(&self, worker: usize, room: usize, work: u64) -> usize {
+        let cap = self.queue.characters_within(work).max(1);
         let others = self.workers.iter().enumerate();
         let idle = others.filter(|&(other, state)| other != worker && state.room().is_some());
         let even = self.queue.ready().div_ceil(idle.count() + 1);
         self.limits.whole_calls(room.min(cap).min(even))
     }
 
-    /// Takes up to `wanted` characters off the queue.
-    fn take(&mut self, now: Instant, wanted: usize, actions: &mut Vec<Action>) -> Vec<RequestSlice> {
-        let (mut room, mut calls, mut own) = (wanted, 0, self.places_of_calls(wanted));
+    /// Takes up to `wanted` characters of at most so much work off the queue, at least one.
+    fn take(
+        &mut self,
+        now: Instant,
+        wanted: usize,
+        mut work: u64,
+        actions: &mut Vec<Action>,
+    ) -> Vec<RequestSlice> {
+        let (mut room, mut own) = (wanted, self.places_of_calls(wanted));
+        let (mut calls, mut work_of_calls) = (0, 0);
         let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
-            let most = if calls_only { own } else { room };
+            let most = Room {
+                characters: if calls_only { own } else { room },
+                work,
+                at_least_one: slices.is_empty(),
+            };
             match self.queue.take(now, most, calls_only) {
-                Some(Take::Slice(slice)) => {
+                Some(Take::Slice(slice, taken)) => {
                     room -= slice.characters;
+                    work = work.saturating_sub(taken);
                     own = own.saturating_sub(slice.characters);
-                    let is_call = slice.class == Class::Request;
-                    calls += if is_call { slice.characters } else { 0 };
+                    if slice.class == Class::Request {
+                        calls += slice.characters;
+                        work_of_calls += taken;
+                    }
                     // A request comes up again after those of other clients.
                     match slices.iter_mut().find(|before| before.request == slice.request) {
                         Some(before) => before.characters += slice.characters,
@@ -310,7 +359,7 @@ impl Scheduler {
             .saturating_sub(spent)
             .min(self.limits.call_share);
         let waiting = self.queue.pending(Class::Request) > 0;
-        self.meter.left(now, calls, waiting);
+        self.meter.left(now, work_of_calls, waiting);
         slices
     }
 

@@ -38,6 +38,10 @@ impl Known {
             _ => 0,
         }
     }
+
+    fn work_left(&self) -> u64 {
+        self.left() as u64 * u64::from(self.order.work)
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,8 +70,8 @@ pub(super) struct Model {
     pub(super) now: Instant,
     pub(super) requests: BTreeMap<RequestId, Known>,
     pub(super) workers: Vec<Holder>,
-    /// Time and characters of steps, from a step that finished something to the next.
-    measured: Vec<(f64, usize)>,
+    /// Time and work of steps, from a step that finished something to the next.
+    measured: Vec<(f64, u64)>,
     open_s: f64,
     /// Places since a call had one of its own.
     call_credit: usize,
@@ -77,6 +81,8 @@ pub(super) struct Model {
     nows: BTreeMap<(Class, Option<u64>), u64>,
     /// Clients and groups that had something ready.
     working: BTreeSet<Name>,
+    /// The clients of all arrivals, with their times.
+    arrivals: Vec<(Instant, ClientId)>,
 }
 
 /// Whether two names take turns with each other.
@@ -103,6 +109,7 @@ impl Model {
             times: BTreeMap::new(),
             nows: BTreeMap::new(),
             working: BTreeSet::new(),
+            arrivals: Vec::new(),
         }
     }
 
@@ -161,22 +168,25 @@ impl Model {
         let ready = self.ready();
         let request = ready.iter().find(|request| self.names(**request)[0] == client);
         let request = *request.expect("a client that works has something ready");
-        let cost = u64::from(self.requests[&request].order.work);
-        let ahead = ahead.into_iter().chain(ahead_too).min();
-        (
-            request,
-            ahead.map_or(usize::MAX, |ahead| (ahead / cost) as usize + 1),
-        )
+        let [of_client, of_group] = self.costs(request);
+        let most = [(ahead, of_group), (ahead_too, of_client)].map(|(ahead, cost)| ahead.map(|ahead| ahead / cost));
+        let most = most.into_iter().flatten().min();
+        (request, most.map_or(usize::MAX, |most| most as usize + 1))
     }
 
     fn charge(&mut self, request: RequestId, characters: usize) {
-        let cost = u64::from(self.requests[&request].order.work) * characters as u64;
-        for name in self.names(request) {
+        for (name, cost) in self.names(request).into_iter().zip(self.costs(request)) {
             let time = self.times[&name];
             let now = self.now_of(name);
             *now = time.max(*now);
-            self.times.insert(name, time + cost);
+            self.times.insert(name, time + cost * characters as u64);
         }
+    }
+
+    /// What one character of a request costs its client and its group.
+    fn costs(&self, request: RequestId) -> [u64; 2] {
+        let Order { work, client, .. } = self.requests[&request].order;
+        [work.into(), u64::from(work) * 1000 / u64::from(client.share)]
     }
 
     pub(super) fn pending(&self, class: Class) -> usize {
@@ -226,6 +236,11 @@ impl Model {
         ready.iter().map(|request| self.requests[request].left()).sum()
     }
 
+    fn ready_work(&self) -> u64 {
+        let ready = self.ready();
+        ready.iter().map(|request| self.requests[request].work_left()).sum()
+    }
+
     /// The calls that leave a full queue for one more: again and again the least urgent unstarted
     /// call of the client with most waiting, in the group with most waiting.
     fn push_out(&self, order: Order, characters: usize, lacking: usize) -> Option<Vec<RequestId>> {
@@ -236,21 +251,24 @@ impl Model {
         let (mut out, mut freed) = (Vec::new(), 0);
         while freed < lacking {
             let (mut groups, mut clients) = (BTreeMap::new(), BTreeMap::new());
-            *groups.entry(order.client.group).or_insert(0) += characters;
-            *clients.entry(order.client).or_insert(0) += characters;
-            for (_, known) in &waiting {
-                *groups.entry(known.order.client.group).or_insert(0) += known.left();
-                *clients.entry(known.order.client).or_insert(0) += known.left();
+            let work = characters as u64 * u64::from(order.work);
+            let all = (waiting.iter()).map(|(_, known)| (known.order.client, known.work_left()));
+            for (client, work) in all.chain([(order.client, work)]) {
+                *groups.entry(client.group).or_insert(0) += work * 1000;
+                *clients.entry(client).or_insert(0) += work;
+            }
+            for (group, work) in &mut groups {
+                *work /= group + 1;
             }
             let heaviest =
-                |(group, pending): &(&u64, &usize)| (**pending, **group != order.client.group, **group);
+                |(group, work): &(&u64, &u64)| (**work, **group != order.client.group, **group);
             let (&group, _) = groups.iter().max_by_key(heaviest)?;
             let heaviest =
-                |(client, pending): &(&ClientId, &usize)| (**pending, **client != order.client, client.own);
+                |(client, work): &(&ClientId, &u64)| (**work, **client != order.client, client.own);
             let of_group = clients.iter().filter(|(client, _)| client.group == group);
-            let (&client, &pending) = of_group.max_by_key(heaviest)?;
+            let (&client, &work) = of_group.max_by_key(heaviest)?;
             let own = clients[&order.client];
-            if group == order.client.group && (client == order.client || pending <= own) {
+            if group == order.client.group && (client == order.client || work <= own) {
                 return None;
             }
             let last = (waiting.iter())
@@ -265,6 +283,7 @@ impl Model {
     }
 
     pub(super) fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
+        self.arrivals.push((self.now, order.client));
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
             .requests
@@ -353,37 +372,50 @@ impl Model {
     }
 
     pub(super) fn measure(&mut self, took: Option<Duration>, finished: &[Finished]) {
-        let characters: usize = finished.iter().map(|done| done.characters).sum();
+        let work = |done: &Finished| {
+            done.characters as u64 * u64::from(self.requests[&done.request].order.work)
+        };
+        let work = finished.iter().map(work).sum();
         self.open_s += took.unwrap_or_default().as_secs_f64();
-        if took.is_some() && characters > 0 {
-            self.measured.push((self.open_s, characters));
+        if took.is_some() && work > 0 {
+            self.measured.push((self.open_s, work));
             self.open_s = 0.0;
         }
     }
 
-    /// What a worker does in the longest time of a batch; the numbers may differ in how they are
-    /// rounded.
-    pub(super) fn time_caps(&self) -> Vec<usize> {
-        if self.limits.max_batch_time.is_zero() {
-            return vec![usize::MAX];
+    /// The work that a worker does in the longest time of a batch; the numbers may differ in how
+    /// they are rounded.
+    pub(super) fn work_caps(&self) -> Vec<u64> {
+        let mut times = vec![self.limits.max_batch_time];
+        let both = self.arrivals.windows(2).filter(|both| both[0].1 != both[1].1);
+        let both = both.map(|both| both[1].0).max();
+        if both.is_some_and(|at| self.now - at < Duration::from_secs(10)) {
+            times.push(self.limits.shared_batch_time);
         }
-        let (mut time_s, mut characters, mut weight) = (0.0, 0.0, 1.0);
+        times.retain(|time| !time.is_zero());
+        let Some(time) = times.into_iter().min() else {
+            return vec![u64::MAX];
+        };
+        let (mut time_s, mut work, mut weight) = (0.0, 0.0, 1.0);
         for (took_s, of) in self.measured.iter().rev() {
             time_s += weight * took_s;
-            characters += weight * *of as f64;
+            work += weight * *of as f64;
             weight *= 0.9;
         }
-        let cap = self.limits.max_batch_time.as_secs_f64() / (time_s / characters).max(1e-6);
+        let cap = time.as_secs_f64() / (time_s / work).max(1e-9);
         let rounded = [cap * (1.0 - 1e-6), cap * (1.0 + 1e-6)];
-        rounded.map(|cap| (cap as usize).max(1)).to_vec()
+        rounded.map(|cap| cap as u64).to_vec()
     }
 
     /// A worker is between two steps: the actions that the scheduler must give.
-    pub(super) fn boundary(&mut self, worker: usize, took: Option<Duration>, time_cap: usize) -> Vec<Action> {
+    pub(super) fn boundary(&mut self, worker: usize, took: Option<Duration>, work_cap: u64) -> Vec<Action> {
         let room = self.room(worker).min(self.limits.max_batch);
         let others = self.at_hand().iter().filter(|&&other| other != worker).count();
         let even = self.ready_characters().div_ceil(others + 1);
-        let mut wanted = room.min(time_cap).min(even);
+        let mean = self.ready_work().checked_div(self.ready_characters() as u64).unwrap_or(1);
+        let mut work_left = work_cap;
+        let within = usize::try_from(work_cap / mean.max(1)).unwrap_or(usize::MAX).max(1);
+        let mut wanted = room.min(within).min(even);
         let rows = self.limits.call_rows;
         while rows > 0 && wanted > rows && !wanted.is_multiple_of(rows) {
             wanted -= 1;
@@ -421,8 +453,20 @@ impl Model {
                 self.look_who_works();
                 continue;
             }
+            let cost = u64::from(known.order.work);
+            let within = usize::try_from(work_left / cost).unwrap_or(usize::MAX);
+            let within = within.max(usize::from(slices.is_empty()));
             let characters = known.left().min(if own > 0 { own } else { wanted }).min(most);
+            let characters = characters.min(within);
+            if characters == 0 && own > 0 {
+                own = 0;
+                continue;
+            }
+            if characters == 0 {
+                break;
+            }
             wanted -= characters;
+            work_left = work_left.saturating_sub(cost * characters as u64);
             own = own.saturating_sub(characters);
             if known.order.class == Class::Request {
                 calls += characters;

@@ -82,16 +82,17 @@ fn some_limits() -> impl Strategy<Value = Limits> {
         call_rows,
         0usize..40,
         0u64..400,
-        ms(),
+        (ms(), ms()),
         ms(),
         0usize..6,
     )
         .prop_map(
-            |(workers, max_batch, call_rows, spare, ageing_ms, batch_ms, wait_ms, call_share)| Limits {
+            |(workers, max_batch, call_rows, spare, ageing_ms, (batch_ms, shared_ms), wait_ms, call_share)| Limits {
                 workers,
                 max_batch,
                 call_rows,
                 max_batch_time: Duration::from_millis(batch_ms),
+                shared_batch_time: Duration::from_millis(shared_ms),
                 max_queued: 12 + spare,
                 max_live: 3 + spare,
                 max_wait: Duration::from_millis(wait_ms),
@@ -148,7 +149,7 @@ impl Pair {
             finished,
         }));
         let mut expected = Vec::new();
-        for cap in self.model.time_caps() {
+        for cap in self.model.work_caps() {
             let mut model = self.model.clone();
             expected = model.boundary(worker, took, cap);
             if expected == actions {
@@ -191,7 +192,12 @@ impl Pair {
                 };
                 let order = Order {
                     expires: expires_ms.map(after),
-                    client: ClientId { group, own },
+                    client: ClientId {
+                        group,
+                        own,
+                        // Groups have different shares, which never change.
+                        share: group as u32 + 1,
+                    },
                     work,
                     ..order
                 };
@@ -315,7 +321,7 @@ proptest! {
                 },
                 2 => Event::Gone { request: RequestId(number * 7) },
                 3 if number == 0 => Event::WorkerLost { worker, finished: &finished },
-                4 => Event::Tried { characters: worker, took: Duration::from_millis(number) },
+                4 => Event::Tried { work: number, took: Duration::from_millis(number) },
                 _ => Event::Ready(Ready {
                     worker,
                     room: characters,

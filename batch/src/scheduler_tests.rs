@@ -11,6 +11,7 @@ fn limits(workers: usize, max_batch: usize) -> Limits {
         max_batch,
         call_rows: 0,
         max_batch_time: Duration::ZERO,
+        shared_batch_time: Duration::ZERO,
         max_queued: 100,
         max_live: 100,
         max_wait: Duration::ZERO,
@@ -405,7 +406,7 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
     // A batch tried at 0.1 ms a character says otherwise.
     for _ in 0..100 {
         setup.step(Event::Tried {
-            characters: 10,
+            work: 10,
             took: MS,
         });
     }
@@ -436,7 +437,7 @@ fn a_batch_is_limited_by_measured_time() {
         });
         for _ in 0..200 {
             setup.step(Event::Tried {
-                characters: 10,
+                work: 10,
                 took: MS * character_ms * 10,
             });
         }
@@ -515,6 +516,7 @@ fn from(client: (u64, u64), order: Order) -> Order {
     order.of(ClientId {
         group: client.0,
         own: client.1,
+        share: 1,
     })
 }
 
@@ -600,4 +602,59 @@ fn the_client_with_most_makes_room_in_a_full_queue() {
     let order = from((1, 2), Order::request(setup.now));
     assert!(setup.scheduler.refuse(&order, 6).is_some());
     assert_eq!(setup.ready(0), [(second, 3), (third, 1)]);
+}
+
+#[test]
+fn a_group_with_a_larger_share_gets_more() {
+    let mut setup = Setup::busy(limits(1, 10));
+    let mut order = from((1, 1), Order::request(setup.now));
+    order.client.share = 4;
+    let (large, _) = setup.arrive(40, order);
+    let (small, _) = setup.arrive(40, from((2, 1), Order::request(setup.now)));
+    let mut started = setup.ready(0);
+    started.sort_unstable();
+    assert_eq!(started, [(large, 8), (small, 2)]);
+}
+
+#[test]
+fn batches_are_short_while_several_clients_ask() {
+    let mut setup = Setup::busy(Limits {
+        max_batch_time: MS * 50,
+        shared_batch_time: MS * 10,
+        ..limits(1, 64)
+    });
+    for _ in 0..200 {
+        setup.step(Event::Tried {
+            work: 10,
+            took: MS * 10,
+        });
+    }
+    let (first, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
+    assert_eq!(setup.ready(0), [(first, 49)]);
+    setup.arrive(1, from((2, 1), Order::request(setup.now)));
+    let (third, _) = setup.arrive(30, from((1, 1), Order::request(setup.now)));
+    let count = |started: Vec<(u64, usize)>| started.iter().map(|(_, characters)| characters).sum::<usize>();
+    assert!((9..=10).contains(&count(setup.ready(0))));
+    setup.pass(20_000);
+    assert!(setup.ready(0).contains(&(third, 30)));
+}
+
+#[test]
+fn a_batch_of_dear_work_is_short_too() {
+    let mut setup = Setup::busy(Limits {
+        max_batch_time: MS * 66,
+        ..limits(1, 64)
+    });
+    for _ in 0..200 {
+        setup.step(Event::Tried {
+            work: 10,
+            took: MS * 10,
+        });
+    }
+    let dear = Order {
+        work: 30,
+        ..Order::request(setup.now)
+    };
+    let (dear, _) = setup.arrive(50, dear);
+    assert_eq!(setup.ready(0), [(dear, 2)]);
 }

@@ -110,8 +110,8 @@ impl Shared {
 
     /// Notes the speed that a starting worker measured. It is the first estimate of how long calls
     /// will wait.
-    pub(super) fn tried(&self, TrialRun { rows, took }: TrialRun) {
-        self.state().tried(Instant::now(), rows, took);
+    pub(super) fn tried(&self, TrialRun { work, took, .. }: TrialRun) {
+        self.state().tried(Instant::now(), work, took);
     }
 
     /// Delivers the results of a worker's last step and gives the worker its next orders. If the

@@ -263,7 +263,11 @@ impl Client {
             Whose::Key => own,
             _ => of_address.turns.id(),
         };
-        ClientId { group, own }
+        ClientId {
+            group,
+            own,
+            share: of_client.quota.share.unwrap_or(1),
+        }
     }
 
     /// The client's fair turns on the server's threads.

@@ -17,8 +17,10 @@ const SECRET_BYTES: usize = 32;
 pub(super) const HASH_BYTES: usize = 32;
 /// Longest name, bytes.
 const MAX_NAME_BYTES: usize = 128;
+/// Largest share of a key in the queues.
+const MAX_SHARE: u32 = 100;
 /// The fields of an entry.
-const FIELDS: [&str; 7] = [
+const FIELDS: [&str; 8] = [
     "name",
     "sha256",
     "role",
@@ -26,6 +28,7 @@ const FIELDS: [&str; 7] = [
     "max_sessions",
     "max_streams",
     "transfer_memory_mib",
+    "share",
 ];
 /// Characters without a space that messages about a file of keys do not show. Names of options and
 /// roles are shorter, keys and their hashes longer.
@@ -91,6 +94,7 @@ struct Entry {
     max_sessions: Option<usize>,
     max_streams: Option<usize>,
     transfer_memory_mib: Option<usize>,
+    share: Option<u32>,
 }
 
 /// A key that the server accepts, as its hash.
@@ -120,7 +124,11 @@ impl Entry {
             ("transfer_memory_mib", self.transfer_memory_mib),
         ];
         let zero = quotas.iter().find(|(_, quota)| *quota == Some(0));
-        zero.map(|(option, _)| format!("{option} of {name:?} is 0; allowed: 1 or more"))
+        if let Some((option, _)) = zero {
+            return Some(format!("{option} of {name:?} is 0; allowed: 1 or more"));
+        }
+        let share = self.share.filter(|share| !(1..=MAX_SHARE).contains(share));
+        share.map(|share| format!("share of {name:?} is {share}; allowed: 1 to {MAX_SHARE}"))
     }
 
     fn known(self) -> Result<Known, String> {
@@ -144,6 +152,7 @@ impl Entry {
                 sessions: self.max_sessions,
                 streams: self.max_streams,
                 bytes: self.transfer_memory_mib.map(|mib| mib.saturating_mul(1 << 20)),
+                share: self.share,
             },
         })
     }

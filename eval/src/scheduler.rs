@@ -122,7 +122,7 @@ impl Simulation {
             callers,
         };
         let trial = Event::Tried {
-            characters: TRIAL,
+            work: TRIAL as u64,
             took: simulation.batch_time(TRIAL),
         };
         simulation.step(trial);

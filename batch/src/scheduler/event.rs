@@ -28,8 +28,8 @@ pub enum Event<'a> {
     },
     /// A starting worker measured its speed with a trial batch.
     Tried {
-        /// Characters of the trial batch.
-        characters: usize,
+        /// Work of the trial batch.
+        work: u64,
         /// Time for the trial batch.
         took: Duration,
     },

@@ -69,9 +69,10 @@ impl<K: Copy + Ord, T: Default> Fair<K, T> {
         Some((key, keys.next().map(|(next, _)| next - time)))
     }
 
-    /// A key has work, or has none any more.
-    pub(super) fn set_working(&mut self, key: K, works: bool) {
+    /// A key has work, or has none any more. Answers whether this is new.
+    pub(super) fn set_working(&mut self, key: K, works: bool) -> bool {
         let entry = self.entries.entry(key).or_default();
+        let is_new = entry.works != works;
         if works && !entry.works {
             entry.time = entry.time.max(self.now);
             self.working.insert((entry.time, key));
@@ -82,6 +83,7 @@ impl<K: Copy + Ord, T: Default> Fair<K, T> {
         if self.working.is_empty() {
             self.now = self.latest;
         }
+        is_new
     }
 
     /// Something was taken for a key.

@@ -9,6 +9,9 @@ use super::event::{RequestId, RequestSlice};
 use super::fair::Fair;
 use crate::order::{Class, Order, OwnerId};
 
+/// Factor on costs, so that dividing them by shares loses little.
+const SHARE_UNIT: u64 = 1000;
+
 /// A request with waiting characters.
 #[derive(Debug)]
 pub(super) struct Waiting {
@@ -23,9 +26,13 @@ pub(super) struct Waiting {
 }
 
 impl Waiting {
-    /// The number of waiting characters if the request is of that class, otherwise 0.
-    pub(super) fn pending(&self, class: Class) -> usize {
-        if self.order.class == class { self.left } else { 0 }
+    pub(super) fn class(&self) -> Class {
+        self.order.class
+    }
+
+    /// Waiting characters and their work.
+    pub(super) fn pending(&self) -> (usize, u64) {
+        (self.left, self.order.cost() * self.left as u64)
     }
 }
 
@@ -34,18 +41,27 @@ impl Waiting {
 struct Owner {
     /// The plan that has at least partly gone to workers.
     active: Option<RequestId>,
-    /// Characters of the active plan that are with workers now.
-    running: usize,
     /// The waiting plan. It becomes ready once no plan is active.
     waiting: Option<RequestId>,
+}
+
+/// The part of a request that is with workers.
+#[derive(Debug)]
+struct Running {
+    owner: Option<OwnerId>,
+    characters: usize,
+    /// Work of one character.
+    cost: u64,
 }
 
 /// The clients of an address, or a key alone.
 #[derive(Debug, Default)]
 struct Group {
     members: Fair<u64, Member>,
-    /// Waiting characters.
-    pending: usize,
+    /// Waiting work.
+    work: u64,
+    /// See [`ClientId::share`].
+    share: u64,
 }
 
 /// The requests of one client, in one class.
@@ -53,8 +69,8 @@ struct Group {
 struct Member {
     /// Those that may start, by virtual deadline and arrival.
     ready: BTreeSet<(Instant, RequestId)>,
-    /// Waiting characters.
-    pending: usize,
+    /// Waiting work.
+    work: u64,
 }
 
 /// The requests of a class.
@@ -63,7 +79,12 @@ struct Line {
     /// Those that may start, by virtual deadline and arrival.
     ready: BTreeSet<(Instant, RequestId)>,
     groups: Fair<u64, Group>,
+    /// Waiting characters.
     pending: usize,
+    /// Waiting work.
+    work: u64,
+    /// Sum of the shares of groups that have something ready.
+    shares: u64,
 }
 
 impl Line {
@@ -72,19 +93,23 @@ impl Line {
     }
 
     /// Adds waiting characters of a client.
-    fn wait(&mut self, client: ClientId, characters: usize) {
+    fn wait(&mut self, order: &Order, characters: usize) {
+        let work = order.cost() * characters as u64;
         self.pending += characters;
-        let (group, own) = self.client(client);
-        group.pending += characters;
-        group.members.held(own).pending += characters;
+        self.work += work;
+        let (group, own) = self.client(order.client);
+        group.work += work;
+        group.members.held(own).work += work;
     }
 
     /// Characters of a client no longer wait.
-    fn leave(&mut self, client: ClientId, characters: usize) {
+    fn leave(&mut self, order: &Order, characters: usize) {
+        let work = order.cost() * characters as u64;
         self.pending -= characters;
-        let (group, own) = self.client(client);
-        group.pending -= characters;
-        group.members.held(own).pending -= characters;
+        self.work -= work;
+        let (group, own) = self.client(order.client);
+        group.work -= work;
+        group.members.held(own).work -= work;
     }
 
     fn make_ready(&mut self, client: ClientId, at: (Instant, RequestId)) {
@@ -92,7 +117,10 @@ impl Line {
         let (group, own) = self.client(client);
         group.members.held(own).ready.insert(at);
         group.members.set_working(own, true);
-        self.groups.set_working(client.group, true);
+        group.share = client.share();
+        if self.groups.set_working(client.group, true) {
+            self.shares += client.share();
+        }
     }
 
     /// Whether it was ready.
@@ -108,48 +136,72 @@ impl Line {
         let (group, own) = self.client(client);
         if group.members.held(own).ready.is_empty() {
             group.members.set_working(own, false);
-            group.members.clean(|member| member.pending == 0);
+            group.members.clean(|member| member.work == 0);
         }
         if group.members.working() == 0 {
-            self.groups.set_working(client.group, false);
-            self.groups.clean(|group| group.pending == 0);
+            let share = group.share;
+            if self.groups.set_working(client.group, false) {
+                self.shares -= share;
+            }
+            self.groups.clean(|group| group.work == 0);
         }
     }
 
     /// The next request, and how many characters of it may go before those of other clients.
-    fn next(&self, cost: impl Fn(RequestId) -> u64) -> Option<(RequestId, usize)> {
+    fn next(&self, order: impl Fn(RequestId) -> Option<Order>) -> Option<(RequestId, usize)> {
         let (group, ahead_of_groups) = self.groups.first()?;
         let members = &self.groups.get(group)?.members;
         let (own, ahead_of_members) = members.first()?;
         let &(_, request) = members.get(own)?.ready.first()?;
-        let cost = cost(request);
-        let ahead = ahead_of_groups.into_iter().chain(ahead_of_members).min();
-        let most = ahead.map_or(usize::MAX, |ahead| (ahead / cost) as usize + 1);
-        Some((request, most))
+        let order = order(request)?;
+        let of_groups = ahead_of_groups.map(|ahead| ahead / group_cost(&order, 1));
+        let of_members = ahead_of_members.map(|ahead| ahead / order.cost());
+        let most = of_groups.into_iter().chain(of_members).min();
+        Some((request, most.map_or(usize::MAX, |most| most as usize + 1)))
     }
 
-    fn charge(&mut self, client: ClientId, cost: u64) {
-        let (group, own) = self.client(client);
-        group.members.charge(own, cost);
-        self.groups.charge(client.group, cost);
+    fn charge(&mut self, order: &Order, characters: usize) {
+        let (group, own) = self.client(order.client);
+        group.members.charge(own, order.cost() * characters as u64);
+        self.groups
+            .charge(order.client.group, group_cost(order, characters));
     }
 
-    /// About how many waiting characters go before `characters` more of a client: of each other
-    /// client at most as many as it has waiting itself.
-    fn ahead(&self, client: ClientId, characters: usize) -> usize {
-        let group = self.groups.get(client.group);
-        let member = group.and_then(|group| group.members.get(client.own));
-        let own = characters + member.map_or(0, |member| member.pending);
-        let (members, pending) = group.map_or((0, 0), |group| (group.members.working(), group.pending));
-        let of_group = own.saturating_mul(members.max(1)).min(pending + characters);
-        of_group.saturating_mul(self.groups.working()).min(self.pending)
+    /// About how much waiting work goes before `characters` more of a client: of each other client
+    /// at most as much as it has waiting itself, times its share.
+    fn ahead(&self, order: &Order, characters: usize) -> u64 {
+        let more = order.cost() * characters as u64;
+        let group = self.groups.get(order.client.group);
+        let member = group.and_then(|group| group.members.get(order.client.own));
+        let own = more + member.map_or(0, |member| member.work);
+        let (members, work) = group.map_or((0, 0), |group| (group.members.working() as u64, group.work));
+        let of_group = own.saturating_mul(members.max(1)).min(work + more);
+        let of_all = of_group.saturating_mul(self.shares) / order.client.share();
+        of_all.min(self.work)
     }
+}
+
+/// Virtual time of a group for characters of a request.
+fn group_cost(order: &Order, characters: usize) -> u64 {
+    let cost = (order.cost() * SHARE_UNIT / order.client.share()).max(1);
+    cost.saturating_mul(characters as u64)
+}
+
+/// How much may be taken at once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    pub(super) characters: usize,
+    /// Their work.
+    pub(super) work: u64,
+    /// Whether one character is taken even if it is more work than that.
+    pub(super) at_least_one: bool,
 }
 
 /// Taken from the front of the queue.
 #[derive(Debug)]
 pub(super) enum Take {
-    Slice(RequestSlice),
+    /// Characters, and their work.
+    Slice(RequestSlice, u64),
     Expired { request: RequestId, waited: Duration },
 }
 
@@ -159,9 +211,10 @@ pub(super) struct Queue {
     requests: HashMap<RequestId, Waiting>,
     lines: [Line; Class::ALL.len()],
     ready_characters: usize,
+    ready_work: u64,
     owners: HashMap<OwnerId, Owner>,
-    /// Owners of the requests with characters on workers.
-    running: HashMap<RequestId, OwnerId>,
+    /// The requests with characters on workers.
+    running: HashMap<RequestId, Running>,
 }
 
 impl Queue {
@@ -175,14 +228,22 @@ impl Queue {
         self.lines[class as usize].pending
     }
 
-    /// About how many waiting characters go before a request of `characters` with that order.
-    pub(super) fn ahead(&self, order: &Order, characters: usize) -> usize {
-        self.lines[order.class as usize].ahead(order.client, characters)
+    /// About how much waiting work goes before a request of `characters` with that order, if it
+    /// replaces waiting work of so much.
+    pub(super) fn ahead(&self, order: &Order, characters: usize, replaced: u64) -> u64 {
+        let line = &self.lines[order.class as usize];
+        line.ahead(order, characters).min(line.work - replaced)
     }
 
     /// Number of characters that may start.
     pub(super) fn ready(&self) -> usize {
         self.ready_characters
+    }
+
+    /// How many characters of the mean work of those that may start are at most so much work.
+    pub(super) fn characters_within(&self, work: u64) -> usize {
+        let mean = self.ready_work.checked_div(self.ready_characters as u64).unwrap_or(1);
+        usize::try_from(work / mean.max(1)).unwrap_or(usize::MAX)
     }
 
     /// The waiting plan of an owner, which a newer one would replace.
@@ -192,8 +253,8 @@ impl Queue {
     }
 
     /// The calls that must go so that `lacking` characters have room for a call of `characters`:
-    /// of those who have most waiting, the least urgent that have not started. None if the call's
-    /// own client would have as much waiting as they.
+    /// of those who have most work waiting, the least urgent that have not started. None if the
+    /// call's own client would have as much waiting as they.
     pub(super) fn in_the_way(
         &self,
         order: &Order,
@@ -201,53 +262,56 @@ impl Queue {
         lacking: usize,
     ) -> Option<Vec<RequestId>> {
         let line = &self.lines[order.class as usize];
-        let (mut chosen, mut freed) = (Vec::new(), 0);
-        let mut groups: HashMap<u64, usize> = line
+        let own = order.client;
+        let asked = order.cost() * characters as u64;
+        let own_work = self.work_of(order) + asked;
+        let mut groups: HashMap<u64, (u64, u64)> = line
             .groups
             .each()
-            .map(|(key, group)| (key, group.pending))
+            .map(|(key, group)| (key, (group.work, group.share.max(1))))
             .collect();
-        *groups.entry(order.client.group).or_default() += characters;
-        let mut gone: HashMap<(u64, u64), usize> = HashMap::new();
+        groups.entry(own.group).or_insert((0, own.share())).0 += asked;
+        let mut gone: HashMap<(u64, u64), u64> = HashMap::new();
+        let (mut chosen, mut freed) = (Vec::new(), 0);
         while freed < lacking {
+            let load = |&(work, share): &(u64, u64)| work.saturating_mul(SHARE_UNIT) / share;
             let (&heaviest, _) = groups
                 .iter()
-                .max_by_key(|&(&key, &pending)| (pending, key != order.client.group, key))?;
-            let members = line.groups.get(heaviest)?.members.each();
-            let member = members.map(|(own, member)| {
-                let is_own = ClientId { group: heaviest, own } == order.client;
-                let more = if is_own { characters } else { 0 };
-                let less = gone.get(&(heaviest, own)).copied().unwrap_or_default();
-                (member.pending + more - less, !is_own, own, member)
+                .max_by_key(|&(&key, group)| (load(group), key != own.group, key))?;
+            let members = line.groups.get(heaviest)?.members.each().map(|(member, of_member)| {
+                let is_own = (heaviest, member) == (own.group, own.own);
+                let more = if is_own { asked } else { 0 };
+                let less = gone.get(&(heaviest, member)).copied().unwrap_or_default();
+                (of_member.work + more - less, !is_own, member)
             });
-            let (pending, is_other, own, member) =
-                member.max_by_key(|&(pending, is_other, own, _)| (pending, is_other, own))?;
-            let own_pending = self.pending_of(order) + characters;
-            if heaviest == order.client.group && (!is_other || pending <= own_pending) {
+            let (work, is_other, member) = members.max()?;
+            if heaviest == own.group && (!is_other || work <= own_work) {
                 return None;
             }
-            let unstarted = |&&(_, request): &&(Instant, RequestId)| {
-                !chosen.contains(&request)
-                    && self
-                        .requests
-                        .get(&request)
-                        .is_some_and(|waiting| waiting.next == 0)
-            };
-            let &(_, request) = member.ready.iter().rev().find(unstarted)?;
-            let left = self.requests.get(&request)?.left;
+            let request = self.last_unstarted(line.groups.get(heaviest)?.members.get(member)?, &chosen)?;
+            let (left, work) = self.requests.get(&request)?.pending();
             chosen.push(request);
             freed += left;
-            *gone.entry((heaviest, own)).or_default() += left;
-            *groups.entry(heaviest).or_default() -= left;
+            *gone.entry((heaviest, member)).or_default() += work;
+            groups.entry(heaviest).or_default().0 -= work;
         }
         Some(chosen)
     }
 
-    /// Waiting characters of a client, in the class of an order.
-    fn pending_of(&self, order: &Order) -> usize {
+    /// The least urgent request of which nothing has started, but for those in `without`.
+    fn last_unstarted(&self, member: &Member, without: &[RequestId]) -> Option<RequestId> {
+        let started = |request: &RequestId| self.requests.get(request).is_none_or(|waiting| waiting.next > 0);
+        let requests = member.ready.iter().rev().map(|&(_, request)| request);
+        requests
+            .into_iter()
+            .find(|request| !without.contains(request) && !started(request))
+    }
+
+    /// Waiting work of a client, in the class of an order.
+    fn work_of(&self, order: &Order) -> u64 {
         let group = self.lines[order.class as usize].groups.get(order.client.group);
         let member = group.and_then(|group| group.members.get(order.client.own));
-        member.map_or(0, |member| member.pending)
+        member.map_or(0, |member| member.work)
     }
 
     /// Adds a request, and returns the one that it replaces.
@@ -264,7 +328,7 @@ impl Queue {
         if let Some(older) = &replaced {
             due = due.min(older.due);
         }
-        self.lines[order.class as usize].wait(order.client, characters);
+        self.lines[order.class as usize].wait(&order, characters);
         let waiting = Waiting {
             order,
             due,
@@ -294,17 +358,16 @@ impl Queue {
         classes.min_by_key(|class| first(class))
     }
 
-    /// Takes up to `room` characters, at least one, for the client whose turn it is in the class
-    /// with the most urgent request: its own most urgent request. With `calls_only`, of a call.
-    pub(super) fn take(&mut self, now: Instant, room: usize, calls_only: bool) -> Option<Take> {
+    /// Takes characters for the client whose turn it is in the class with the most urgent request:
+    /// of its own most urgent request. With `calls_only`, of a call.
+    pub(super) fn take(&mut self, now: Instant, room: Room, calls_only: bool) -> Option<Take> {
         let class = match calls_only {
             true => Class::Request,
             false => self.most_urgent()?,
         };
         let line = &mut self.lines[class as usize];
         let requests = &self.requests;
-        let cost = |request| requests.get(&request).map_or(1, |waiting| waiting.order.cost());
-        let (request, most) = line.next(cost)?;
+        let (request, most) = line.next(|request| Some(requests.get(&request)?.order))?;
         let waiting = self.requests.get_mut(&request)?;
         let waited = now.saturating_duration_since(waiting.arrived);
         if waiting.order.expires.is_some_and(|expires| expires <= now) {
@@ -312,35 +375,46 @@ impl Queue {
             return Some(Take::Expired { request, waited });
         }
         let order = waiting.order;
-        let Order { owner, client, .. } = order;
+        let within = usize::try_from(room.work / order.cost()).unwrap_or(usize::MAX);
+        let within = within.max(usize::from(room.at_least_one));
+        let characters = waiting.left.min(room.characters).min(most).min(within);
+        if characters == 0 {
+            return None;
+        }
         let slice = RequestSlice {
             request,
             class,
             first: waiting.next,
-            characters: waiting.left.min(room).min(most),
+            characters,
             waited,
         };
-        waiting.next += slice.characters;
-        waiting.left -= slice.characters;
+        waiting.next += characters;
+        waiting.left -= characters;
         let (left, at) = (waiting.left, (waiting.due, request));
-        self.ready_characters -= slice.characters;
-        line.charge(client, order.cost() * slice.characters as u64);
-        line.leave(client, slice.characters);
+        let work = order.cost() * characters as u64;
+        self.ready_characters -= characters;
+        self.ready_work -= work;
+        line.charge(&order, characters);
+        line.leave(&order, characters);
         if left == 0 {
             self.requests.remove(&request);
-            line.remove(client, at);
-            line.settle(client);
+            line.remove(order.client, at);
+            line.settle(order.client);
         }
-        if let Some(id) = owner {
+        if let Some(id) = order.owner {
             let owner = self.owners.entry(id).or_default();
             if owner.waiting == Some(request) {
                 owner.waiting = None;
             }
             owner.active = Some(request);
-            owner.running += slice.characters;
-            self.running.insert(request, id);
         }
-        Some(Take::Slice(slice))
+        let running = self.running.entry(request).or_insert(Running {
+            owner: order.owner,
+            characters: 0,
+            cost: order.cost(),
+        });
+        running.characters += characters;
+        Some(Take::Slice(slice, work))
     }
 
     /// Removes the waiting rest of a request, and returns its number of characters.
@@ -358,18 +432,22 @@ impl Queue {
         Some(waiting.left)
     }
 
-    /// Records that `characters` of a request have left their worker.
-    pub(super) fn finish(&mut self, request: RequestId, characters: usize) {
-        let Some(&id) = self.running.get(&request) else {
-            return;
+    /// Records that `characters` of a request have left their worker, and returns their work.
+    pub(super) fn finish(&mut self, request: RequestId, characters: usize) -> u64 {
+        let Some(running) = self.running.get_mut(&request) else {
+            return 0;
         };
-        if let Some(owner) = self.owners.get_mut(&id) {
-            owner.running = owner.running.saturating_sub(characters);
-            if owner.running == 0 {
-                self.running.remove(&request);
-            }
+        let characters = characters.min(running.characters);
+        running.characters -= characters;
+        let work = running.cost * characters as u64;
+        let owner = running.owner;
+        if running.characters == 0 {
+            self.running.remove(&request);
         }
-        self.release(id);
+        if let Some(owner) = owner {
+            self.release(owner);
+        }
+        work
     }
 
     /// Makes an owner's waiting plan ready if no character of its active plan waits or runs.
@@ -378,7 +456,8 @@ impl Queue {
             return;
         };
         let active = owner.active;
-        if owner.running > 0 || active.is_some_and(|active| self.requests.contains_key(&active)) {
+        let is_open = |active: RequestId| self.running.contains_key(&active) || self.requests.contains_key(&active);
+        if active.is_some_and(is_open) {
             return;
         }
         owner.active = None;
@@ -397,6 +476,7 @@ impl Queue {
     fn make_ready(&mut self, order: &Order, due: Instant, request: RequestId, characters: usize) {
         self.lines[order.class as usize].make_ready(order.client, (due, request));
         self.ready_characters += characters;
+        self.ready_work += order.cost() * characters as u64;
     }
 
     fn settle(&mut self, order: &Order) {
@@ -407,9 +487,11 @@ impl Queue {
     fn remove(&mut self, request: RequestId) -> Option<Waiting> {
         let waiting = self.requests.remove(&request)?;
         let line = &mut self.lines[waiting.order.class as usize];
-        line.leave(waiting.order.client, waiting.left);
+        line.leave(&waiting.order, waiting.left);
         if line.remove(waiting.order.client, (waiting.due, request)) {
-            self.ready_characters -= waiting.left;
+            let (characters, work) = waiting.pending();
+            self.ready_characters -= characters;
+            self.ready_work -= work;
         }
         Some(waiting)
     }

@@ -260,11 +260,13 @@ impl Task {
         let (frames, passes) = match self {
             // Root stage and decoder run once each.
             Self::Keyframes(task) => (task.frames.unwrap_or(SOME_FRAMES), task.pose_steps.max(1) + 2),
+            // With guidance each step runs without the style too.
+            Self::Path(task) if task.guidance != 1.0 => (task.path.len(), 2 * task.steps),
             Self::Path(task) => (task.path.len(), task.steps),
             Self::Prompt(task) => (task.frames.unwrap_or(SOME_FRAMES), 1 + task.flow_steps),
             Self::Describe(task) => (task.frames.len(), 1),
         };
-        u32::try_from(frames.max(1)).map_or(u32::MAX, |frames| frames.saturating_mul(passes.max(1)))
+        work_of(frames, passes)
     }
 
     /// The capability that a pack needs for this task.
@@ -276,6 +278,11 @@ impl Task {
             Self::Describe(_) => super::Capability::Describe,
         }
     }
+}
+
+/// The [work](Task::work) of so many passes over so many frames.
+pub fn work_of(frames: usize, passes: u32) -> u32 {
+    u32::try_from(frames.max(1)).map_or(u32::MAX, |frames| frames.saturating_mul(passes.max(1)))
 }
 
 impl From<KeyframeTask> for Task {

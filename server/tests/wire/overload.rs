@@ -90,11 +90,10 @@ async fn a_flood_is_refused_at_once_and_gone_when_it_stops() {
     let server = slow_server().await;
     let stop = Arc::new(AtomicBool::new(false));
     let over_http = async {
-        // Past the first wave, the other front refuses as well. All come at once: one that came
-        // with the answer to the one before would come just when a batch has left the queue, and
-        // always find a place.
+        // Past the first wave, the other front refuses as well: each of these alone would wait for
+        // longer than a call may.
         tokio::time::sleep(Duration::from_millis(700)).await;
-        let body = serde_json::to_vec(&request(1)).unwrap();
+        let body = serde_json::to_vec(&request(60)).unwrap();
         let mut refused = 0;
         for response in join_all((0..20).map(|_| server.post(body.clone()))).await {
             if response.status() == StatusCode::TOO_MANY_REQUESTS {
@@ -215,7 +214,7 @@ async fn a_full_queue_of_calls_has_room_for_plans() {
             }
         }
     }
-    let status = server.grpc().await.in_between(request(1)).await.unwrap_err();
+    let status = server.grpc().await.in_between(request(4)).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted);
     let walking = tokio::spawn(async move { stepped(&mut client, step(&ids, 10, Vec::new())).await });
     server
