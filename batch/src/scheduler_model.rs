@@ -169,7 +169,8 @@ impl Model {
         let request = ready.iter().find(|request| self.names(**request)[0] == client);
         let request = *request.expect("a client that works has something ready");
         let [of_client, of_group] = self.costs(request);
-        let most = [(ahead, of_group), (ahead_too, of_client)].map(|(ahead, cost)| ahead.map(|ahead| ahead / cost));
+        let most =
+            [(ahead, of_group), (ahead_too, of_client)].map(|(ahead, cost)| ahead.map(|ahead| ahead / cost));
         let most = most.into_iter().flatten().min();
         (request, most.map_or(usize::MAX, |most| most as usize + 1))
     }
@@ -238,7 +239,10 @@ impl Model {
 
     fn ready_work(&self) -> u64 {
         let ready = self.ready();
-        ready.iter().map(|request| self.requests[request].work_left()).sum()
+        ready
+            .iter()
+            .map(|request| self.requests[request].work_left())
+            .sum()
     }
 
     /// The calls that leave a full queue for one more: again and again the least urgent unstarted
@@ -260,8 +264,7 @@ impl Model {
             for (group, work) in &mut groups {
                 *work /= group + 1;
             }
-            let heaviest =
-                |(group, work): &(&u64, &u64)| (**work, **group != order.client.group, **group);
+            let heaviest = |(group, work): &(&u64, &u64)| (**work, **group != order.client.group, **group);
             let (&group, _) = groups.iter().max_by_key(heaviest)?;
             let heaviest =
                 |(client, work): &(&ClientId, &u64)| (**work, **client != order.client, client.own);
@@ -372,9 +375,8 @@ impl Model {
     }
 
     pub(super) fn measure(&mut self, took: Option<Duration>, finished: &[Finished]) {
-        let work = |done: &Finished| {
-            done.characters as u64 * u64::from(self.requests[&done.request].order.work)
-        };
+        let work =
+            |done: &Finished| done.characters as u64 * u64::from(self.requests[&done.request].order.work);
         let work = finished.iter().map(work).sum();
         self.open_s += took.unwrap_or_default().as_secs_f64();
         if took.is_some() && work > 0 {
@@ -412,9 +414,14 @@ impl Model {
         let room = self.room(worker).min(self.limits.max_batch);
         let others = self.at_hand().iter().filter(|&&other| other != worker).count();
         let even = self.ready_characters().div_ceil(others + 1);
-        let mean = self.ready_work().checked_div(self.ready_characters() as u64).unwrap_or(1);
+        let mean = self
+            .ready_work()
+            .checked_div(self.ready_characters() as u64)
+            .unwrap_or(1);
         let mut work_left = work_cap;
-        let within = usize::try_from(work_cap / mean.max(1)).unwrap_or(usize::MAX).max(1);
+        let within = usize::try_from(work_cap / mean.max(1))
+            .unwrap_or(usize::MAX)
+            .max(1);
         let mut wanted = room.min(within).min(even);
         let rows = self.limits.call_rows;
         while rows > 0 && wanted > rows && !wanted.is_multiple_of(rows) {

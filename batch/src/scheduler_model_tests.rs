@@ -87,7 +87,16 @@ fn some_limits() -> impl Strategy<Value = Limits> {
         0usize..6,
     )
         .prop_map(
-            |(workers, max_batch, call_rows, spare, ageing_ms, (batch_ms, shared_ms), wait_ms, call_share)| Limits {
+            |(
+                workers,
+                max_batch,
+                call_rows,
+                spare,
+                ageing_ms,
+                (batch_ms, shared_ms),
+                wait_ms,
+                call_share,
+            )| Limits {
                 workers,
                 max_batch,
                 call_rows,

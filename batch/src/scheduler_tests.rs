@@ -405,10 +405,7 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
     assert_eq!(setup.plan(1, 100).1, []);
     // A batch tried at 0.1 ms a character says otherwise.
     for _ in 0..100 {
-        setup.step(Event::Tried {
-            work: 10,
-            took: MS,
-        });
+        setup.step(Event::Tried { work: 10, took: MS });
     }
     assert_eq!(setup.refuse(1), None);
 }

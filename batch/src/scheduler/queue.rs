@@ -202,7 +202,10 @@ pub(super) struct Room {
 pub(super) enum Take {
     /// Characters, and their work.
     Slice(RequestSlice, u64),
-    Expired { request: RequestId, waited: Duration },
+    Expired {
+        request: RequestId,
+        waited: Duration,
+    },
 }
 
 /// The waiting requests. Every operation takes at most logarithmic time in their number.
@@ -242,7 +245,10 @@ impl Queue {
 
     /// How many characters of the mean work of those that may start are at most so much work.
     pub(super) fn characters_within(&self, work: u64) -> usize {
-        let mean = self.ready_work.checked_div(self.ready_characters as u64).unwrap_or(1);
+        let mean = self
+            .ready_work
+            .checked_div(self.ready_characters as u64)
+            .unwrap_or(1);
         usize::try_from(work / mean.max(1)).unwrap_or(usize::MAX)
     }
 
@@ -278,12 +284,17 @@ impl Queue {
             let (&heaviest, _) = groups
                 .iter()
                 .max_by_key(|&(&key, group)| (load(group), key != own.group, key))?;
-            let members = line.groups.get(heaviest)?.members.each().map(|(member, of_member)| {
-                let is_own = (heaviest, member) == (own.group, own.own);
-                let more = if is_own { asked } else { 0 };
-                let less = gone.get(&(heaviest, member)).copied().unwrap_or_default();
-                (of_member.work + more - less, !is_own, member)
-            });
+            let members = line
+                .groups
+                .get(heaviest)?
+                .members
+                .each()
+                .map(|(member, of_member)| {
+                    let is_own = (heaviest, member) == (own.group, own.own);
+                    let more = if is_own { asked } else { 0 };
+                    let less = gone.get(&(heaviest, member)).copied().unwrap_or_default();
+                    (of_member.work + more - less, !is_own, member)
+                });
             let (work, is_other, member) = members.max()?;
             if heaviest == own.group && (!is_other || work <= own_work) {
                 return None;
@@ -456,7 +467,8 @@ impl Queue {
             return;
         };
         let active = owner.active;
-        let is_open = |active: RequestId| self.running.contains_key(&active) || self.requests.contains_key(&active);
+        let is_open =
+            |active: RequestId| self.running.contains_key(&active) || self.requests.contains_key(&active);
         if active.is_some_and(is_open) {
             return;
         }
