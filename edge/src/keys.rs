@@ -468,6 +468,10 @@ mod tests {
             with("max_streams = 0"),
             "keys[0].max_streams of \"a\" is 0; allowed: 1 or more"
         );
+        assert_eq!(
+            with("share = 101"),
+            "keys[0].share of \"a\" is 101; allowed: 1 to 100"
+        );
         assert!(with("tenant = \"\"").starts_with("keys[0].tenant of \"a\" is"));
         assert!(with("max_sessions = -1").contains("max_sessions"));
         assert!(error(&(good.clone() + &good)).contains("keys[1].name is \"a\" again"));

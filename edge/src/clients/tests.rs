@@ -91,8 +91,11 @@ fn a_key_may_have_quotas_of_its_own() {
         sessions: Some(3),
         streams: Some(1),
         bytes: Some(2 << 10),
+        share: Some(4),
     };
     let key = || clients.with_key("small", quota, None, &connection);
+    assert_eq!((key().id().share, connection.id().share), (4, 1));
+    assert_eq!(key().id().group, key().id().own, "a key shares with nothing");
     let stream = key().stream().unwrap();
     let error = key().stream().unwrap_err();
     assert_eq!(
