@@ -355,7 +355,8 @@ impl Scheduler {
             }
         }
         let spent = calls * self.limits.call_share;
-        self.call_credit = (self.call_credit + wanted)
+        let taken: usize = slices.iter().map(|slice| slice.characters).sum();
+        self.call_credit = (self.call_credit + taken)
             .saturating_sub(spent)
             .min(self.limits.call_share);
         let waiting = self.queue.pending(Class::Request) > 0;

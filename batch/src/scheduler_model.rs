@@ -103,7 +103,7 @@ impl Model {
             now: Instant::now(),
             requests: BTreeMap::new(),
             workers: vec![worker; limits.workers],
-            measured: vec![(0.005, 1)],
+            measured: vec![(25e-6, 1)],
             open_s: 0.0,
             call_credit: limits.call_share,
             times: BTreeMap::new(),
@@ -430,8 +430,9 @@ impl Model {
         let (mut actions, mut slices) = (Vec::new(), Vec::<RequestSlice>::new());
         let (mut expires, mut calls) = (false, 0);
         let share = self.limits.call_share;
-        self.call_credit += wanted;
-        let mut own = self.call_credit.checked_div(share).unwrap_or(0).min(wanted);
+        let credit = self.call_credit + wanted;
+        let mut own = credit.checked_div(share).unwrap_or(0).min(wanted);
+        let mut taken = 0;
         while wanted > 0
             && let ready = self.ready()
             && let Some(&first) = ready.first()
@@ -473,6 +474,7 @@ impl Model {
                 break;
             }
             wanted -= characters;
+            taken += characters;
             work_left = work_left.saturating_sub(cost * characters as u64);
             own = own.saturating_sub(characters);
             if known.order.class == Class::Request {
@@ -500,7 +502,8 @@ impl Model {
             self.charge(request, characters);
             self.look_who_works();
         }
-        self.call_credit = self.call_credit.saturating_sub(calls * share).min(share);
+        let credit = self.call_credit + taken;
+        self.call_credit = credit.saturating_sub(calls * share).min(share);
         let is_idle = self.workers[worker].held.is_empty();
         self.workers[worker].state = if is_idle { State::Idle } else { State::Busy };
         let reason = match took {

@@ -393,19 +393,19 @@ fn calls_do_not_take_the_room_of_live_characters_nor_idle_workers_that_of_the_qu
 #[test]
 fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
     let mut setup = Setup::busy(Limits {
-        max_wait: MS * 50,
+        max_wait: MS / 4,
         ..limits(1, 4)
     });
-    // Nothing is measured: 5 ms a character.
+    // Nothing is measured: 25 µs a character of the least work.
     for _ in 0..11 {
         setup.call(1);
     }
     let refusal = setup.refuse(1).unwrap();
-    assert!(!refusal.full && refusal.expected_wait > MS * 50);
+    assert!(!refusal.full && refusal.expected_wait > MS / 4);
     assert_eq!(setup.plan(1, 100).1, []);
-    // A batch tried at 0.1 ms a character says otherwise.
+    // A batch tried at 1 µs a unit says otherwise.
     for _ in 0..100 {
-        setup.step(Event::Tried { work: 10, took: MS });
+        setup.step(Event::Tried { work: 1000, took: MS });
     }
     assert_eq!(setup.refuse(1), None);
 }
@@ -615,25 +615,26 @@ fn a_group_with_a_larger_share_gets_more() {
 
 #[test]
 fn batches_are_short_while_several_clients_ask() {
-    let mut setup = Setup::busy(Limits {
-        max_batch_time: MS * 50,
-        shared_batch_time: MS * 10,
-        ..limits(1, 64)
-    });
-    for _ in 0..200 {
-        setup.step(Event::Tried {
-            work: 10,
-            took: MS * 10,
+    // The client of a small call that came so long ago, and the characters of the next batch.
+    for (client, age_ms, characters) in [(1, 0, 50), (2, 0, 10), (2, 11_000, 50)] {
+        let mut setup = Setup::busy(Limits {
+            max_batch_time: MS * 101 / 2,
+            shared_batch_time: MS * 21 / 2,
+            ..limits(1, 64)
         });
+        for _ in 0..200 {
+            setup.step(Event::Tried {
+                work: 10,
+                took: MS * 10,
+            });
+        }
+        setup.arrive(60, from((1, 1), Order::request(setup.now)));
+        setup.arrive(1, from((client, 1), Order::request(setup.now)));
+        setup.pass(age_ms);
+        let taken = setup.ready(0);
+        let taken: usize = taken.iter().map(|(_, characters)| characters).sum();
+        assert_eq!(taken, characters, "{client} {age_ms}");
     }
-    let (first, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
-    assert_eq!(setup.ready(0), [(first, 49)]);
-    setup.arrive(1, from((2, 1), Order::request(setup.now)));
-    let (third, _) = setup.arrive(30, from((1, 1), Order::request(setup.now)));
-    let count = |started: Vec<(u64, usize)>| started.iter().map(|(_, characters)| characters).sum::<usize>();
-    assert!((9..=10).contains(&count(setup.ready(0))));
-    setup.pass(20_000);
-    assert!(setup.ready(0).contains(&(third, 30)));
 }
 
 #[test]

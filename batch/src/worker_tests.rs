@@ -147,13 +147,13 @@ async fn a_slow_queue_refuses_before_any_work() {
     let setup = setup(limits, TWO).await;
     assert!(setup.batcher.refuse(&Order::request(Instant::now()), 1).is_none());
     let busy = setup.fill().await;
-    // By the first guess, 2.5 ms each.
+    // By the first guess, 2.4 ms each.
     let waiting = setup.enqueue(0..50);
     let error = setup.batcher.refuse(&Order::request(Instant::now()), 1);
     let Some(SubmitError::QueueFull { retry_after, .. }) = error else {
         panic!("{error:?}");
     };
-    assert_eq!(retry_after, Duration::from_millis(125));
+    assert_eq!(retry_after, Duration::from_millis(120));
     setup.shows("reason=\"queue_slow\"} 1");
     // A plan has a place all the same.
     let plan = setup.plan(1);
