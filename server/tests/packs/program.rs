@@ -149,6 +149,15 @@ fn a_missing_pack_is_named() {
 }
 
 #[test]
+fn a_mistake_on_the_command_line_has_an_exit_code_of_its_own() {
+    let mut child = server(&["--max-bach", "1"])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    assert_eq!(exit(&mut child).code(), Some(2));
+}
+
+#[test]
 fn a_port_in_use_is_named() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -290,6 +299,23 @@ fn the_health_check_says_whether_a_server_is_ready() {
         text.contains(&format!("http://{address}/readyz: no answer")),
         "{text}"
     );
+}
+
+#[cfg(unix)]
+#[test]
+fn the_health_check_asks_the_second_port() {
+    // It was free a moment ago.
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let second = free.local_addr().unwrap().to_string();
+    drop(free);
+    let config = std::env::temp_dir().join(format!("troupe-second-port-{}.toml", std::process::id()));
+    std::fs::write(&config, format!("health_listen = \"{second}\"\n")).unwrap();
+    let (mut child, _, _lines) = serving(server(&["--health-listen", &second]).stderr(Stdio::null()));
+    let (code, text) = health(&["--config", config.to_str().unwrap()]);
+    assert_eq!((code, text), (Some(0), format!("http://{second}/readyz: ok\n")));
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    std::fs::remove_file(&config).unwrap();
 }
 
 #[test]
