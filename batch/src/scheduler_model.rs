@@ -125,7 +125,7 @@ impl Model {
         let working: BTreeSet<Name> = (self.ready().iter())
             .flat_map(|request| self.names(*request))
             .collect();
-        // Where nobody waits any more, all are even.
+        // If no one waits any more, all are even.
         let rests: Vec<Name> = (self.times.keys())
             .filter(|name| !working.iter().any(|other| same_level(name, other)))
             .copied()
