@@ -407,7 +407,7 @@ impl Model {
             };
             let (request, most) = self.first_of(class);
             let place_since = self.requests[&request].place_since;
-            // What came after the virtual deadline of another of the same client does not go before.
+            // What came after the virtual deadline of another of its client does not go before.
             let same = |other: &&RequestId| self.names(**other) == self.names(request);
             for other in ready.iter().filter(same) {
                 assert!(place_since <= self.requests[other].due, "{other:?} is starved");
