@@ -13,12 +13,12 @@
 //! [`Limits::max_live`] bound those.
 //!
 //! **Clients share evenly**: the order above decides which class goes first. Within a class the
-//! clients with waiting requests take turns by the work that each has had ([fair order](fair)),
+//! clients with waiting requests take turns by the work that each has had (`scheduler/fair.rs`),
 //! first the groups and then the clients of a group. A client's own requests go by virtual
 //! deadline. So a client that asks for much, or says that all of it is urgent, delays itself.
 //!
-//! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the most
-//! urgent call, whatever its deadline. If a batch is too small for that, the fraction is carried
+//! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the call
+//! whose turn it is, whatever its deadline. If a batch is too small for that, the fraction is carried
 //! over to the next batch. So the share also holds for batches of one.
 //!
 //! # Batches
@@ -39,8 +39,8 @@
 //! than others, the least urgent unstarted calls of the client with most leave the full queue for a
 //! call. A call is also refused if it would wait for longer than [`Limits::max_wait`], judged by
 //! the rate at which calls left the queue lately, and by what may go before it: of each other
-//! client at most as much as its own client has waiting. Characters that idle workers are about to take do
-//! not count as waiting. Cancelled, replaced and expired work is dropped before it starts.
+//! client at most as much as its own client has waiting. Characters that idle workers are about to
+//! take do not count as waiting. Cancelled, replaced and expired work is dropped before it starts.
 
 mod event;
 mod fair;
