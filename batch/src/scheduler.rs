@@ -18,8 +18,8 @@
 //! deadline. So a client that asks for much, or says that all of it is urgent, delays itself.
 //!
 //! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the call
-//! whose turn it is, whatever its deadline. If a batch is too small for that, the fraction is carried
-//! over to the next batch. So the share also holds for batches of one.
+//! whose turn it is, whatever its deadline. If a batch is too small for that, the fraction is
+//! carried over to the next batch. So the share also holds for batches of one.
 //!
 //! # Batches
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
