@@ -271,6 +271,30 @@ fn it_says_where_it_listens_and_stops_on_sigterm() {
     assert!(rest[1].starts_with("  pack human "), "{rest:?}");
 }
 
+#[cfg(unix)]
+#[test]
+fn at_a_hangup_it_reads_its_keys_again() {
+    let keys = std::env::temp_dir().join(format!("troupe-hangup-{}.toml", std::process::id()));
+    let entry = troupe_edge::keys::entry("game", troupe_edge::clients::Role::Drive, "secret");
+    std::fs::write(&keys, entry).unwrap();
+    let mut command = server(&["--keys", keys.to_str().unwrap()]);
+    let (mut child, _, _lines) = serving(command.stderr(Stdio::piped()));
+    // It listens for the signal once it has greeted.
+    std::thread::sleep(Duration::from_millis(300));
+    let signalled = Command::new("kill")
+        .args(["-HUP", &child.id().to_string()])
+        .status();
+    assert!(signalled.unwrap().success());
+    std::thread::sleep(Duration::from_millis(300));
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    let mut text = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+    // The file has not changed, so only the signal makes it read.
+    assert!(text.contains("keys read again"), "{text}");
+    std::fs::remove_file(&keys).unwrap();
+}
+
 /// The exit code of the health check, and what it says.
 fn health(args: &[&str]) -> (Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
