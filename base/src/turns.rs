@@ -21,8 +21,8 @@ const TURNS_PER_CORE: usize = 2;
 /// each core. This is enough to keep all workers busy.
 const STEP_PLANS_PER_CORE: usize = 64;
 
-/// Identifies a client, and the group with which it shares: its address, or its own key. The default
-/// is the server itself.
+/// Identifies a client, and the group with which it shares: its address, or its own key. The
+/// default is the server itself.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientId {
     /// Groups share with each other by their shares.
@@ -129,7 +129,7 @@ impl Turns {
         self.client
     }
 
-    /// Runs `work` as this client's, without waiting for turns: [`Turns::current`] gives them there.
+    /// Runs `work` as this client's, without waiting for turns: [`Turns::current`] has them there.
     pub fn scope<F: Future>(self, work: F) -> impl Future<Output = F::Output> {
         CURRENT.scope(self, work)
     }

@@ -7,18 +7,19 @@
 //! # Order
 //! The earliest virtual deadline goes first. A request's virtual deadline is the later of its
 //! [`Order::deadline`] and its arrival, plus the [offset](Limits::class_offset) of its class. If
-//! two are equal, the earlier arrival goes first. **Nothing starves**: a request that arrives after
-//! the virtual deadline of another has a later one itself. So from then on only requests that
-//! already wait can go first, and [`Limits::max_queued`] and [`Limits::max_live`] bound those.
+//! two are equal, the earlier arrival goes first. **No class starves**: a request that arrives
+//! after the virtual deadline of another has a later one itself. So from then on the class of the
+//! other comes first again once requests are done that already wait, and [`Limits::max_queued`] and
+//! [`Limits::max_live`] bound those.
 //!
 //! **Clients share evenly**: the order above decides which class goes first. Within a class the
-//! clients with waiting requests take turns by the work that each has had ([fair order](fair)),
-//! first the groups and then the clients of a group. A client's own requests go by virtual deadline.
-//! So a client that asks for much, or says that all of it is urgent, delays itself.
+//! clients with waiting requests take turns by the work that each has had (`scheduler/fair.rs`),
+//! first the groups and then the clients of a group. A client's own requests go by virtual
+//! deadline. So a client that asks for much, or says that all of it is urgent, delays itself.
 //!
-//! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the most
-//! urgent call, whatever its deadline. If a batch is too small for that, the fraction is carried
-//! over to the next batch. So the share also holds for batches of one.
+//! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the call
+//! whose turn it is, whatever its deadline. If a batch is too small for that, the fraction is
+//! carried over to the next batch. So the share also holds for batches of one.
 //!
 //! # Batches
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
@@ -35,11 +36,12 @@
 //! of plans does not push itself back.
 //!
 //! # Limits
-//! A request that does not fit is refused as a whole, at once. If its client has less waiting than
-//! others, the least urgent calls of the client with most leave the full queue for it. A call is also refused if it would
-//! wait for longer than [`Limits::max_wait`], judged by the rate at which calls left the queue
-//! lately, and by what may go before it: at most as much of each other client as it has waiting. Characters that idle workers are about to take do not count as waiting. Cancelled,
-//! replaced and expired work is dropped before it starts.
+//! A request that does not fit is refused as a whole, at once. But if its client has less waiting
+//! than others, the least urgent unstarted calls of the client with most leave the full queue for a
+//! call. A call is also refused if it would wait for longer than [`Limits::max_wait`], judged by
+//! the rate at which calls left the queue lately, and by what may go before it: of each other
+//! client at most as much as its own client has waiting. Characters that idle workers are about to
+//! take do not count as waiting. Cancelled, replaced and expired work is dropped before it starts.
 
 mod event;
 mod fair;

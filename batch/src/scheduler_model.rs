@@ -132,7 +132,7 @@ impl Model {
         let working: BTreeSet<Name> = (self.ready().iter())
             .flat_map(|request| self.names(*request))
             .collect();
-        // Where nobody waits any more, all are even.
+        // If no one waits any more, all are even.
         let rests: Vec<Name> = (self.times.keys())
             .filter(|name| !working.iter().any(|other| same_level(name, other)))
             .copied()
@@ -447,7 +447,7 @@ impl Model {
             };
             let (request, most) = self.first_of(class);
             let place_since = self.requests[&request].place_since;
-            // What came after the virtual deadline of another of the same client does not go before.
+            // What came after the virtual deadline of another of its client does not go before.
             let same = |other: &&RequestId| self.names(**other) == self.names(request);
             for other in ready.iter().filter(same) {
                 assert!(place_since <= self.requests[other].due, "{other:?} is starved");

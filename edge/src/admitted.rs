@@ -66,3 +66,32 @@ impl Admitted {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+    use crate::clients::Role;
+
+    #[test]
+    fn each_key_and_each_subject_of_a_tenant_has_an_account() {
+        let identity = |name: &str, tenant: Option<&str>| Identity {
+            name: name.into(),
+            role: Role::Drive,
+            tenant: tenant.map(Into::into),
+        };
+        let key = |name| Admitted::by_key(identity(name, None), Quota::default(), [0; HASH_BYTES]).account;
+        let subject = |name, tenant| Admitted::by_token(identity(name, tenant), "a.b.c", 1).account;
+        let accounts = [
+            key("a"),
+            key("b"),
+            subject("a", None),
+            subject("a", Some("t")),
+            subject("b", Some("t")),
+            subject("a", Some("u")),
+        ];
+        let different: HashSet<_> = accounts.iter().collect();
+        assert_eq!(different.len(), accounts.len(), "{accounts:?}");
+    }
+}

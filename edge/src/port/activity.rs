@@ -454,6 +454,25 @@ mod tests {
         assert!(is_cut().await);
     }
 
+    #[tokio::test]
+    async fn connections_of_an_address_are_counted_together() {
+        let (connections, client) = ([(); 5].map(|()| Activity::new()), client());
+        let cancel = |activity: &Arc<Activity>| drop(Call::begin(activity, &client, true));
+        let is_cut = async |activity: &Arc<Activity>| {
+            let soon = tokio::time::timeout(Duration::from_millis(1), activity.is_cut());
+            soon.await.is_ok()
+        };
+        for _ in 0..819 {
+            connections.iter().for_each(cancel);
+        }
+        cancel(&connections[0]);
+        for activity in &connections {
+            assert!(!is_cut(activity).await, "4,096 of an address are allowed");
+        }
+        cancel(&connections[0]);
+        assert!(is_cut(&connections[0]).await && !is_cut(&connections[1]).await);
+    }
+
     #[tokio::test(start_paused = true)]
     async fn a_connection_is_idle_some_time_after_its_last_call() {
         let activity = Activity::new();

@@ -310,6 +310,37 @@ async fn the_oldest_change_is_kept_first_and_a_round_has_an_end() {
     assert_eq!(backlog.age(), Duration::ZERO);
 }
 
+#[tokio::test(start_paused = true)]
+async fn the_sessions_of_a_scene_are_written_together() {
+    let house = House::new().await;
+    let (spaces, mut keeper) = house.start(&Shared::default());
+    let space = spaces.common().clone();
+    let document = v1::Document {
+        text: "format = 1\nname = \"yard\"\n".to_owned(),
+        format: v1::DocumentFormat::Toml.into(),
+    };
+    let scene = v1::PutSceneRequest {
+        document: Some(document),
+        ..v1::PutSceneRequest::default()
+    };
+    space.store.put(&scene).unwrap();
+    let inside = ["a", "b", "c"].map(|id| v1::SessionOptions {
+        id: id.to_owned(),
+        scene: "yard".to_owned(),
+        ..v1::SessionOptions::default()
+    });
+    let request = v1::CreateSessionsRequest {
+        sessions: inside.to_vec(),
+    };
+    let created = space.sessions.create(&space.packs, &space.store, request).await;
+    created.unwrap();
+    open(&space, "outside").await;
+    // Each round ends after its first session, or with all of a scene.
+    assert!(keeper.round(1).unwrap().is_partial);
+    assert!(!keeper.round(1).unwrap().is_partial);
+    assert_eq!(keeper.backlog().sessions(), 0);
+}
+
 #[tokio::test]
 async fn a_tenant_without_anything_makes_room() {
     let house = House::new().await;

@@ -308,3 +308,35 @@ impl From<DescribeTask> for Task {
         Self::Describe(task)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_is_frames_times_passes() {
+        let keyframes = |pose_steps| KeyframeTask {
+            context: Vec::new(),
+            targets: Vec::new(),
+            frames: Some(50),
+            allowed_counts: Vec::new(),
+            seed: 0,
+            temperature: 0.0,
+            pose_steps,
+            root_guide: None,
+            root_override: None,
+            gap_poses: Vec::new(),
+        };
+        let [one, ten] = [1, 10].map(|steps| Task::from(keyframes(steps)).work());
+        assert_eq!((one, ten), (150, 600));
+        let prompt = |frames, flow_steps| PromptTask {
+            frames,
+            flow_steps,
+            ..PromptTask::default()
+        };
+        assert_eq!(Task::from(prompt(Some(40), 0)).work(), 40);
+        assert_eq!(Task::from(prompt(Some(40), 3)).work(), 160);
+        assert_eq!(Task::from(prompt(None, 0)).work(), 64);
+        assert_eq!(Task::from(DescribeTask::default()).work(), 1);
+    }
+}

@@ -149,6 +149,15 @@ fn a_missing_pack_is_named() {
 }
 
 #[test]
+fn a_mistake_on_the_command_line_has_an_exit_code_of_its_own() {
+    let mut child = server(&["--max-bach", "1"])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    assert_eq!(exit(&mut child).code(), Some(2));
+}
+
+#[test]
 fn a_port_in_use_is_named() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -262,6 +271,30 @@ fn it_says_where_it_listens_and_stops_on_sigterm() {
     assert!(rest[1].starts_with("  pack human "), "{rest:?}");
 }
 
+#[cfg(unix)]
+#[test]
+fn at_a_hangup_it_reads_its_keys_again() {
+    let keys = std::env::temp_dir().join(format!("troupe-hangup-{}.toml", std::process::id()));
+    let entry = troupe_edge::keys::entry("game", troupe_edge::clients::Role::Drive, "secret");
+    std::fs::write(&keys, entry).unwrap();
+    let mut command = server(&["--keys", keys.to_str().unwrap()]);
+    let (mut child, _, _lines) = serving(command.stderr(Stdio::piped()));
+    // It listens for the signal once it has greeted.
+    std::thread::sleep(Duration::from_millis(300));
+    let signalled = Command::new("kill")
+        .args(["-HUP", &child.id().to_string()])
+        .status();
+    assert!(signalled.unwrap().success());
+    std::thread::sleep(Duration::from_millis(300));
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    let mut text = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+    // The file has not changed, so only the signal makes it read.
+    assert!(text.contains("keys read again"), "{text}");
+    std::fs::remove_file(&keys).unwrap();
+}
+
 /// The exit code of the health check, and what it says.
 fn health(args: &[&str]) -> (Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
@@ -290,6 +323,23 @@ fn the_health_check_says_whether_a_server_is_ready() {
         text.contains(&format!("http://{address}/readyz: no answer")),
         "{text}"
     );
+}
+
+#[cfg(unix)]
+#[test]
+fn the_health_check_asks_the_second_port() {
+    // It was free a moment ago.
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let second = free.local_addr().unwrap().to_string();
+    drop(free);
+    let config = std::env::temp_dir().join(format!("troupe-second-port-{}.toml", std::process::id()));
+    std::fs::write(&config, format!("health_listen = \"{second}\"\n")).unwrap();
+    let (mut child, _, _lines) = serving(server(&["--health-listen", &second]).stderr(Stdio::null()));
+    let (code, text) = health(&["--config", config.to_str().unwrap()]);
+    assert_eq!((code, text), (Some(0), format!("http://{second}/readyz: ok\n")));
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    std::fs::remove_file(&config).unwrap();
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Connections: how many there may be, and how long they last.
 
 use std::net::SocketAddr;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
@@ -96,6 +96,34 @@ async fn past_the_limit_only_health_is_answered() {
     server.metric("troupe_connections_active", "1").await;
     let answer = get(address, "/v1/packs").await;
     assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn past_the_limit_a_connection_ends_after_seconds_although_it_is_busy() {
+    let server = TestServer::start_with(|config| {
+        config.max_connections = 1;
+        config.fixed.max_connections_per_address = Some(100);
+    })
+    .await;
+    let _first = server.tcp().await;
+    server.metric("troupe_connections_active", "1").await;
+    let (client, connection) = h2::client::handshake(server.tcp().await).await.unwrap();
+    let connected = Instant::now();
+    let closed = tokio::spawn(connection);
+    let mut client = client.ready().await.unwrap();
+    let mut answered = 0;
+    while !closed.is_finished() && connected.elapsed() < Duration::from_secs(10) {
+        let call = http::Request::get(server.url("/healthz")).body(()).unwrap();
+        if let Ok((answer, _)) = client.send_request(call, true) {
+            answered += u32::from(answer.await.is_ok_and(|answer| answer.status() == 200));
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        let Ok(ready) = client.ready().await else { break };
+        client = ready;
+    }
+    let lasted = connected.elapsed();
+    assert!((4.0..7.0).contains(&lasted.as_secs_f64()), "{lasted:?}");
+    assert!(answered > 10, "{answered}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -227,6 +227,91 @@ async fn a_full_queue_of_calls_has_room_for_plans() {
     }
 }
 
+/// A call of one character from another address than that of all other clients here.
+#[cfg(target_os = "linux")]
+async fn from_another_address(url: String) -> StatusCode {
+    let client = reqwest::Client::builder()
+        .local_address(std::net::IpAddr::from([127, 0, 0, 2]))
+        .build()
+        .unwrap();
+    let call = client
+        .post(url)
+        .header("content-type", "application/json")
+        .body(serde_json::to_vec(&request(1)).unwrap());
+    call.send().await.unwrap().status()
+}
+
+// Other systems have only one loopback address.
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn large_calls_of_one_client_do_not_keep_others_out() {
+    let server = slow_server().await;
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut attackers = JoinSet::new();
+    for _ in 0..8 {
+        let (mut client, stop) = (server.grpc().await, stop.clone());
+        attackers.spawn(async move {
+            let mut served = 0;
+            while !stop.load(Ordering::Relaxed) {
+                match client.in_between(request(64)).await {
+                    Ok(_) => served += 1,
+                    Err(_) => tokio::time::sleep(Duration::from_millis(5)).await,
+                }
+            }
+            served
+        });
+    }
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let mut longest = Duration::ZERO;
+    for _ in 0..20 {
+        let sent = Instant::now();
+        let status = from_another_address(server.url("/v1/inbetween")).await;
+        assert_eq!(status, StatusCode::OK);
+        longest = longest.max(sent.elapsed());
+    }
+    stop.store(true, Ordering::Relaxed);
+    // Before it, both workers end the batches that they have: 40 ms.
+    assert!(longest < MAX_QUEUE * 4, "{longest:?}");
+    let mut served = 0;
+    while let Some(of_one) = attackers.join_next().await {
+        served += of_one.unwrap();
+    }
+    assert!(served > 1, "{served} large calls were served");
+}
+
+// Other systems have only one loopback address.
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn a_call_of_the_client_with_most_leaves_a_full_queue_for_another() {
+    let server = TestServer::start_with(|config| {
+        config.max_batch = 1;
+        config.fixed.max_queued_characters = Some(4);
+    })
+    .await;
+    server.gate.close();
+    let mut calls = Vec::new();
+    for characters in [1, 4] {
+        let mut client = server.grpc().await;
+        calls.push(tokio::spawn(async move {
+            client.in_between(request(characters)).await.map(drop)
+        }));
+        // The worker takes the first one meanwhile.
+        tokio::time::sleep(Duration::from_millis(500)).await;
+    }
+    server
+        .metric("troupe_pending_characters{model=\"toy\"", "4")
+        .await;
+    let other = tokio::spawn(from_another_address(server.url("/v1/inbetween")));
+    let status = calls.pop().unwrap().await.unwrap().unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
+    assert!(status.get_details_retry_info().is_some());
+    let name = r#"troupe_rejections_total{model="toy",version="1.2.3",reason="pushed_out"}"#;
+    server.metric(name, "1").await;
+    server.gate.open();
+    assert_eq!(other.await.unwrap(), StatusCode::OK);
+    calls.pop().unwrap().await.unwrap().unwrap();
+}
+
 /// A server whose queue is full: one call is in the engine, and one waits.
 async fn full_server() -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
     let server = TestServer::start_with(|config| {
