@@ -450,7 +450,13 @@ async fn calls_of_many_passes_delay_those_of_their_client() {
     let setup = setup(limits(1), [Trouble::None]).await;
     let _running = setup.enqueue(0..1);
     setup.dispatched(1).await;
-    let of = |own| soon().of(ClientId { group: own, own });
+    let of = |own| {
+        soon().of(ClientId {
+            group: own,
+            own,
+            share: 1,
+        })
+    };
     let many_passes = |task: Task| match task {
         Task::Keyframes(task) => Task::Keyframes(KeyframeTask {
             pose_steps: 10,
@@ -483,7 +489,13 @@ async fn a_call_that_makes_room_for_another_client_is_answered_and_counted() {
     let setup = setup(limits, [Trouble::None]).await;
     let _running = setup.enqueue(0..1);
     setup.dispatched(1).await;
-    let of = |own| soon().of(ClientId { group: own, own });
+    let of = |own| {
+        soon().of(ClientId {
+            group: own,
+            own,
+            share: 1,
+        })
+    };
     let large = setup.batcher.enqueue(tasks(10..14), of(1)).unwrap();
     let small = setup.batcher.enqueue(tasks(20..21), of(2)).unwrap();
     let Err(SubmitError::QueueFull { retry_after, .. }) = large.await else {

@@ -264,7 +264,7 @@ impl Model {
             for (group, work) in &mut groups {
                 *work /= group + 1;
             }
-            let heaviest = |(group, work): &(&u64, &u64)| (**work, **group != order.client.group, **group);
+            let heaviest = |(group, work): &(&u64, &u64)| (**work, **group == order.client.group, **group);
             let (&group, _) = groups.iter().max_by_key(heaviest)?;
             let heaviest =
                 |(client, work): &(&ClientId, &u64)| (**work, **client != order.client, client.own);

@@ -279,7 +279,8 @@ impl Client {
     /// Notes that a call of the client was refused because `queue` is full, and may be sent again
     /// after `wait`.
     pub fn owes(&self, queue: &str, wait: Duration) {
-        self.debts.add(self.authorization.as_ref(), queue, wait);
+        self.debts
+            .add(self.id(), self.authorization.as_ref(), queue, wait);
     }
 
     /// What the clients of its connection owe.

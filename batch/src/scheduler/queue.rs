@@ -283,7 +283,7 @@ impl Queue {
             let load = |&(work, share): &(u64, u64)| work.saturating_mul(SHARE_UNIT) / share;
             let (&heaviest, _) = groups
                 .iter()
-                .max_by_key(|&(&key, group)| (load(group), key != own.group, key))?;
+                .max_by_key(|&(&key, group)| (load(group), key == own.group, key))?;
             let members = line
                 .groups
                 .get(heaviest)?

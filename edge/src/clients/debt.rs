@@ -9,12 +9,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use http::HeaderValue;
+use troupe_base::turns::ClientId;
 
 /// The newest refusal of a client's call.
 #[derive(Debug, Clone)]
 pub struct Debt {
     /// Name of the queue that had no room.
     pub queue: Arc<str>,
+    /// The client, as the queue knows it.
+    pub client: ClientId,
     /// The header with the client's key. Callers with another one owe nothing.
     authorization: Option<HeaderValue>,
     /// When the call may come again.
@@ -34,16 +37,27 @@ impl Debts {
         self.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn add(&self, authorization: Option<&HeaderValue>, queue: &str, wait: Duration) {
+    pub(super) fn add(
+        &self,
+        client: ClientId,
+        authorization: Option<&HeaderValue>,
+        queue: &str,
+        wait: Duration,
+    ) {
         let until = Instant::now() + wait;
         let mut newest = self.newest();
         match &mut *newest {
-            Some(debt) if &*debt.queue == queue && debt.authorization.as_ref() == authorization => {
+            Some(debt)
+                if &*debt.queue == queue
+                    && debt.client == client
+                    && debt.authorization.as_ref() == authorization =>
+            {
                 debt.until = until;
             }
             _ => {
                 *newest = Some(Debt {
                     queue: queue.into(),
+                    client,
                     authorization: authorization.cloned(),
                     until,
                 });
@@ -83,8 +97,14 @@ mod tests {
         );
         let now = Instant::now();
         assert!(debts.of(Some(&key), now).is_none());
-        debts.add(Some(&key), "human", Duration::from_secs(5));
-        assert_eq!(&*debts.of(Some(&key), now).unwrap().queue, "human");
+        let client = ClientId {
+            group: 3,
+            own: 3,
+            share: 1,
+        };
+        debts.add(client, Some(&key), "human", Duration::from_secs(5));
+        let debt = debts.of(Some(&key), now).unwrap();
+        assert_eq!((&*debt.queue, debt.client), ("human", client));
         assert!(debts.of(Some(&other), now).is_none() && debts.of(None, now).is_none());
         let later = now + Duration::from_secs(6);
         assert!(debts.of(Some(&key), later).is_none());

@@ -9,13 +9,10 @@ use http::{HeaderMap, HeaderValue, Method, Request, header};
 use crate::clients::{Client, Debt};
 use crate::observe::REQUEST_ID;
 use troupe_base::telemetry::RequestId;
-use troupe_base::turns::ClientId;
 
 /// The head of a call whose client has a debt.
 #[derive(Debug, Clone, Copy)]
 pub struct Head<'a> {
-    /// The client that calls.
-    pub client: ClientId,
     /// POST for every remote procedure.
     pub method: &'a Method,
     /// Its path, without the query.
@@ -46,7 +43,6 @@ impl Early {
         }
         let debt = debts.of(headers.get(header::AUTHORIZATION), Instant::now())?;
         let head = Head {
-            client: client.id(),
             method: request.method(),
             path: request.uri().path(),
             headers,

@@ -263,8 +263,11 @@ impl Task {
             // With guidance each step runs without the style too.
             Self::Path(task) if task.guidance != 1.0 => (task.path.len(), 2 * task.steps),
             Self::Path(task) => (task.path.len(), task.steps),
-            Self::Prompt(task) => (task.frames.unwrap_or(SOME_FRAMES), 1 + task.flow_steps),
-            Self::Describe(task) => (task.frames.len(), 1),
+            Self::Prompt(task) => {
+                let frames = task.frames.unwrap_or(SOME_FRAMES);
+                (frames * (1 + task.others.len()), 1 + task.flow_steps)
+            }
+            Self::Describe(task) => (task.frames.len() * (1 + task.others.len()), 1),
         };
         work_of(frames, passes)
     }
@@ -337,6 +340,11 @@ mod tests {
         assert_eq!(Task::from(prompt(Some(40), 0)).work(), 40);
         assert_eq!(Task::from(prompt(Some(40), 3)).work(), 160);
         assert_eq!(Task::from(prompt(None, 0)).work(), 64);
+        let two = PromptTask {
+            others: vec![AgentTask::default()],
+            ..prompt(Some(40), 0)
+        };
+        assert_eq!(Task::from(two).work(), 80);
         assert_eq!(Task::from(DescribeTask::default()).work(), 1);
     }
 }

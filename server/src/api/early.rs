@@ -79,11 +79,11 @@ impl Refusals {
             _ => return None,
         };
         let asked = Instant::now();
-        let error = self.service.refusal_of(&debt.queue, head.client)?;
+        let error = self.service.refusal_of(&debt.queue, debt.client)?;
         let mut last = self.prepared[usize::from(grpc)]
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        let group = head.client.group;
+        let group = debt.client.group;
         let fits = |last: &Prepared| {
             last.queue == debt.queue && last.group == group && asked.duration_since(last.made) < REUSE
         };
