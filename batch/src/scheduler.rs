@@ -25,8 +25,8 @@
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
-//! to the work that a worker does in [`Limits::max_batch_time`]; while several clients ask, in
-//! [`Limits::shared_batch_time`]. Idle workers share the
+//! to the work that a worker does in [`Limits::max_batch_time`]. While several clients call, each
+//! has at most [`Limits::shared_batch_time`] of it. Idle workers share the
 //! waiting characters evenly. More characters than one engine call takes are given out in
 //! [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
@@ -43,6 +43,7 @@
 //! client at most as much as its own client has waiting. Characters that idle workers are about to
 //! take do not count as waiting. Cancelled, replaced and expired work is dropped before it starts.
 
+mod callers;
 mod event;
 mod fair;
 mod limits;
@@ -51,16 +52,13 @@ mod queue;
 
 use std::time::{Duration, Instant};
 
+use self::callers::Callers;
 use self::meter::Meter;
 use self::queue::{Queue, Room, Take, Waiting};
 use super::order::{Class, Order};
-use troupe_base::turns::ClientId;
 
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
-
-/// How long batches stay short after requests of different clients came one after the other.
-const SHARED_MEMORY: Duration = Duration::from_secs(10);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
@@ -93,10 +91,7 @@ pub struct Scheduler {
     /// Places given out since the last place that was kept for calls; at most
     /// [`Limits::call_share`].
     call_credit: usize,
-    /// The client of the latest arrival.
-    last_client: Option<ClientId>,
-    /// When a request last came from another client than the request before.
-    shared_at: Option<Instant>,
+    calls: Callers,
 }
 
 impl Scheduler {
@@ -107,8 +102,7 @@ impl Scheduler {
             workers: vec![Worker::Busy; limits.workers],
             meter: Meter::new(limits.workers),
             call_credit: limits.call_share,
-            last_client: None,
-            shared_at: None,
+            calls: Callers::default(),
             limits,
         }
     }
@@ -182,9 +176,8 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
-        let last = self.last_client.replace(order.client);
-        if last.is_some_and(|last| last != order.client) {
-            self.shared_at = Some(now);
+        if order.class == Class::Request {
+            self.calls.came(now, order.client);
         }
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);
@@ -274,7 +267,7 @@ impl Scheduler {
             _ => {}
         }
         let room = room.min(self.limits.max_batch);
-        let work = self.most_work(now);
+        let work = self.within(self.limits.max_batch_time);
         let slices = self.take(now, self.share(worker, room, work), work, actions);
         self.workers[worker] = match slices.is_empty() && is_idle {
             true => Worker::Idle(room),
@@ -294,17 +287,11 @@ impl Scheduler {
         }
     }
 
-    /// Most work of a batch.
-    fn most_work(&self, now: Instant) -> u64 {
-        let within = |time: Duration| match time.is_zero() {
+    /// Work that a worker does in a limit of time, where zero is no limit.
+    fn within(&self, time: Duration) -> u64 {
+        match time.is_zero() {
             true => u64::MAX,
             false => self.meter.within(time),
-        };
-        let alone = within(self.limits.max_batch_time);
-        let is_shared = |since| now.saturating_duration_since(since) < SHARED_MEMORY;
-        match self.shared_at.is_some_and(is_shared) {
-            true => alone.min(within(self.limits.shared_batch_time)),
-            false => alone,
         }
     }
 
@@ -328,6 +315,7 @@ impl Scheduler {
     ) -> Vec<RequestSlice> {
         let (mut room, mut own) = (wanted, self.places_of_calls(wanted));
         let (mut calls, mut work_of_calls) = (0, 0);
+        let mut shares = self.calls.shares(now, self.within(self.limits.shared_batch_time));
         let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
@@ -336,14 +324,23 @@ impl Scheduler {
                 work,
                 at_least_one: slices.is_empty(),
             };
-            match self.queue.take(now, most, calls_only) {
-                Some(Take::Slice(slice, taken)) => {
+            let allowed = |class, client| match class {
+                Class::Request => shares.left(client),
+                _ => u64::MAX,
+            };
+            match self.queue.take(now, most, calls_only, allowed) {
+                Some(Take::Slice {
+                    slice,
+                    client,
+                    work: taken,
+                }) => {
                     room -= slice.characters;
                     work = work.saturating_sub(taken);
                     own = own.saturating_sub(slice.characters);
                     if slice.class == Class::Request {
                         calls += slice.characters;
                         work_of_calls += taken;
+                        shares.take(client, taken);
                     }
                     // A request comes up again after those of other clients.
                     match slices.iter_mut().find(|before| before.request == slice.request) {

@@ -81,7 +81,7 @@ pub(super) struct Model {
     nows: BTreeMap<(Class, Option<u64>), u64>,
     /// Clients and groups that had something ready.
     working: BTreeSet<Name>,
-    /// The clients of all arrivals, with their times.
+    /// The clients of all calls, with their times.
     arrivals: Vec<(Instant, ClientId)>,
 }
 
@@ -286,7 +286,9 @@ impl Model {
     }
 
     pub(super) fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
-        self.arrivals.push((self.now, order.client));
+        if order.class == Class::Request {
+            self.arrivals.push((self.now, order.client));
+        }
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
             .requests
@@ -385,19 +387,34 @@ impl Model {
         }
     }
 
-    /// The work that a worker does in the longest time of a batch; the numbers may differ in how
-    /// they are rounded.
-    pub(super) fn work_caps(&self) -> Vec<u64> {
-        let mut times = vec![self.limits.max_batch_time];
-        let both = self.arrivals.windows(2).filter(|both| both[0].1 != both[1].1);
-        let both = both.map(|both| both[1].0).max();
-        if both.is_some_and(|at| self.now - at < Duration::from_secs(10)) {
-            times.push(self.limits.shared_batch_time);
-        }
-        times.retain(|time| !time.is_zero());
-        let Some(time) = times.into_iter().min() else {
-            return vec![u64::MAX];
+    /// Whether calls that `differ` came lately one after the other.
+    fn are_several(&self, differ: impl Fn(ClientId, ClientId) -> bool) -> bool {
+        let both = self
+            .arrivals
+            .windows(2)
+            .filter(|both| differ(both[0].1, both[1].1));
+        let last = both.map(|both| both[1].0).max();
+        last.is_some_and(|at| self.now - at < Duration::from_secs(10))
+    }
+
+    /// The work that a worker does in the longest time of a batch, and in that of a client's calls;
+    /// the numbers may differ in how they are rounded.
+    pub(super) fn work_caps(&self) -> Vec<[u64; 2]> {
+        let batch = self.within(self.limits.max_batch_time);
+        let client = match self.are_several(|one, other| one != other) {
+            true => self.within(self.limits.shared_batch_time),
+            false => vec![u64::MAX],
         };
+        let pairs = batch
+            .iter()
+            .flat_map(|batch| client.iter().map(|client| [*batch, *client]));
+        pairs.collect()
+    }
+
+    fn within(&self, time: Duration) -> Vec<u64> {
+        if time.is_zero() {
+            return vec![u64::MAX];
+        }
         let (mut time_s, mut work, mut weight) = (0.0, 0.0, 1.0);
         for (took_s, of) in self.measured.iter().rev() {
             time_s += weight * took_s;
@@ -410,7 +427,12 @@ impl Model {
     }
 
     /// A worker is between two steps: the actions that the scheduler must give.
-    pub(super) fn boundary(&mut self, worker: usize, took: Option<Duration>, work_cap: u64) -> Vec<Action> {
+    pub(super) fn boundary(
+        &mut self,
+        worker: usize,
+        took: Option<Duration>,
+        [work_cap, client_cap]: [u64; 2],
+    ) -> Vec<Action> {
         let room = self.room(worker).min(self.limits.max_batch);
         let others = self.at_hand().iter().filter(|&&other| other != worker).count();
         let even = self.ready_characters().div_ceil(others + 1);
@@ -433,6 +455,8 @@ impl Model {
         let credit = self.call_credit + wanted;
         let mut own = credit.checked_div(share).unwrap_or(0).min(wanted);
         let mut taken = 0;
+        let of_groups = self.are_several(|one, other| one.group != other.group);
+        let mut by_client: BTreeMap<u64, u64> = BTreeMap::new();
         while wanted > 0
             && let ready = self.ready()
             && let Some(&first) = ready.first()
@@ -462,7 +486,17 @@ impl Model {
                 continue;
             }
             let cost = u64::from(known.order.work);
-            let within = usize::try_from(work_left / cost).unwrap_or(usize::MAX);
+            let client = known.order.client;
+            let of_client = by_client
+                .entry(if of_groups { client.group } else { client.own })
+                .or_default();
+            let is_call = known.order.class == Class::Request;
+            let left = if is_call {
+                client_cap.saturating_sub(*of_client)
+            } else {
+                u64::MAX
+            };
+            let within = usize::try_from(work_left.min(left) / cost).unwrap_or(usize::MAX);
             let within = within.max(usize::from(slices.is_empty()));
             let characters = known.left().min(if own > 0 { own } else { wanted }).min(most);
             let characters = characters.min(within);
@@ -476,6 +510,9 @@ impl Model {
             wanted -= characters;
             taken += characters;
             work_left = work_left.saturating_sub(cost * characters as u64);
+            if is_call {
+                *of_client += cost * characters as u64;
+            }
             own = own.saturating_sub(characters);
             if known.order.class == Class::Request {
                 calls += characters;

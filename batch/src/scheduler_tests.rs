@@ -614,9 +614,16 @@ fn a_group_with_a_larger_share_gets_more() {
 }
 
 #[test]
-fn batches_are_short_while_several_clients_ask() {
-    // The client of a small call that came so long ago, and the characters of the next batch.
-    for (client, age_ms, characters) in [(1, 0, 50), (2, 0, 10), (2, 11_000, 50)] {
+fn a_client_has_a_part_of_a_batch_while_several_call() {
+    // The client of a small call that came so long ago, and what the large call has of the next
+    // batch.
+    let (same, connection, other) = ((1, 1), (1, 2), (2, 2));
+    for (client, age_ms, characters) in [
+        (same, 0, 50),
+        (connection, 0, 10),
+        (other, 0, 10),
+        (other, 11_000, 49),
+    ] {
         let mut setup = Setup::busy(Limits {
             max_batch_time: MS * 101 / 2,
             shared_batch_time: MS * 21 / 2,
@@ -628,13 +635,31 @@ fn batches_are_short_while_several_clients_ask() {
                 took: MS * 10,
             });
         }
-        setup.arrive(60, from((1, 1), Order::request(setup.now)));
-        setup.arrive(1, from((client, 1), Order::request(setup.now)));
+        let (large, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
+        setup.arrive(1, from(client, Order::request(setup.now)));
         setup.pass(age_ms);
         let taken = setup.ready(0);
-        let taken: usize = taken.iter().map(|(_, characters)| characters).sum();
-        assert_eq!(taken, characters, "{client} {age_ms}");
+        let of_large = taken.iter().find(|(request, _)| *request == large).unwrap();
+        assert_eq!(of_large.1, characters, "{client:?} {age_ms}");
     }
+}
+
+#[test]
+fn many_clients_fill_a_batch_together() {
+    let mut setup = Setup::busy(Limits {
+        shared_batch_time: MS * 21 / 2,
+        ..limits(1, 64)
+    });
+    for _ in 0..200 {
+        setup.step(Event::Tried {
+            work: 10,
+            took: MS * 10,
+        });
+    }
+    for client in 0..60 {
+        setup.arrive(1, from((client, client), Order::request(setup.now)));
+    }
+    assert_eq!(setup.ready(0).len(), 60);
 }
 
 #[test]

@@ -20,8 +20,9 @@ pub struct Limits {
     pub call_rows: usize,
     /// Longest time of a batch, estimated from measured steps; zero for no limit.
     pub max_batch_time: Duration,
-    /// The same while requests of several clients come; zero for no limit. A client waits for a
-    /// batch of others at most this long.
+    /// Most of a batch for one client's calls while several clients call, or for those of a group
+    /// while several groups call; zero for no limit. So a client with few calls does not wait long
+    /// for a batch of another.
     pub shared_batch_time: Duration,
     /// Most waiting characters of calls.
     pub max_queued: usize,
@@ -46,7 +47,7 @@ impl Default for Limits {
             // Two frames at 30 Hz. Half of a plan's usual look-ahead is then left for its own
             // batch.
             max_batch_time: Duration::from_millis(66),
-            shared_batch_time: Duration::from_millis(12),
+            shared_batch_time: Duration::from_millis(8),
             max_queued: 1024,
             max_live: 16_384,
             max_wait: Duration::from_secs(1),

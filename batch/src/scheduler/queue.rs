@@ -200,8 +200,12 @@ pub(super) struct Room {
 /// Taken from the front of the queue.
 #[derive(Debug)]
 pub(super) enum Take {
-    /// Characters, and their work.
-    Slice(RequestSlice, u64),
+    Slice {
+        slice: RequestSlice,
+        client: ClientId,
+        /// Of its characters.
+        work: u64,
+    },
     Expired {
         request: RequestId,
         waited: Duration,
@@ -370,8 +374,15 @@ impl Queue {
     }
 
     /// Takes characters for the client whose turn it is in the class with the most urgent request:
-    /// of its own most urgent request. With `calls_only`, of a call.
-    pub(super) fn take(&mut self, now: Instant, room: Room, calls_only: bool) -> Option<Take> {
+    /// of its own most urgent request. With `calls_only`, of a call. `allowed` is the most work that
+    /// a client may have now.
+    pub(super) fn take(
+        &mut self,
+        now: Instant,
+        room: Room,
+        calls_only: bool,
+        allowed: impl Fn(Class, ClientId) -> u64,
+    ) -> Option<Take> {
         let class = match calls_only {
             true => Class::Request,
             false => self.most_urgent()?,
@@ -386,7 +397,8 @@ impl Queue {
             return Some(Take::Expired { request, waited });
         }
         let order = waiting.order;
-        let within = usize::try_from(room.work / order.cost()).unwrap_or(usize::MAX);
+        let work = room.work.min(allowed(class, order.client));
+        let within = usize::try_from(work / order.cost()).unwrap_or(usize::MAX);
         let within = within.max(usize::from(room.at_least_one));
         let characters = waiting.left.min(room.characters).min(most).min(within);
         if characters == 0 {
@@ -425,7 +437,11 @@ impl Queue {
             cost: order.cost(),
         });
         running.characters += characters;
-        Some(Take::Slice(slice, work))
+        Some(Take::Slice {
+            slice,
+            client: order.client,
+            work,
+        })
     }
 
     /// Removes the waiting rest of a request, and returns its number of characters.

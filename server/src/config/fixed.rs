@@ -12,7 +12,8 @@ pub struct Fixed {
     /// Longest time of a batch, by the engine's measured speed, so that no plan of a live character
     /// waits long behind it: two frames. Zero: no limit.
     pub max_batch_time: Duration,
-    /// The same while several clients ask. A client waits for a batch of others at most this long.
+    /// Most of a batch for one client's calls while several clients call. Two clients with 256
+    /// characters a call then do not delay a third client's single calls by more than this each.
     pub shared_batch_time: Duration,
     /// Most characters of InBetween calls that may wait for a pack. None: computed from the workers
     /// and [`max_batch`](super::Options::max_batch).
@@ -66,7 +67,7 @@ impl Default for Fixed {
         Self {
             worker_spin: Duration::from_micros(800),
             max_batch_time: Duration::from_millis(66),
-            shared_batch_time: Duration::from_millis(12),
+            shared_batch_time: Duration::from_millis(8),
             max_queued_characters: None,
             max_characters_per_request: 256,
             max_sessions_per_request: 1024,
