@@ -25,8 +25,8 @@
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
-//! to the work that a worker does in [`Limits::max_batch_time`]. While several clients call, each
-//! has at most [`Limits::shared_batch_time`] of it. Idle workers share the
+//! to the work that a worker does in [`Limits::max_batch_time`]. While some client among several
+//! calls for little, the calls of each have at most [`Limits::shared_batch_time`] of it. Idle workers share the
 //! waiting characters evenly. More characters than one engine call takes are given out in
 //! [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
@@ -59,6 +59,10 @@ use super::order::{Class, Order};
 
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
+
+/// A client calls for little if it has at most one in so many of [`Limits::shared_batch_time`]
+/// waiting.
+const SMALL_PART: u64 = 4;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
@@ -177,7 +181,9 @@ impl Scheduler {
         actions: &mut Vec<Action>,
     ) {
         if order.class == Class::Request {
-            self.calls.came(now, order.client);
+            let has = self.queue.work_of(&order) + order.cost() * characters as u64;
+            let is_small = has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
+            self.calls.came(now, order.client, is_small);
         }
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);

@@ -81,8 +81,8 @@ pub(super) struct Model {
     nows: BTreeMap<(Class, Option<u64>), u64>,
     /// Clients and groups that had something ready.
     working: BTreeSet<Name>,
-    /// The clients of all calls, with their times.
-    arrivals: Vec<(Instant, ClientId)>,
+    /// The times and clients of all calls, and whether they had little waiting.
+    arrivals: Vec<(Instant, ClientId, bool)>,
 }
 
 /// Whether two names take turns with each other.
@@ -287,7 +287,15 @@ impl Model {
 
     pub(super) fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
         if order.class == Class::Request {
-            self.arrivals.push((self.now, order.client));
+            let of_client =
+                |known: &&Known| known.order.client == order.client && known.order.class == order.class;
+            let waiting: u64 = (self.requests.values())
+                .filter(of_client)
+                .map(Known::work_left)
+                .sum();
+            let has = waiting + u64::from(order.work) * characters as u64;
+            let is_small = has <= self.within(self.limits.shared_batch_time)[0] / 4;
+            self.arrivals.push((self.now, order.client, is_small));
         }
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
@@ -392,9 +400,9 @@ impl Model {
         let both = self
             .arrivals
             .windows(2)
-            .filter(|both| differ(both[0].1, both[1].1));
+            .filter(|both| differ(both[0].1, both[1].1) && (both[0].2 || both[1].2));
         let last = both.map(|both| both[1].0).max();
-        last.is_some_and(|at| self.now - at < Duration::from_secs(10))
+        last.is_some_and(|at| self.now - at < Duration::from_secs(3))
     }
 
     /// The work that a worker does in the longest time of a batch, and in that of a client's calls;

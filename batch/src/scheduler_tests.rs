@@ -614,16 +614,18 @@ fn a_group_with_a_larger_share_gets_more() {
 }
 
 #[test]
-fn a_client_has_a_part_of_a_batch_while_several_call() {
-    // The client of a small call that came so long ago, and what the large call has of the next
-    // batch.
+fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
+    // The client of another call that came so long ago, its characters, and what the large call has
+    // of the next batch.
     let (same, connection, other) = ((1, 1), (1, 2), (2, 2));
-    for (client, age_ms, characters) in [
-        (same, 0, 50),
-        (connection, 0, 10),
-        (other, 0, 10),
-        (other, 11_000, 49),
-    ] {
+    let cases = [
+        (same, 1, 0, 50),
+        (connection, 1, 0, 10),
+        (other, 1, 0, 10),
+        (other, 1, 4_000, 49),
+        (other, 40, 0, 25),
+    ];
+    for (client, small, age_ms, characters) in cases {
         let mut setup = Setup::busy(Limits {
             max_batch_time: MS * 101 / 2,
             shared_batch_time: MS * 21 / 2,
@@ -636,7 +638,7 @@ fn a_client_has_a_part_of_a_batch_while_several_call() {
             });
         }
         let (large, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
-        setup.arrive(1, from(client, Order::request(setup.now)));
+        setup.arrive(small, from(client, Order::request(setup.now)));
         setup.pass(age_ms);
         let taken = setup.ready(0);
         let of_large = taken.iter().find(|(request, _)| *request == large).unwrap();

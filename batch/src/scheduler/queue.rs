@@ -323,7 +323,7 @@ impl Queue {
     }
 
     /// Waiting work of a client, in the class of an order.
-    fn work_of(&self, order: &Order) -> u64 {
+    pub(super) fn work_of(&self, order: &Order) -> u64 {
         let group = self.lines[order.class as usize].groups.get(order.client.group);
         let member = group.and_then(|group| group.members.get(order.client.own));
         member.map_or(0, |member| member.work)
