@@ -81,8 +81,8 @@ pub(super) struct Model {
     nows: BTreeMap<(Class, Option<u64>), u64>,
     /// Clients and groups that had something ready.
     working: BTreeSet<Name>,
-    /// The times and clients of all calls, and whether they had little waiting.
-    arrivals: Vec<(Instant, ClientId, bool)>,
+    /// The clients of all calls, and whether they had little waiting.
+    arrivals: Vec<(ClientId, bool)>,
 }
 
 /// Whether two names take turns with each other.
@@ -295,7 +295,7 @@ impl Model {
                 .sum();
             let has = waiting + u64::from(order.work) * characters as u64;
             let is_small = has <= self.within(self.limits.shared_batch_time)[0] / 4;
-            self.arrivals.push((self.now, order.client, is_small));
+            self.arrivals.push((order.client, is_small));
         }
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
@@ -395,14 +395,16 @@ impl Model {
         }
     }
 
-    /// Whether calls that `differ` came lately one after the other.
+    /// Whether a part of the latest calls was small, and came from others than the last large call
+    /// before.
     fn are_several(&self, differ: impl Fn(ClientId, ClientId) -> bool) -> bool {
-        let both = self
-            .arrivals
-            .windows(2)
-            .filter(|both| differ(both[0].1, both[1].1) && (both[0].2 || both[1].2));
-        let last = both.map(|both| both[1].0).max();
-        last.is_some_and(|at| self.now - at < Duration::from_secs(3))
+        let (mut large, mut share) = (None, 0.0f32);
+        for &(client, is_small) in &self.arrivals {
+            let other = is_small && large.is_some_and(|large| differ(large, client));
+            share += (if other { 1.0 } else { 0.0 } - share) / 32.0;
+            large = if is_small { large } else { Some(client) };
+        }
+        share > 1.0 / 16.0
     }
 
     /// The work that a worker does in the longest time of a batch, and in that of a client's calls;

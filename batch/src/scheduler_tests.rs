@@ -615,17 +615,17 @@ fn a_group_with_a_larger_share_gets_more() {
 
 #[test]
 fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
-    // The client of another call that came so long ago, its characters, and what the large call has
-    // of the next batch.
-    let (same, connection, other) = ((1, 1), (1, 2), (2, 2));
+    // The client of three more calls, the characters of each, and what the large call has of the
+    // next batch.
+    let [same, connection, other]: [fn(u64) -> (u64, u64); 3] =
+        [|_| (1, 1), |n| (1, 2 + n), |n| (2 + n, 2 + n)];
     let cases = [
-        (same, 1, 0, 50),
-        (connection, 1, 0, 10),
-        (other, 1, 0, 10),
-        (other, 1, 4_000, 49),
-        (other, 40, 0, 25),
+        (same, 1, 50),
+        (connection, 1, 10),
+        (other, 1, 10),
+        (other, 13, 12),
     ];
-    for (client, small, age_ms, characters) in cases {
+    for (client, small, characters) in cases {
         let mut setup = Setup::busy(Limits {
             max_batch_time: MS * 101 / 2,
             shared_batch_time: MS * 21 / 2,
@@ -638,11 +638,12 @@ fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
             });
         }
         let (large, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
-        setup.arrive(small, from(client, Order::request(setup.now)));
-        setup.pass(age_ms);
+        for number in 0..3 {
+            setup.arrive(small, from(client(number), Order::request(setup.now)));
+        }
         let taken = setup.ready(0);
         let of_large = taken.iter().find(|(request, _)| *request == large).unwrap();
-        assert_eq!(of_large.1, characters, "{client:?} {age_ms}");
+        assert_eq!(of_large.1, characters, "{small} of {:?}", client(0));
     }
 }
 
