@@ -623,7 +623,7 @@ fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
         (same, 1, 50),
         (connection, 1, 10),
         (other, 1, 10),
-        (other, 13, 12),
+        (other, 13, 13),
     ];
     for (client, small, characters) in cases {
         let mut setup = Setup::busy(Limits {
