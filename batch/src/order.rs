@@ -50,7 +50,8 @@ pub struct Order {
     pub owner: Option<OwnerId>,
     /// The client that asks. Clients with waiting work get the same share.
     pub client: ClientId,
-    /// Work of one character, relative to other requests of the pack. At least 1.
+    /// Work of one character, as [`Task::work`](troupe_motion::model::Task::work) says. The batcher
+    /// sets it by the tasks; before, it is a guess. At least 1.
     pub work: u32,
 }
 

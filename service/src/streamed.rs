@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use troupe_motion::model::Task;
+use troupe_motion::model::{Task, USUAL_WORK};
 
 use crate::{REQUEST_TARGET, ServiceError};
 use troupe_base::telemetry::{RequestContext, Trace};
@@ -84,9 +84,11 @@ impl Pieces {
     }
 }
 
-/// The place in the queue of a client's request.
+/// The place in the queue of a client's request, whose work is not known yet.
 pub(crate) fn order(asked: Instant, timeout: Duration, client: ClientId) -> Order {
-    Order::request(asked + REQUEST_TARGET)
-        .expiring(asked + timeout)
-        .of(client)
+    let order = Order {
+        work: USUAL_WORK,
+        ..Order::request(asked + REQUEST_TARGET)
+    };
+    order.expiring(asked + timeout).of(client)
 }

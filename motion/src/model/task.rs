@@ -255,8 +255,6 @@ impl Task {
     /// How much work the task is for its pack, relative to other tasks: frames times passes of the
     /// networks. At least 1.
     pub fn work(&self) -> u32 {
-        /// Assumed if the network chooses.
-        const SOME_FRAMES: usize = 64;
         let (frames, passes) = match self {
             // Root stage and decoder run once each.
             Self::Keyframes(task) => (task.frames.unwrap_or(SOME_FRAMES), task.pose_steps.max(1) + 2),
@@ -282,6 +280,12 @@ impl Task {
         }
     }
 }
+
+/// Assumed if the network chooses.
+const SOME_FRAMES: usize = 64;
+
+/// The [work](Task::work) of a task that is not known yet: one pass of each of three stages.
+pub const USUAL_WORK: u32 = 3 * SOME_FRAMES as u32;
 
 /// The [work](Task::work) of so many passes over so many frames.
 pub fn work_of(frames: usize, passes: u32) -> u32 {
