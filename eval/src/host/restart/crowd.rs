@@ -21,7 +21,8 @@ pub struct Follower {
     largest_step_m: f32,
     /// When each command was given.
     commands: Vec<Instant>,
-    /// Frames whose number was not above that of the frame before.
+    /// Frames whose number was below that of the frame before. A character that waits for a plan
+    /// slows down, so numbers may repeat.
     pub went_back: u64,
     /// Set once the stream has resumed it.
     pub resumed: Option<Resumed>,
@@ -63,7 +64,7 @@ impl Follower {
     fn frame(&mut self, number: u64, root: Vec3, at: Instant) {
         let before = self.last.replace((number, root));
         let Some((last, place)) = before else { return };
-        self.went_back += u64::from(number <= last);
+        self.went_back += u64::from(number < last);
         let step_m = place.distance(root);
         if self.resumed.is_some() && self.first_after.is_none() {
             self.first_after = Some(FirstFrame {
