@@ -290,7 +290,7 @@ fn check(source: &(impl Source + ?Sized), rules: &Rules) -> Result<(), ConvertEr
 }
 
 /// The first joint from the root on that does more than place its only child.
-fn character_root(source: &(impl Source + ?Sized), rules: &Rules) -> usize {
+pub(crate) fn character_root(source: &(impl Source + ?Sized), rules: &Rules) -> usize {
     let far = f64::from(rules.max_offset_variation_m) / f64::from(rules.scale_to_metres);
     let mut root = 0;
     loop {
@@ -396,7 +396,7 @@ pub(crate) struct Transform {
 
 impl Transform {
     /// The world transform of a child whose transform in this joint is `child`.
-    fn to_world(self, child: &Self) -> Self {
+    pub(crate) fn to_world(self, child: &Self) -> Self {
         Self {
             place: self.place + self.turn * child.place,
             turn: self.turn * child.turn,
