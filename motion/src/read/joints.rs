@@ -8,7 +8,7 @@ use super::adapted::{Adapted, Turn};
 use super::body::Tree;
 use super::error::ReadErrorKind;
 use super::options::Options;
-use super::report::{Basis, Finding, Format, Note, Report, Topic, Up};
+use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 use super::stance::{Stated, height_m, unit_of, up_of};
 use super::survey::{Survey, to_world};
 use super::units::name_of;
@@ -17,10 +17,15 @@ use crate::clip::Clip;
 use crate::convert::{Rules, Selection, Source, Transform, to_clip_of, to_clip_on};
 use crate::skeleton::Skeleton;
 
-/// Least distance in its parent that a joint may slide and be held, metres.
+/// A joint that slides less in its parent slides little, metres.
 const MIN_SLIDE_M: f64 = 0.005;
-/// Distance by the body's height that a joint may slide and be held.
-const SLIDE_BY_HEIGHT: f64 = 0.01;
+/// As [`MIN_SLIDE_M`], by the body's height.
+const SLIDE_BY_HEIGHT: f64 = 0.02;
+/// Distance by the body's height beyond which a joint does not slide, but travels. Figures of games
+/// stretch their arms by a tenth.
+const TRAVEL_BY_HEIGHT: f64 = 0.2;
+/// Most joints that a note lists.
+const LISTED: usize = 8;
 /// A joint that slides less does not slide, by the body's height.
 const STILL_BY_HEIGHT: f64 = 1e-4;
 /// As many joints below another are a limb: a finger has fewer.
@@ -83,7 +88,10 @@ pub(super) fn understand(
     let adapted = Adapted {
         source,
         names: &names,
-        turn: Turn::of(report.up.value, resting),
+        turn: Turn::of(
+            report.up.value,
+            resting.filter(|_| report.rest_pose.value != RestPose::None),
+        ),
     };
     let rules = Rules {
         scale_to_metres: report.unit_m.value as f32,
@@ -347,8 +355,8 @@ fn slide_allowed(size_m: f64) -> f64 {
     (SLIDE_BY_HEIGHT * size_m).max(MIN_SLIDE_M)
 }
 
-/// Holds joints that slide a little in their mean place, and says so. A joint that slides far is left
-/// out if nothing of the body hangs on it. Returns which joints are left out.
+/// Holds joints that slide in their mean place, and says so; those that slide far are named. A joint
+/// that travels is left out if nothing of the body hangs on it. Returns which joints are left out.
 fn hold_slides(
     survey: &Survey,
     names: &[String],
@@ -359,7 +367,8 @@ fn hold_slides(
 ) -> Result<Vec<bool>, ReadErrorKind> {
     let unit_m = report.unit_m.value;
     let tree = &survey.tree;
-    let allowed_m = options.max_slide_m.map_or(slide_allowed(size_m), f64::from);
+    let little_m = slide_allowed(size_m);
+    let allowed_m = options.max_slide_m.map_or(TRAVEL_BY_HEIGHT * size_m, f64::from);
     let still_m = STILL_BY_HEIGHT * size_m;
     let below: Vec<bool> = (0..names.len())
         .map(|joint| joint != root && tree.line(joint).any(|above| above == root))
@@ -373,11 +382,11 @@ fn hold_slides(
         if is_out || slide_m <= still_m {
             continue;
         }
-        if slide_m <= allowed_m {
-            held.push((slide_m, joint));
-            continue;
-        }
+        let is_helper = tree.names[joint].is_helper() && slide_m > little_m;
         match carried(survey, names, joint) {
+            carries if slide_m <= allowed_m && !(is_helper && carries.is_none()) => {
+                held.push((slide_m, joint))
+            }
             Some(carries) => {
                 return Err(ReadErrorKind::Slides {
                     joint: names[joint].clone(),
@@ -394,11 +403,27 @@ fn hold_slides(
         }
     }
     held.sort_by(|a, b| b.0.total_cmp(&a.0));
-    if let Some(&(most_m, joint)) = held.first() {
+    let far = held.partition_point(|&(slide_m, _)| slide_m > little_m);
+    if far > 0 {
+        let listed = held[..far].iter().take(LISTED);
+        let listed: Vec<String> = listed
+            .map(|&(slide_m, joint)| format!("{} by {slide_m:.2} m", names[joint]))
+            .collect();
+        let more = match far > LISTED {
+            true => format!(" and {} more", far - LISTED),
+            false => String::new(),
+        };
         let text = format!(
-            "{} joints slide in their parents by up to {:.1} mm ({}); each is held in its mean place",
-            held.len(),
+            "joints slide far in their parents: {}{more}; each is held in its mean place",
+            listed.join(", ")
+        );
+        report.odd(Topic::Sliding, text);
+    }
+    if let Some(&(most_m, joint)) = held.get(far) {
+        let text = format!(
+            "joints that slide in their parents by up to {:.1} mm are held in their mean places: {}, the farthest is {}",
             1e3 * most_m,
+            held.len() - far,
             names[joint]
         );
         report.repaired(Topic::Sliding, text);
@@ -426,9 +451,6 @@ fn carried(survey: &Survey, names: &[String], joint: usize) -> Option<String> {
         // Without names, every joint with others below it may carry a limb.
         None => (0..names.len()).filter(|&other| other != joint).collect(),
     };
-    if tree.names[joint].is_helper() && survey.body.is_none() {
-        return None;
-    }
     let below = (0..names.len())
         .filter(|&other| other != joint && hangs(other))
         .count();

@@ -66,7 +66,7 @@ pub struct Options {
     /// Whether a pose before the motion is kept (`--leading-pose`).
     pub leading_pose: LeadingPose,
     /// Farthest that a joint may move in its parent and still be held there, metres (`--max-slide`).
-    /// `None`: 1 % of the body's height, at least 5 mm.
+    /// `None`: 20 % of the body's height. Joints that move more than 2 % are named in the report.
     pub max_slide_m: Option<f32>,
     /// Whether joints' names lose what stands before a `:` or `|`.
     pub strip_namespaces: bool,

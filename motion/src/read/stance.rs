@@ -22,6 +22,9 @@ const PEOPLE_M: std::ops::RangeInclusive<f64> = 1.25..=2.15;
 /// Heights of other bodies on two legs, metres: children, and figures of games.
 const FIGURES_M: std::ops::RangeInclusive<f64> = 0.3..=4.0;
 
+/// Heights that are believed where the format says the unit, metres.
+const STATED_M: std::ops::RangeInclusive<f64> = 0.05..=20.0;
+
 /// What a format says about axes and units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stated {
@@ -183,7 +186,7 @@ pub(super) fn unit_of(
     };
     match people[..] {
         // What the format says holds as long as it makes a body of any kind.
-        _ if stated.unit_m.is_some() && FIGURES_M.contains(&tall(usual)) => {
+        _ if stated.unit_m.is_some() && STATED_M.contains(&tall(usual)) => {
             let evidence = format!("{}; {}", stated.by, by(usual));
             Ok(Finding::new(usual, Basis::Stated, evidence))
         }

@@ -1,1 +1,5 @@
 //! Tests of whole files.
+
+mod dialects;
+mod kinds;
+mod people;
