@@ -24,8 +24,8 @@ pub struct MiscountedFrames {
     pub found: usize,
 }
 
-/// As [`parse`], but the number after `Frames:` may be one off, as some programs write it, and `fps`
-/// replaces the file's rate.
+/// As [`parse`], but the number after `Frames:` may be one off, as some programs write it, and
+/// `fps` replaces the file's rate.
 ///
 /// # Errors
 /// As [`parse`].

@@ -13,8 +13,8 @@ use crate::skeleton::{Joint, MAX_JOINTS, Skeleton, SkeletonError};
 
 /// Bones that are shorter have no direction that matters, metres.
 const MIN_BONE_M: f32 = 0.03;
-/// How far a bone may point from the skeleton's if it is the only one of its joint, degrees. Bodies of
-/// one rig differ by a few degrees; a T-pose and an A-pose by 45.
+/// How far a bone may point from the skeleton's if it is the only one of its joint, degrees. Bodies
+/// of one rig differ by a few degrees; a T-pose and an A-pose by 45.
 const MAX_BONE_ANGLE_DEG: f32 = 20.0;
 /// As [`MAX_BONE_ANGLE_DEG`], where a joint has several bones: the places of hips and shoulders in
 /// their parents differ more from body to body.
@@ -150,8 +150,8 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
     Ok(to_clip_of(source, rules, Selection::default())?.0)
 }
 
-/// As [`to_clip`], for a selection of the joints. Returns also the index in the file of each joint of
-/// the clip.
+/// As [`to_clip`], for a selection of the joints. Returns also the index in the file of each joint
+/// of the clip.
 pub(crate) fn to_clip_of(
     source: &(impl Source + ?Sized),
     rules: &Rules,

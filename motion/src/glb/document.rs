@@ -17,7 +17,8 @@ const MAX_BUFFER_BYTES: usize = 1 << 30;
 /// Extensions that compress the bytes of a buffer view.
 const COMPRESSIONS: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Bytes of the files beside a `.gltf`, by the name that it gives; `None` if a file is not to be had.
+/// Bytes of the files beside a `.gltf`, by the name that it gives; `None` if a file is not to be
+/// had.
 pub type Beside<'a> = &'a dyn Fn(&str) -> Option<Vec<u8>>;
 
 /// A file with its buffers.

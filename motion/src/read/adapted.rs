@@ -13,8 +13,8 @@ const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 pub(super) enum Turn {
     /// They are Troupe's.
     Not,
-    /// The world turns, and the bones keep their own axes: the skeleton stands upright at rest, or it
-    /// does not stand at all.
+    /// The world turns, and the bones keep their own axes: the skeleton stands upright at rest, or
+    /// it does not stand at all.
     World(DQuat),
     /// World and bones turn: the skeleton stands along the file's up axis at rest.
     All(DQuat),

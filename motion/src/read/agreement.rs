@@ -6,8 +6,8 @@ use super::report::Up;
 use super::stance::{Sight, unit_by, up_by};
 use super::survey::Stance;
 
-/// Up axes and units that files of one origin show by themselves. A file that leaves one of them open
-/// takes what all others show.
+/// Up axes and units that files of one origin show by themselves. A file that leaves one of them
+/// open takes what all others show.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Agreement {
     ups: BTreeMap<Up, usize>,

@@ -122,8 +122,8 @@ impl Body {
     }
 }
 
-/// The joint that turns the thigh: that before the knee, which is before the foot. Twist joints do not
-/// count.
+/// The joint that turns the thigh: that before the knee, which is before the foot. Twist joints do
+/// not count.
 fn hip(tree: &Tree, leg: &[usize]) -> usize {
     let joints: Vec<usize> = leg[1..leg.len() - 1]
         .iter()

@@ -1,9 +1,9 @@
 //! Reads everyone's motion, and says what it understood.
 //!
 //! [`read`] turns a file of any format into a [`Clip`] in Troupe's axes, with a [`Report`]: format,
-//! producer, skeleton, up axis, unit, rate, rest pose, contacts, each with one line of evidence. What is
-//! certain is put right and noted. What a file leaves open is an error that names the option that
-//! decides ([`Options`]). What only looks odd is noted and left as it is.
+//! producer, skeleton, up axis, unit, rate, rest pose, contacts, each with one line of evidence.
+//! What is certain is put right and noted. What a file leaves open is an error that names the
+//! option that decides ([`Options`]). What only looks odd is noted and left as it is.
 //!
 //! Files of one folder are read in two passes: [`survey`] adds what each shows to an [`Agreement`],
 //! which then decides for those that leave something open.
@@ -12,11 +12,13 @@
 
 mod adapted;
 mod agreement;
+mod archive;
 mod body;
 mod bvh;
 mod error;
 mod gltf;
 mod joints;
+mod kimodo;
 mod leading;
 mod names;
 mod oddities;
@@ -24,8 +26,14 @@ mod options;
 mod producer;
 mod report;
 mod rest;
+mod robot;
+mod robot_checks;
+mod slides;
+mod smpl;
 mod stance;
 mod survey;
+mod table;
+mod tables;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -49,8 +57,8 @@ pub struct Source<'a> {
     pub name: &'a str,
     /// The whole file.
     pub bytes: &'a [u8],
-    /// The bytes of a file beside it, by name: what a `.gltf` points to, and the other files of a SONIC
-    /// motion.
+    /// The bytes of a file beside it, by name: what a `.gltf` points to, and the other files of a
+    /// SONIC motion.
     pub beside: Beside<'a>,
 }
 
@@ -82,19 +90,32 @@ pub struct Understood {
 /// # Errors
 /// [`ReadError`], with the file, the place in it and the option that decides.
 pub fn read(source: &Source<'_>, options: &Options) -> Result<Understood, ReadError> {
-    check(options)
-        .and_then(|()| parse(source, options))
-        .and_then(|parsed| joints::understand(source.name, parsed, options))
-        .map_err(|kind| kind.of(source.name))
+    read_kind(source, options).map_err(|kind| kind.of(source.name))
 }
 
-/// Adds what a file shows by itself to what its folder agrees on.
+fn read_kind(source: &Source<'_>, options: &Options) -> Result<Understood, ReadErrorKind> {
+    check(options)?;
+    let Source { name, bytes, .. } = *source;
+    match kind(source)? {
+        Kind::Joints(format) => joints::understand(name, parse(source, format, options)?, options),
+        Kind::Archive => archive::read(name, bytes, options),
+        Kind::Csv => tables::read_csv(name, bytes, options),
+        Kind::Qpos => tables::read_qpos(name, bytes, options),
+        Kind::Sonic => archive::sonic(source, options),
+    }
+}
+
+/// Adds what a file shows by itself to what its folder agrees on. Robots' files leave nothing open.
 ///
 /// # Errors
 /// [`ReadError`] if the file cannot be read at all.
 pub fn survey(source: &Source<'_>, options: &Options, agreement: &mut Agreement) -> Result<(), ReadError> {
-    let parsed = parse(source, options).map_err(|kind| kind.of(source.name))?;
-    if let Some(stance) = survey::Survey::of(&*parsed.source).stance {
+    let parsed = kind(source).and_then(|kind| match kind {
+        Kind::Joints(format) => parse(source, format, options).map(Some),
+        _ => Ok(None),
+    });
+    let parsed = parsed.map_err(|kind| kind.of(source.name))?;
+    if let Some(stance) = parsed.and_then(|parsed| survey::Survey::of(&*parsed.source).stance) {
         agreement.add(&stance);
     }
     Ok(())
@@ -115,9 +136,20 @@ fn check(options: &Options) -> Result<(), ReadErrorKind> {
     positive("--max-slide", options.max_slide_m.map(f64::from))
 }
 
-fn parse<'a>(source: &Source<'a>, options: &Options) -> Result<Parsed<'a>, ReadErrorKind> {
-    let Source { name, bytes, beside } = *source;
-    let ending = name
+/// Which reader a file goes to.
+enum Kind {
+    Joints(Format),
+    Archive,
+    Csv,
+    Qpos,
+    Sonic,
+}
+
+/// The reader of a file: by its content if that shows it, otherwise by its ending.
+fn kind(source: &Source<'_>) -> Result<Kind, ReadErrorKind> {
+    let Source { name, bytes, .. } = *source;
+    let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
+    let ending = file
         .rsplit_once('.')
         .map_or("", |(_, ending)| ending)
         .to_ascii_lowercase();
@@ -128,22 +160,63 @@ fn parse<'a>(source: &Source<'a>, options: &Options) -> Result<Parsed<'a>, ReadE
             .get(..word.len())
             .is_some_and(|begin| begin.eq_ignore_ascii_case(word))
     };
-    match bytes {
-        [b'g', b'l', b'T', b'F', ..] => {
-            let format = Finding::new(Format::Glb, Basis::Found, "it begins with \"glTF\"");
-            gltf::parse(bytes, beside, format, options)
+    Ok(match bytes {
+        [b'g', b'l', b'T', b'F', ..] => Kind::Joints(Format::Glb),
+        [b'P', b'K', 3, 4, ..] => Kind::Archive,
+        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Kind::Qpos,
+        _ if bytes.starts_with(b"Kaydara FBX Binary") || is_word("; FBX") => return Err(NOT_FBX),
+        _ if is_word("HIERARCHY") => Kind::Joints(Format::Bvh),
+        _ if start.starts_with('{') => Kind::Joints(Format::Gltf),
+        _ => match &*ending {
+            "bvh" => Kind::Joints(Format::Bvh),
+            "gltf" => Kind::Joints(Format::Gltf),
+            "glb" => Kind::Joints(Format::Glb),
+            "npz" => Kind::Archive,
+            "npy" => Kind::Qpos,
+            "csv" if file == "joint_pos.csv" => Kind::Sonic,
+            "csv" => Kind::Csv,
+            "fbx" => return Err(NOT_FBX),
+            "pkl" | "pickle" | "pt" | "pth" => return Err(NOT_PICKLE),
+            "usd" | "usda" | "usdc" | "usdz" | "blend" | "dae" => return Err(NOT_SCENE),
+            "c3d" | "trc" => return Err(NOT_MARKERS),
+            "amc" | "asf" => return Err(NOT_ACCLAIM),
+            _ => return Err(ReadErrorKind::Unknown),
+        },
+    })
+}
+
+/// A file of joints.
+fn parse<'a>(source: &Source<'a>, format: Format, options: &Options) -> Result<Parsed<'a>, ReadErrorKind> {
+    let evidence = match format {
+        Format::Glb => "it begins with \"glTF\"",
+        _ => "it is a JSON object",
+    };
+    match format {
+        Format::Bvh => bvh::parse(source.bytes, options),
+        format => {
+            let format = Finding::new(format, Basis::Found, evidence);
+            gltf::parse(source.bytes, source.beside, format, options)
         }
-        _ if bytes.starts_with(b"Kaydara FBX Binary") || ending == "fbx" => Err(NOT_FBX),
-        _ if is_word("HIERARCHY") || ending == "bvh" => bvh::parse(bytes, options),
-        _ if start.starts_with('{') || ending == "gltf" => {
-            let format = Finding::new(Format::Gltf, Basis::Found, "it is a JSON object");
-            gltf::parse(bytes, beside, format, options)
-        }
-        _ => Err(ReadErrorKind::Unknown),
     }
 }
 
 const NOT_FBX: ReadErrorKind = ReadErrorKind::NotRead {
     format: "FBX",
     how: "Blender reads it and writes .glb (File, Export, glTF 2.0) or .bvh",
+};
+const NOT_PICKLE: ReadErrorKind = ReadErrorKind::NotRead {
+    format: "a Python pickle",
+    how: "it can run any program when it is opened; np.savez writes its arrays as .npz",
+};
+const NOT_SCENE: ReadErrorKind = ReadErrorKind::NotRead {
+    format: "this scene format",
+    how: "Blender reads it and writes .glb (File, Export, glTF 2.0) or .bvh",
+};
+const NOT_MARKERS: ReadErrorKind = ReadErrorKind::NotRead {
+    format: "a file of markers",
+    how: "it has no joints; a solver such as Mokka, MotionBuilder or Theia makes a skeleton's .bvh or .fbx of it",
+};
+const NOT_ACCLAIM: ReadErrorKind = ReadErrorKind::NotRead {
+    format: "Acclaim's ASF and AMC",
+    how: "amc2bvh and Blender's importer make .bvh of them",
 };

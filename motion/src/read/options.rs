@@ -46,7 +46,8 @@ pub enum LeadingPose {
     Drop,
 }
 
-/// Options for reading. Each decides what a file may leave open; an error names the one that it needs.
+/// Options for reading. Each decides what a file may leave open; an error names the one that it
+/// needs.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The axis that points up (`--up`).
@@ -65,8 +66,9 @@ pub struct Options {
     pub rest_pose: Option<RestPose>,
     /// Whether a pose before the motion is kept (`--leading-pose`).
     pub leading_pose: LeadingPose,
-    /// Farthest that a joint may move in its parent and still be held there, metres (`--max-slide`).
-    /// `None`: 20 % of the body's height. Joints that move more than 2 % are named in the report.
+    /// Farthest that a joint may move in its parent and still be held there, metres
+    /// (`--max-slide`). `None`: 20 % of the body's height. Joints that move more than 2 % are named
+    /// in the report.
     pub max_slide_m: Option<f32>,
     /// Whether joints' names lose what stands before a `:` or `|`.
     pub strip_namespaces: bool,

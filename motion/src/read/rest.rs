@@ -9,7 +9,8 @@ use super::survey::Survey;
 
 /// Angle from upright up to which a skeleton stands, degrees.
 const MAX_LEAN_DEG: f64 = 30.0;
-/// Angles below the horizontal at which arms stand in a T-pose, degrees, and up to that of an A-pose.
+/// Angles below the horizontal at which arms stand in a T-pose, degrees, and up to that of an
+/// A-pose.
 const T_DEG: f64 = 25.0;
 const A_DEG: f64 = 65.0;
 

@@ -15,7 +15,8 @@ const MIN_MOVING: f64 = 0.8;
 const STEADY_FLOOR: f64 = 0.1;
 /// If it varies by more along another axis, that axis does not point up.
 const UNSTEADY_FLOOR: f64 = 0.2;
-/// Height of a body by the length of a leg plus that of the spine: feet, hips and skull come on top.
+/// Height of a body by the length of a leg plus that of the spine: feet, hips and skull come on
+/// top.
 const HEIGHT_BY_LENGTH: f64 = 1.24;
 /// Heights of grown people, metres.
 const PEOPLE_M: std::ops::RangeInclusive<f64> = 1.25..=2.15;

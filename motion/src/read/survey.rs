@@ -27,7 +27,8 @@ pub(super) struct Survey {
 pub(super) struct Stance {
     /// Length of a leg from hip to ankle plus that of the spine from pelvis to head.
     pub(super) length: f64,
-    /// Mean direction from the feet to the head over the frames. As long as it is constant, up to 1.
+    /// Mean direction from the feet to the head over the frames. As long as it is constant, up to
+    /// 1.
     pub(super) moving: DVec3,
     /// Direction from the feet to the head at rest, unit length.
     pub(super) resting: DVec3,

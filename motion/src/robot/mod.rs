@@ -11,10 +11,12 @@
 
 mod csv;
 mod doc;
+mod order;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
+mod tracker;
 
 use std::f32::consts::TAU;
 
@@ -26,6 +28,7 @@ use crate::rotation::{from_wxyz, to_wxyz};
 
 pub use csv::{CsvError, ROOT_COLUMNS, read_csv, write_csv};
 pub use doc::{HingeDoc, RobotDoc, RobotError};
+pub use tracker::{Reference, TRACKER_FPS, reference, sonic_files};
 
 /// Numbers of a `qpos` before the angles: the root's position and rotation.
 pub const ROOT_QPOS: usize = 7;

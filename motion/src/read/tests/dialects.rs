@@ -66,8 +66,8 @@ fn read_file(name: &str, bytes: &[u8]) -> Understood {
     read(&Source::new(name, bytes), &Options::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Largest distance in metres and angle in degrees between two clips of the same joints. `frame` is the
-/// turn of a joint's own axes.
+/// Largest distance in metres and angle in degrees between two clips of the same joints. `frame` is
+/// the turn of a joint's own axes.
 fn errors(truth: &Clip, read: &Clip, frame: impl Fn(usize) -> DQuat) -> (f32, f32) {
     assert_eq!((read.frames(), read.fps), (truth.frames(), truth.fps));
     let place = |name: &str| read.skeleton.joint_index(name).unwrap();
