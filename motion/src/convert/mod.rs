@@ -37,6 +37,10 @@ pub(crate) trait Source {
     /// Frames a second.
     fn fps(&self) -> f32;
     /// Transforms of all joints in their parents at rest.
+    #[cfg_attr(
+        not(feature = "files"),
+        expect(dead_code, reason = "only the reader of files compares rest poses")
+    )]
     fn rest(&self, out: &mut [Transform]);
     /// Transforms of all joints in their parents in one frame.
     fn locals(&self, frame: usize, out: &mut [Transform]);
