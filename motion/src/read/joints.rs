@@ -16,8 +16,10 @@ use super::units::name_of;
 use super::{Understood, leading, names, oddities, rest};
 use crate::clip::Clip;
 use crate::convert::{Rules, Selection, Source, Transform, to_clip_of, to_clip_on};
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Joint, Skeleton};
 
+/// Shorter bones have no length, metres.
+const MIN_BONE_M: f32 = 1e-6;
 /// Share at rest along an axis from which a skeleton stands along it.
 const MIN_RESTING: f64 = 0.9;
 
@@ -339,14 +341,14 @@ fn character_root(source: &Adapted<'_>, survey: &Survey, size_m: f64, rules: &Ru
     travels.unwrap_or(root)
 }
 
+/// Notes hips and shoulders without length, which say nothing of left and right.
 fn note_zero_bones(clip: &Clip, report: &mut Report) {
-    let zero: Vec<&str> = clip
-        .skeleton
-        .joints
-        .iter()
-        .filter(|joint| joint.parent.is_some() && joint.offset_m.length() < 1e-6)
-        .map(|joint| &*joint.name)
-        .collect();
+    let is_zero = |joint: &&Joint| {
+        let sided = names::Name::of(&joint.name).side.is_some();
+        sided && joint.parent.is_some() && joint.offset_m.length() < MIN_BONE_M
+    };
+    let zero = clip.skeleton.joints.iter().filter(is_zero);
+    let zero: Vec<&str> = zero.map(|joint| &*joint.name).collect();
     if !zero.is_empty() {
         let text = format!("bones without length are kept: {}", zero.join(", "));
         report.repaired(Topic::ZeroLength, text);

@@ -41,6 +41,8 @@ pub(super) fn rest_pose(survey: &Survey, resting: Option<Up>, options: &Options)
             "upright at rest; no arms are found by name",
         );
     };
+    // Without the sign of a zero.
+    let down = down.round() + 0.0;
     let pose = match down.abs() {
         angle if angle <= T_DEG => RestPose::T,
         _ if down < 0.0 => RestPose::None,
