@@ -408,7 +408,7 @@ impl Transform {
     }
 
     /// The transform in this joint of something whose world transform is `other`.
-    fn to_local(self, other: &Self) -> Self {
+    pub(crate) fn to_local(self, other: &Self) -> Self {
         let back = self.turn.inverse();
         Self {
             place: back * (other.place - self.place),

@@ -5,8 +5,8 @@ use crate::clip::Clip;
 use crate::robot::{CsvError, Reference, TRACKER_FPS, reference};
 
 /// Writes a robot's clip as BeyondMimic's trackers read it ([`Reference`]): `fps`, `joint_pos`,
-/// `joint_vel`, `body_pos_w`, `body_quat_w`, `body_lin_vel_w` and `body_ang_vel_w`, float32. Two more
-/// arrays name the columns: `joint_names` and `body_names`.
+/// `joint_vel`, `body_pos_w`, `body_quat_w`, `body_lin_vel_w` and `body_ang_vel_w`, float32. Two
+/// more arrays name the columns: `joint_names` and `body_names`.
 ///
 /// Linear velocities are those of the links' own origins, not of their centres of mass.
 ///

@@ -1,4 +1,5 @@
-//! NumPy archives: which layout one has, Troupe's own, BeyondMimic's, and SONIC's folder of CSV files.
+//! NumPy archives: which layout one has, Troupe's own, BeyondMimic's, and SONIC's folder of CSV
+//! files.
 
 use glam::{DQuat, DVec3};
 
@@ -202,7 +203,8 @@ fn beyond_mimic(
     Ok(understood)
 }
 
-/// Compares the places of the bodies with those that the robot's own links have, if they are as many.
+/// Compares the places of the bodies with those that the robot's own links have, if they are as
+/// many.
 fn compare_bodies(understood: &mut Understood, places: &[f32], bodies: usize) {
     let Understood { clip, report, .. } = understood;
     let Some(robot) = &clip.skeleton.robot else {

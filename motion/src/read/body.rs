@@ -122,13 +122,18 @@ impl Body {
     }
 }
 
+/// Whether a joint turns a bone: twist joints and ends do not.
+fn is_bone(name: &Name) -> bool {
+    !name.is_helper() && !name.has("end")
+}
+
 /// The joint that turns the thigh: that before the knee, which is before the foot. Twist joints do
 /// not count.
 fn hip(tree: &Tree, leg: &[usize]) -> usize {
     let joints: Vec<usize> = leg[1..leg.len() - 1]
         .iter()
         .copied()
-        .filter(|&joint| !tree.names[joint].is_helper())
+        .filter(|&joint| is_bone(&tree.names[joint]))
         .collect();
     match joints[..] {
         [.., hip, _knee] => hip,
@@ -143,7 +148,7 @@ fn arm(tree: &Tree, chest: usize, wrist: usize) -> Option<[usize; 3]> {
     let joints: Vec<usize> = chain[1..chain.len() - 1]
         .iter()
         .copied()
-        .filter(|&joint| !tree.names[joint].is_helper())
+        .filter(|&joint| is_bone(&tree.names[joint]))
         .collect();
     let named = joints.iter().position(|&joint| {
         let name = &tree.names[joint];

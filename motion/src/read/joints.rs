@@ -8,6 +8,7 @@ use super::adapted::{Adapted, Turn};
 use super::body::Tree;
 use super::error::ReadErrorKind;
 use super::options::Options;
+use super::rehang::{self, Rehung};
 use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 use super::slides::{hold_slides, little_slide_m};
 use super::stance::{Stated, height_m, unit_of, up_of};
@@ -39,14 +40,28 @@ pub(super) struct Parsed<'a> {
 /// Turns a file of joints into a clip.
 pub(super) fn understand(
     file: &str,
-    parsed: Parsed<'_>,
+    mut parsed: Parsed<'_>,
     options: &Options,
 ) -> Result<Understood, ReadErrorKind> {
-    let source = &*parsed.source;
-    if source.frames() == 0 {
+    if parsed.source.frames() == 0 {
         return Err(crate::clip::ClipError::Empty.into());
     }
-    let survey = Survey::of(source);
+    let mut survey = Survey::of(&*parsed.source);
+    let hung = rehang::find(&*parsed.source, &survey, size_m(&survey, 1.0));
+    if !hung.is_empty() {
+        let name = |joint: usize| parsed.source.name(joint);
+        let names = hung
+            .iter()
+            .map(|hung| format!("{} on {}", name(hung.joint), name(hung.on)));
+        let names: Vec<String> = names.collect();
+        parsed.repairs.push(Note {
+            topic: Topic::Rig,
+            text: format!("hung on the limbs that they move with: {}", names.join(", ")),
+        });
+        parsed.source = Box::new(Rehung::new(parsed.source, survey.tree, &hung));
+        survey = Survey::of(&*parsed.source);
+    }
+    let source = &*parsed.source;
     let stance = survey.stance.as_ref();
     let up = up_of(stance, parsed.stated, options)?;
     let fit_m = options
@@ -101,8 +116,13 @@ pub(super) fn understand(
         }
         None => {
             let root = root_of(&adapted, &survey, options, &mut report)?;
-            let root = root
-                .unwrap_or_else(|| character_root(&adapted, &survey, size_m, &rules, report.unit_m.value));
+            let root = root.unwrap_or_else(|| {
+                let root = character_root(&adapted, &survey, size_m, &rules, report.unit_m.value);
+                match hung.is_empty() {
+                    true => root,
+                    false => below_steering(&survey, root),
+                }
+            });
             let left_out = hold_slides(&survey, &names, root, size_m, options, &mut report)?;
             let selection = Selection {
                 root: Some(root),
@@ -339,6 +359,21 @@ fn character_root(source: &Adapted<'_>, survey: &Survey, size_m: f64, rules: &Ru
             .find(|&joint| survey.slides[joint].0 > allowed)
     });
     travels.unwrap_or(root)
+}
+
+/// In a rig whose feet were hung on their limbs: down from a root to the first joint that carries
+/// more than another one and what steers the rig.
+fn below_steering(survey: &Survey, root: usize) -> usize {
+    let tree = &survey.tree;
+    let carries = |at: usize| (0..tree.parents.len()).filter(move |&joint| tree.parents[joint] == Some(at));
+    let mut at = root;
+    loop {
+        let mut children = carries(at).filter(|&joint| !tree.names[joint].is_steering());
+        match (children.next(), children.next()) {
+            (Some(child), None) => at = child,
+            _ => return at,
+        }
+    }
 }
 
 /// Notes hips and shoulders without length, which say nothing of left and right.

@@ -17,8 +17,8 @@ const USUAL_FPS: f32 = 30.0;
 /// Largest error of a rotation matrix.
 const MATRIX_TOLERANCE: f64 = 1e-2;
 
-/// Kimodo's skeletons by their number of joints. Each joint stands as `parent>name`, or as `name` if the
-/// joint before it is its parent.
+/// Kimodo's skeletons by their number of joints. Each joint stands as `parent>name`, or as `name`
+/// if the joint before it is its parent.
 const SOMA_77: &str = "Hips Spine1 Spine2 Chest Neck1 Neck2 Head HeadEnd Head>Jaw Head>LeftEye Head>RightEye \
     Chest>LeftShoulder LeftArm LeftForeArm LeftHand LeftHandThumb1 LeftHandThumb2 LeftHandThumb3 LeftHandThumbEnd \
     LeftHand>LeftHandIndex1 LeftHandIndex2 LeftHandIndex3 LeftHandIndex4 LeftHandIndexEnd \

@@ -24,6 +24,7 @@ mod names;
 mod oddities;
 mod options;
 mod producer;
+mod rehang;
 mod report;
 mod rest;
 mod robot;

@@ -27,6 +27,8 @@ const PARTS: [&str; 17] = [
     "hand", "wrist", "arm", "humerus", "radius",
 ];
 /// Words of joints that steer a rig and are not of the body.
+const STEERING: [&str; 5] = ["ik", "target", "pole", "ctrl", "control"];
+/// Words of joints that steer or help a limb, and are no joint of it.
 const HELPERS: [&str; 9] = [
     "ik", "fk", "target", "pole", "ctrl", "control", "helper", "twist", "roll",
 ];
@@ -66,6 +68,11 @@ impl Name {
     }
 
     /// Whether it steers a rig and is not of the body.
+    pub(super) fn is_steering(&self) -> bool {
+        self.has_any(&STEERING)
+    }
+
+    /// Whether it steers or helps a limb, and is no joint of it.
     pub(super) fn is_helper(&self) -> bool {
         self.has_any(&HELPERS)
     }

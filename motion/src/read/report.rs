@@ -176,7 +176,7 @@ pub enum Topic {
     Upright,
     Ground,
     Speed,
-    Mimic,
+    Rig,
 }
 
 /// One line about a repair or an oddity.

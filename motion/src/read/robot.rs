@@ -154,8 +154,8 @@ pub(super) fn rows_of(numbers: &[f64], columns: usize) -> Rows {
     rows
 }
 
-/// Order of the quaternion as an option gives it, or as usual, with the order of the hinges that the
-/// columns' names give.
+/// Order of the quaternion as an option gives it, or as usual, with the order of the hinges that
+/// the columns' names give.
 pub(super) fn columns_error(found: usize, robot: &Robot) -> ReadErrorKind {
     let hinges = robot.hinges().len();
     ReadErrorKind::Robot(format!(

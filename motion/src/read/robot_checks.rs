@@ -64,7 +64,8 @@ fn reading(rows: &Rows, order: QuaternionOrder) -> Reading {
 /// The order of the root's quaternions.
 ///
 /// # Errors
-/// [`ReadErrorKind::Open`] if both orders make an upright robot, and only the other one walks ahead.
+/// [`ReadErrorKind::Open`] if both orders make an upright robot, and only the other one walks
+/// ahead.
 pub(super) fn quaternion_order(
     rows: &Rows,
     usual: QuaternionOrder,
@@ -119,7 +120,8 @@ pub(super) fn quaternion_order(
     Ok(usual)
 }
 
-/// How far the angles are beyond the limits in a reading, radians: the worst, its hinge and its frame.
+/// How far the angles are beyond the limits in a reading, radians: the worst, its hinge and its
+/// frame.
 struct Beyond {
     far_rad: f64,
     hinge: usize,
@@ -243,8 +245,8 @@ fn fitting(rows: &Rows, robot: &Robot, now: &(AngleUnit, Vec<usize>), options: &
     let degrees = (AngleUnit::Degrees, order.clone(), "--degrees");
     let ordered = (*unit, other.clone(), name);
     let both = (AngleUnit::Degrees, other, both);
-    // Numbers beyond a full turn are degrees. Small numbers are within all limits as degrees, so that
-    // this alone shows nothing.
+    // Numbers beyond a full turn are degrees. Small numbers are within all limits as degrees, so
+    // that this alone shows nothing.
     let tried = match is_large && may_turn {
         true => [(degrees, true), (both, may_order)],
         false => [(ordered, may_order), (degrees, may_turn)],

@@ -1,7 +1,7 @@
 //! AMASS: motion of the SMPL family of body models, as NumPy archives.
 //!
-//! The joints are those of the models' published tree. The models themselves are not needed, and their
-//! shapes are not used: bones are those of the mean body, to a tenth of a millimetre.
+//! The joints are those of the models' published tree. The models themselves are not needed, and
+//! their shapes are not used: bones are those of the mean body, to a tenth of a millimetre.
 
 use glam::{DQuat, DVec3};
 
@@ -15,7 +15,8 @@ use crate::clip::{MAX_FRAMES, MAX_ROTATIONS};
 use crate::files::NumpyError;
 use crate::files::npz::Unpacked;
 
-/// Name, parent and place in it (metres; X left, Y up, Z forward) of the joints that all models share.
+/// Name, parent and place in it (metres; X left, Y up, Z forward) of the joints that all models
+/// share.
 const JOINTS: [(&str, Option<usize>, [f64; 3]); 22] = [
     ("pelvis", None, [-0.0018, -0.2233, 0.0282]),
     ("left_hip", Some(0), [0.0695, -0.0914, -0.0068]),

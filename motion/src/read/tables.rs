@@ -1,4 +1,5 @@
-//! Robots' CSV: Unitree's, Kimodo's, ARDY's and MuJoCo's `qpos` as text, and `qpos` as a NumPy array.
+//! Robots' CSV: Unitree's, Kimodo's, ARDY's and MuJoCo's `qpos` as text, and `qpos` as a NumPy
+//! array.
 
 use super::Understood;
 use super::error::ReadErrorKind;

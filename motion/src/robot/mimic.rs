@@ -1,5 +1,5 @@
-//! Joints that follow hinges: they turn by a multiple of another joint's angle, and have no number of
-//! their own in a `qpos`.
+//! Joints that follow hinges: they turn by a multiple of another joint's angle, and have no number
+//! of their own in a `qpos`.
 
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -49,7 +49,8 @@ impl Robot {
     /// The robot with joints that follow its hinges.
     ///
     /// # Errors
-    /// [`RobotError::Mimic`] if a joint is not there or has a hinge, or follows one that comes after it.
+    /// [`RobotError::Mimic`] if a joint is not there or has a hinge, or follows one that comes
+    /// after it.
     pub fn with_mimics(mut self, mimics: &[MimicDoc], skeleton: &Skeleton) -> Result<Self, RobotError> {
         for doc in mimics {
             let wrong = |reason: &str| {

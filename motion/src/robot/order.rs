@@ -4,8 +4,8 @@ use super::Robot;
 
 impl Robot {
     /// For each hinge of Isaac Lab's order, its index in the robot's own: those nearest to the root
-    /// come first, each level in the robot's order. BeyondMimic and SONIC have this order, and call it
-    /// breadth-first.
+    /// come first, each level in the robot's order. BeyondMimic and SONIC have this order, and call
+    /// it breadth-first.
     pub fn breadth_first(&self) -> Vec<usize> {
         let mut depths = vec![0_usize; self.links.len()];
         for (joint, link) in self.links.iter().enumerate() {

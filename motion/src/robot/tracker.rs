@@ -1,8 +1,10 @@
-//! Motion as trackers of robots read it: BeyondMimic's NumPy archive and SONIC's folder of CSV files.
+//! Motion as trackers of robots read it: BeyondMimic's NumPy archive and SONIC's folder of CSV
+//! files.
 //!
-//! Both have 50 frames a second, ROS axes, quaternions w x y z, and hinges and bodies in Isaac Lab's
-//! breadth-first order ([`Robot::breadth_first`](super::Robot::breadth_first)). Bodies are the root and one for each hinge: the link that
-//! it turns. Velocities are central differences, one-sided at the ends.
+//! Both have 50 frames a second, ROS axes, quaternions w x y z, and hinges and bodies in Isaac
+//! Lab's breadth-first order ([`Robot::breadth_first`](super::Robot::breadth_first)). Bodies are
+//! the root and one for each hinge: the link that it turns. Velocities are central differences,
+//! one-sided at the ends.
 
 use std::fmt::Write as _;
 
@@ -138,8 +140,8 @@ fn turning(turns: &[Quat], count: usize) -> Vec<f32> {
     out
 }
 
-/// SONIC's files of a motion, by their names: CSV with headers, and `metadata.txt`. They belong into a
-/// folder of the motion's name.
+/// SONIC's files of a motion, by their names: CSV with headers, and `metadata.txt`. They belong
+/// into a folder of the motion's name.
 pub fn sonic_files(reference: &Reference, name: &str) -> Vec<(&'static str, String)> {
     let (joints, bodies) = (reference.joint_names.len(), reference.body_names.len());
     let joint = |prefix: &str| -> Vec<String> { (0..joints).map(|nth| format!("{prefix}_{nth}")).collect() };

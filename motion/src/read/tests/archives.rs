@@ -61,7 +61,7 @@ fn troupes_own_archive_comes_back() {
 }
 
 /// AMASS arrays of a person who walks along Y and turns about Z, with an elbow bent by 1 rad.
-fn amass(frames: usize, width: usize, rate: Option<&str>, split: bool) -> Vec<u8> {
+pub(super) fn amass(frames: usize, width: usize, rate: Option<&str>, split: bool) -> Vec<u8> {
     let mut archive = Archive::new();
     let mut poses = vec![0.0_f32; frames * width];
     let mut trans = Vec::new();
@@ -135,7 +135,8 @@ fn amass_is_read_with_the_published_tree() {
             (1.4..1.7).contains(&(head - foot)) && foot.abs() < 0.1,
             "{head} {foot}"
         );
-        // A bent left elbow brings the wrist ahead of it: the person faces -Y of AMASS, which is +Z.
+        // A bent left elbow brings the wrist ahead of it: the person faces -Y of AMASS, which is
+        // +Z.
         assert!(at("left_wrist").z > at("left_elbow").z + 0.15);
         let way = found.clip.root_positions[59] - found.clip.root_positions[0];
         assert!(
@@ -159,12 +160,12 @@ fn amass_is_read_with_the_published_tree() {
 }
 
 /// Kimodo's arrays of a motion of random turns on random bones.
-fn kimodo(joints: usize) -> (Vec<u8>, Vec<Vec3>, Vec<Quat>) {
+pub(super) fn kimodo(joints: usize) -> (Vec<u8>, Vec<Vec3>, Vec<Quat>) {
     let frames = 8;
     let mut places = Vec::new();
     let mut turns = Vec::new();
-    // Any tree: what counts is that places and rotations come back. Joints keep the offsets that the
-    // tree of the format gives them, so places are made by it.
+    // Any tree: what counts is that places and rotations come back. Joints keep the offsets that
+    // the tree of the format gives them, so places are made by it.
     let (_, parents) = crate::read::kimodo::tree_of(joints).unwrap();
     for frame in 0..frames {
         let first = frame * joints;

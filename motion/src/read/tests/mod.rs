@@ -2,6 +2,8 @@
 
 mod archives;
 mod dialects;
+mod hostile;
 mod kinds;
 mod people;
+mod rigs;
 mod robots;

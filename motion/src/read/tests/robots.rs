@@ -18,7 +18,7 @@ use crate::rotation::angle_between;
 use crate::skeleton::Skeleton;
 
 /// A G1 that walks on a circle; hinges swing within a share of their limits.
-fn walk(frames: usize, fps: f32, share: f32) -> Clip {
+pub(super) fn walk(frames: usize, fps: f32, share: f32) -> Clip {
     let skeleton = g1();
     let robot = skeleton.robot.as_ref().unwrap();
     let mut rotations = Vec::new();

@@ -1,5 +1,5 @@
-//! The skeleton with hinges of a description: hinges in the order of a walk through the tree, as MuJoCo
-//! has them; toes and hands found in the shapes.
+//! The skeleton with hinges of a description: hinges in the order of a walk through the tree, as
+//! MuJoCo has them; toes and hands found in the shapes.
 
 use glam::{DQuat, DVec3, Vec3};
 
@@ -22,11 +22,11 @@ const LEG_BY_HEIGHT: f64 = 0.15;
 /// Options for making a robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BuildOptions {
-    /// The last hinges of the legs, left before right, in pairs (`--legs`). Empty: the limbs named left
-    /// and right that end lowest.
+    /// The last hinges of the legs, left before right, in pairs (`--legs`). Empty: the limbs named
+    /// left and right that end lowest.
     pub legs: Vec<String>,
-    /// More joints without hinges: name, the joint that carries it, and its place in the link of that
-    /// joint, ROS axes, metres (`--end-effector`). They replace those that are found.
+    /// More joints without hinges: name, the joint that carries it, and its place in the link of
+    /// that joint, ROS axes, metres (`--end-effector`). They replace those that are found.
     pub end_effectors: Vec<(String, String, [f64; 3])>,
 }
 
@@ -42,8 +42,8 @@ pub struct Built {
     pub mimics: Vec<MimicDoc>,
 }
 
-/// Makes the robot of a description. Fixed links become part of the link that carries them; names lose
-/// `_joint`.
+/// Makes the robot of a description. Fixed links become part of the link that carries them; names
+/// lose `_joint`.
 ///
 /// # Errors
 /// [`DescriptionError`], with the joint and the option that decides.
@@ -311,7 +311,8 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// The middle of the sole's front edge, in the leaf's frame: the sole is what is lowest at angle 0.
+    /// The middle of the sole's front edge, in the leaf's frame: the sole is what is lowest at
+    /// angle 0.
     fn toe(&self, leaf: usize, name: &str) -> Result<DVec3, DescriptionError> {
         let back = self.zero[leaf].1.conjugate();
         let (down, ahead) = (back * DVec3::NEG_Z, back * DVec3::X);

@@ -200,7 +200,8 @@ impl<'a, 'input> Robot<'a, 'input> {
         let mut frame = (place, turn);
         if let Some(above) = parent {
             for (nth, &hinge) in hinges.iter().enumerate() {
-                // Where a joint of the body stands away from its origin, the links before it do too.
+                // Where a joint of the body stands away from its origin, the links before it do
+                // too.
                 let joint = self.hinge(hinge, class, above, frame)?;
                 let is_last = nth + 1 == hinges.len();
                 self.links.push(Link {

@@ -1,5 +1,5 @@
-//! Robots as their makers describe them: URDF and MJCF. [`read`] parses a file, and [`build`] makes the
-//! skeleton with hinges of it.
+//! Robots as their makers describe them: URDF and MJCF. [`read`] parses a file, and [`build`] makes
+//! the skeleton with hinges of it.
 //!
 //! Descriptions are in ROS axes (X ahead, Y left, Z up), metres and radians.
 
@@ -124,8 +124,8 @@ pub struct Description {
     pub(crate) root: usize,
 }
 
-/// Reads a URDF or an MJCF. `beside` gives the bytes of meshes by the name that the file has for them;
-/// those that are not to be had are left out.
+/// Reads a URDF or an MJCF. `beside` gives the bytes of meshes by the name that the file has for
+/// them; those that are not to be had are left out.
 ///
 /// # Errors
 /// [`DescriptionError`], with the line and the element.
