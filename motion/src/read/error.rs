@@ -50,6 +50,9 @@ pub enum ReadErrorKind {
         /// The option that decides, if there is one.
         option: Option<&'static str>,
     },
+    /// An error in an FBX file.
+    #[error("{0}")]
+    Fbx(String),
     /// The motion does not make a clip, or not one on the skeleton.
     #[error("{error}{}", advice(.option))]
     Convert {

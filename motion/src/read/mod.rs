@@ -16,6 +16,8 @@ mod archive;
 mod body;
 mod bvh;
 mod error;
+#[cfg(feature = "fbx")]
+mod fbx;
 mod gltf;
 mod joints;
 mod kimodo;
@@ -165,7 +167,7 @@ fn kind(source: &Source<'_>) -> Result<Kind, ReadErrorKind> {
         [b'g', b'l', b'T', b'F', ..] => Kind::Joints(Format::Glb),
         [b'P', b'K', 3, 4, ..] => Kind::Archive,
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Kind::Qpos,
-        _ if bytes.starts_with(b"Kaydara FBX Binary") || is_word("; FBX") => return Err(NOT_FBX),
+        _ if bytes.starts_with(b"Kaydara FBX Binary") || is_word("; FBX") => Kind::Joints(Format::Fbx),
         _ if is_word("HIERARCHY") => Kind::Joints(Format::Bvh),
         _ if start.starts_with('{') => Kind::Joints(Format::Gltf),
         _ => match &*ending {
@@ -176,7 +178,7 @@ fn kind(source: &Source<'_>) -> Result<Kind, ReadErrorKind> {
             "npy" => Kind::Qpos,
             "csv" if file == "joint_pos.csv" => Kind::Sonic,
             "csv" => Kind::Csv,
-            "fbx" => return Err(NOT_FBX),
+            "fbx" => Kind::Joints(Format::Fbx),
             "pkl" | "pickle" | "pt" | "pth" => return Err(NOT_PICKLE),
             "usd" | "usda" | "usdc" | "usdz" | "blend" | "dae" => return Err(NOT_SCENE),
             "c3d" | "trc" => return Err(NOT_MARKERS),
@@ -194,6 +196,10 @@ fn parse<'a>(source: &Source<'a>, format: Format, options: &Options) -> Result<P
     };
     match format {
         Format::Bvh => bvh::parse(source.bytes, options),
+        #[cfg(feature = "fbx")]
+        Format::Fbx => fbx::parse(source.bytes, options),
+        #[cfg(not(feature = "fbx"))]
+        Format::Fbx => Err(NOT_FBX),
         format => {
             let format = Finding::new(format, Basis::Found, evidence);
             gltf::parse(source.bytes, source.beside, format, options)
@@ -201,9 +207,10 @@ fn parse<'a>(source: &Source<'a>, format: Format, options: &Options) -> Result<P
     }
 }
 
+#[cfg(not(feature = "fbx"))]
 const NOT_FBX: ReadErrorKind = ReadErrorKind::NotRead {
     format: "FBX",
-    how: "Blender reads it and writes .glb (File, Export, glTF 2.0) or .bvh",
+    how: "this program was built without its library; Blender reads it and writes .glb (File, Export, glTF 2.0) or .bvh",
 };
 const NOT_PICKLE: ReadErrorKind = ReadErrorKind::NotRead {
     format: "a Python pickle",

@@ -15,6 +15,17 @@ pub enum QuaternionOrder {
     Wxyz,
 }
 
+impl QuaternionOrder {
+    /// The order that is written `xyzw` or `wxyz`.
+    pub fn of_name(name: &str) -> Option<Self> {
+        match name {
+            "xyzw" => Some(Self::Xyzw),
+            "wxyz" => Some(Self::Wxyz),
+            _ => None,
+        }
+    }
+}
+
 /// Unit of a robot's angles in its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names say it")]
@@ -34,6 +45,17 @@ pub enum JointOrder {
     Named(Vec<String>),
 }
 
+impl JointOrder {
+    /// The order that is written `tree`, `isaaclab`, or as the names of joints between commas.
+    pub fn of_name(name: &str) -> Self {
+        match name {
+            "tree" => Self::Tree,
+            "isaaclab" => Self::BreadthFirst,
+            names => Self::Named(names.split(',').map(|name| name.trim().to_owned()).collect()),
+        }
+    }
+}
+
 /// Whether a pose before the motion is kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LeadingPose {
@@ -44,6 +66,18 @@ pub enum LeadingPose {
     Keep,
     /// The first frame is left out.
     Drop,
+}
+
+impl LeadingPose {
+    /// What is written `find`, `keep` or `drop`.
+    pub fn of_name(name: &str) -> Option<Self> {
+        match name {
+            "find" => Some(Self::Find),
+            "keep" => Some(Self::Keep),
+            "drop" => Some(Self::Drop),
+            _ => None,
+        }
+    }
 }
 
 /// Options for reading. Each decides what a file may leave open; an error names the one that it
@@ -84,4 +118,27 @@ pub struct Options {
     pub joint_order: Option<JointOrder>,
     /// What the other files of the folder show.
     pub agreement: Option<Agreement>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_have_the_names_of_a_command_line() {
+        assert_eq!(QuaternionOrder::of_name("wxyz"), Some(QuaternionOrder::Wxyz));
+        assert_eq!(QuaternionOrder::of_name("wzyx"), None);
+        assert_eq!(JointOrder::of_name("isaaclab"), JointOrder::BreadthFirst);
+        let named = JointOrder::of_name("left_hip, left_knee");
+        assert_eq!(
+            named,
+            JointOrder::Named(vec!["left_hip".to_owned(), "left_knee".to_owned()])
+        );
+        assert_eq!(LeadingPose::of_name("drop"), Some(LeadingPose::Drop));
+        for up in Up::ALL {
+            assert_eq!(Up::of_name(up.name()), Some(up));
+        }
+        assert_eq!(RestPose::of_name("standing"), Some(RestPose::Standing));
+        assert_eq!(RestPose::of_name("sitting"), None);
+    }
 }

@@ -1,5 +1,5 @@
-//! Feet and hands that steer a rig: they hang on its root, and move with the end of their limb. They are
-//! hung where they belong.
+//! Feet and hands that steer a rig: they hang on its root, and move with the end of their limb.
+//! They are hung where they belong.
 
 use super::body::Tree;
 use super::survey::{Survey, to_world};
@@ -7,7 +7,8 @@ use crate::convert::{Source, Transform};
 
 /// Farthest at rest from the end of its limb, by the body's size.
 const NEAR_BY_SIZE: f64 = 0.05;
-/// How far it may move there, by the body's size: a foot leaves a leg that is too short for its step.
+/// How far it may move there, by the body's size: a foot leaves a leg that is too short for its
+/// step.
 const STILL_BY_SIZE: f64 = 0.2;
 /// Most frames that are looked at.
 const LOOKED_AT: usize = 128;
@@ -21,8 +22,8 @@ pub(super) struct Hung {
     pub(super) on: usize,
 }
 
-/// Feet and hands that move with the end of a limb but hang on a joint of no side. `size` is that of the
-/// body, in the file's units.
+/// Feet and hands that move with the end of a limb but hang on a joint of no side. `size` is that
+/// of the body, in the file's units.
 pub(super) fn find(source: &dyn Source, survey: &Survey, size: f64) -> Vec<Hung> {
     let tree = &survey.tree;
     let joints = tree.parents.len();

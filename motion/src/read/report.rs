@@ -15,6 +15,8 @@ pub enum Format {
     Glb,
     /// glTF 2.0 as text.
     Gltf,
+    /// Autodesk's FBX.
+    Fbx,
     /// A robot's root and angles as CSV, a frame a row.
     RobotCsv,
     /// A robot's `qpos` as one NumPy array.
@@ -37,6 +39,7 @@ impl fmt::Display for Format {
             Self::Bvh => "BVH",
             Self::Glb => "glTF, binary",
             Self::Gltf => "glTF, text",
+            Self::Fbx => "FBX",
             Self::RobotCsv => "robot's CSV",
             Self::Qpos => "MuJoCo qpos, npy",
             Self::Npz => "Troupe npz",
@@ -103,6 +106,19 @@ pub enum RestPose {
     Standing,
     /// Anything else: bones along an axis of their own, or a pose that is no stance.
     None,
+}
+
+impl RestPose {
+    /// The pose that is written `t`, `a`, `standing` or `none`.
+    pub fn of_name(name: &str) -> Option<Self> {
+        match name {
+            "t" => Some(Self::T),
+            "a" => Some(Self::A),
+            "standing" => Some(Self::Standing),
+            "none" => Some(Self::None),
+            _ => None,
+        }
+    }
 }
 
 impl fmt::Display for RestPose {

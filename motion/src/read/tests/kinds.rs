@@ -473,10 +473,18 @@ fn glb_says_its_unit_unless_no_body_has_it() {
 
 #[test]
 fn files_that_are_not_read_say_what_makes_one_that_is() {
-    let error = message("walk.fbx", b"Kaydara FBX Binary  \0", &Options::default());
-    assert!(error.starts_with("walk.fbx: FBX is not read; Blender"), "{error}");
     let error = message("walk.doc", b"what", &Options::default());
     assert!(error.contains("neither its ending nor its content"), "{error}");
     assert!(message("walk.bvh", b"", &Options::default()).contains("line 1"));
     assert!(message("walk.gltf", b"{}", &Options::default()).contains("missing field `asset`"));
+}
+
+#[cfg(not(feature = "fbx"))]
+#[test]
+fn fbx_names_a_program_that_converts_it() {
+    let error = message("walk.fbx", b"Kaydara FBX Binary  \0", &Options::default());
+    assert!(
+        error.starts_with("walk.fbx: FBX is not read") && error.contains("Blender"),
+        "{error}"
+    );
 }

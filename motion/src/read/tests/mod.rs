@@ -2,6 +2,8 @@
 
 mod archives;
 mod dialects;
+#[cfg(feature = "fbx")]
+mod fbx;
 mod hostile;
 mod kinds;
 mod people;

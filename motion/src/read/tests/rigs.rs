@@ -10,8 +10,8 @@ use crate::read::{Options, RestPose, Source, Topic, read};
 const MOVES: [Channel; 3] = [Channel::Xposition, Channel::Yposition, Channel::Zposition];
 const TURNS: [Channel; 3] = [Channel::Zrotation, Channel::Xrotation, Channel::Yrotation];
 
-/// A person whose feet hang on the rig's root and stand at the ends of the legs, as an animator moves
-/// them, and poles that steer the knees. `off_m` is how far a foot leaves its leg.
+/// A person whose feet hang on the rig's root and stand at the ends of the legs, as an animator
+/// moves them, and poles that steer the knees. `off_m` is how far a foot leaves its leg.
 fn rig(off_m: f64) -> (crate::Clip, Vec<u8>) {
     let person = Person {
         words: 2,
