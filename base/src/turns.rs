@@ -7,7 +7,7 @@
 
 use std::pin::Pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::task::{Context, Poll, ready};
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -21,9 +21,30 @@ const TURNS_PER_CORE: usize = 2;
 /// each core. This is enough to keep all workers busy.
 const STEP_PLANS_PER_CORE: usize = 64;
 
+/// Identifies a client, and the group with which it shares: its address, or its own key. The
+/// default is the server itself.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ClientId {
+    /// Groups share with each other by their shares.
+    pub group: u64,
+    /// The clients of a group share evenly.
+    pub own: u64,
+    /// The group counts as so many groups; 0 as 1.
+    pub share: u32,
+}
+
+impl ClientId {
+    /// The group counts as so many groups, at least 1.
+    pub fn share(&self) -> u64 {
+        u64::from(self.share.max(1))
+    }
+}
+
 /// A line of waiting tasks.
 #[derive(Debug)]
 pub struct Line {
+    /// Unique in the process; not 0.
+    id: u64,
     turns: Arc<Semaphore>,
     /// Permits for plans of `Step` calls.
     plans: Arc<Semaphore>,
@@ -41,12 +62,19 @@ impl Line {
     }
 
     fn with(turns: usize, plans: usize) -> Arc<Self> {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
         Arc::new(Self {
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
             turns: Arc::new(Semaphore::new(turns)),
             plans: Arc::new(Semaphore::new(plans)),
             taken: AtomicUsize::new(0),
             returning: AtomicBool::new(false),
         })
+    }
+
+    /// Unique in the process; not 0.
+    pub fn id(&self) -> u64 {
+        self.id
     }
 
     fn taken(self: &Arc<Self>, turn: OwnedSemaphorePermit) {
@@ -78,7 +106,10 @@ impl Line {
 
 /// The turns of one client.
 #[derive(Debug, Clone, Default)]
-pub struct Turns(Arc<[Arc<Line>]>);
+pub struct Turns {
+    lines: Arc<[Arc<Line>]>,
+    client: ClientId,
+}
 
 tokio::task_local! {
     static CURRENT: Turns;
@@ -86,8 +117,21 @@ tokio::task_local! {
 
 impl Turns {
     /// The turns of a client whose tasks wait in all of `lines`: its own and those it shares.
-    pub fn new<const N: usize>(lines: [&Arc<Line>; N]) -> Self {
-        Self(lines.into_iter().cloned().collect())
+    pub fn new<const N: usize>(client: ClientId, lines: [&Arc<Line>; N]) -> Self {
+        Self {
+            lines: lines.into_iter().cloned().collect(),
+            client,
+        }
+    }
+
+    /// The client whose turns they are.
+    pub fn client(&self) -> ClientId {
+        self.client
+    }
+
+    /// Runs `work` as this client's, without waiting for turns: [`Turns::current`] has them there.
+    pub fn scope<F: Future>(self, work: F) -> impl Future<Output = F::Output> {
+        CURRENT.scope(self, work)
     }
 
     /// Turns without a limit.
@@ -103,8 +147,8 @@ impl Turns {
     /// Waits until a plan of a `Step` call may go to the batcher. Dropping the permits lets the
     /// next one go.
     pub async fn plan(&self) -> Vec<OwnedSemaphorePermit> {
-        let mut permits = Vec::with_capacity(self.0.len());
-        for line in self.0.iter() {
+        let mut permits = Vec::with_capacity(self.lines.len());
+        for line in self.lines.iter() {
             // The lines are never closed.
             permits.extend(line.plans.clone().acquire_owned().await);
         }
@@ -113,11 +157,14 @@ impl Turns {
 
     /// Runs `work` in turns: it waits for a turn before each poll.
     pub fn take<F: Future>(self, work: F) -> InTurns<F> {
-        let waiting = self.0.iter().map(|line| PollSemaphore::new(line.turns.clone()));
+        let waiting = self
+            .lines
+            .iter()
+            .map(|line| PollSemaphore::new(line.turns.clone()));
         InTurns {
             waiting: waiting.collect(),
-            held: Vec::with_capacity(self.0.len()),
-            lines: self.0.clone(),
+            held: Vec::with_capacity(self.lines.len()),
+            lines: self.lines.clone(),
             work: Box::pin(CURRENT.scope(self, work)),
         }
     }
@@ -171,7 +218,10 @@ mod tests {
     /// The names that 50 tasks of one client and one task of another write on one thread.
     async fn written(lines: [&[Arc<Line>]; 2]) -> String {
         let order = Arc::new(Mutex::new(String::new()));
-        let turns = lines.map(|lines| Turns(lines.to_vec().into()));
+        let turns = lines.map(|lines| Turns {
+            lines: lines.to_vec().into(),
+            client: ClientId::default(),
+        });
         let names = std::iter::repeat_n(0, 50).chain([1]);
         let tasks: Vec<_> = names
             .map(|who| tokio::spawn(turns[who].clone().take(writer(['m', 'f'][who], &order))))
@@ -196,11 +246,14 @@ mod tests {
     #[tokio::test]
     async fn cancelled_work_keeps_no_turn() {
         let line = Line::with(1, 1);
-        let stuck = tokio::spawn(Turns::new([&line]).take(std::future::pending::<()>()));
+        let stuck = tokio::spawn(Turns::new(ClientId::default(), [&line]).take(std::future::pending::<()>()));
         tokio::task::yield_now().await;
         stuck.abort();
         assert!(stuck.await.is_err());
-        assert_eq!(Turns::new([&line]).take(async { 7 }).await, 7);
+        assert_eq!(
+            Turns::new(ClientId::default(), [&line]).take(async { 7 }).await,
+            7
+        );
     }
 
     #[tokio::test(flavor = "multi_thread")]
@@ -208,7 +261,7 @@ mod tests {
         let line = Line::with(2, 2);
         let tasks: Vec<_> = (0..200)
             .map(|_| {
-                tokio::spawn(Turns::new([&line]).take(async {
+                tokio::spawn(Turns::new(ClientId::default(), [&line]).take(async {
                     for _ in 0..50 {
                         tokio::task::yield_now().await;
                     }

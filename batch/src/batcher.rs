@@ -1,9 +1,10 @@
 //! The callers' interface to a pack's workers.
 
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, ready};
-use std::time::Duration;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, oneshot};
 use troupe_engine::EngineError;
@@ -21,6 +22,8 @@ use super::worker::{self, GeneratorFactory};
 /// Pieces of an answer that may wait for their reader. With one more, the reader is too slow and
 /// its request is cancelled.
 const MAX_WAITING_PIECES: usize = 256;
+/// Time between two looks at whether the workers have ended. A step takes milliseconds.
+const JOIN_INTERVAL: Duration = Duration::from_millis(1);
 
 /// The callers' interface to a pack's workers. Clones share them. When the last clone is dropped,
 /// the workers finish the waiting requests and end.
@@ -29,11 +32,15 @@ pub struct Batcher(Arc<Owner>);
 
 /// Ends the workers when it is dropped.
 #[derive(Debug)]
-struct Owner(Arc<Shared>);
+struct Owner {
+    shared: Arc<Shared>,
+    /// The workers' threads that have not been joined.
+    threads: Mutex<Vec<JoinHandle<()>>>,
+}
 
 impl Drop for Owner {
     fn drop(&mut self) {
-        self.0.close();
+        self.shared.close();
     }
 }
 
@@ -58,15 +65,20 @@ impl Batcher {
         };
         let shared = Arc::new(Shared::new(limits, spin, metrics));
         // If a worker does not start, dropping this ends the others.
-        let batcher = Self(Arc::new(Owner(shared.clone())));
+        let batcher = Self(Arc::new(Owner {
+            shared: shared.clone(),
+            threads: Mutex::default(),
+        }));
         let mut starting = Vec::with_capacity(limits.workers);
         for number in 0..limits.workers {
             let (started, has_started) = oneshot::channel();
             let (shared, factory) = (shared.clone(), factory.clone());
-            std::thread::Builder::new()
+            let thread = std::thread::Builder::new()
                 .name(format!("worker-{number}-{name}"))
                 .spawn(move || worker::run(shared, number, &factory, started))
                 .map_err(|error| EngineError::Library(format!("cannot start a worker's thread: {error}")))?;
+            let threads = batcher.0.threads.lock();
+            threads.unwrap_or_else(PoisonError::into_inner).push(thread);
             starting.push(has_started);
         }
         for started in starting {
@@ -76,10 +88,35 @@ impl Batcher {
     }
 
     fn shared(&self) -> &Arc<Shared> {
-        &self.0.0
+        &self.0.shared
+    }
+
+    /// Ends the workers: each finishes its running step and drops its generator. All requests fail
+    /// with [`EngineError::Stopped`], also those that come later.
+    pub fn stop(&self) {
+        self.shared().stop();
+    }
+
+    /// Waits for the ends of the workers' threads, until `deadline`. Answers whether all have
+    /// ended. Call [`Batcher::stop`] first. This blocks.
+    pub fn join(&self, deadline: Instant) -> bool {
+        let mut threads = self.0.threads.lock().unwrap_or_else(PoisonError::into_inner);
+        while !threads.iter().all(JoinHandle::is_finished) {
+            if Instant::now() >= deadline {
+                return false;
+            }
+            std::thread::sleep(JOIN_INTERVAL);
+        }
+        for thread in threads.drain(..) {
+            // A worker that panicked has reported it.
+            let _ = thread.join();
+        }
+        true
     }
 
     fn admit(&self, tasks: Vec<Task>, order: Order, reply: Reply) -> Result<PendingRequest, SubmitError> {
+        let work = tasks.iter().map(Task::work).max().unwrap_or(1);
+        let order = Order { work, ..order };
         let request = self.shared().admit(tasks, order, reply)?;
         Ok(PendingRequest {
             shared: Some(self.shared().clone()),
@@ -99,8 +136,8 @@ impl Batcher {
 
     /// Why a call with this number of characters would be refused now; none if it would be
     /// accepted. Lets a caller refuse early, before it prepares the call.
-    pub fn refuse(&self, characters: usize) -> Option<SubmitError> {
-        self.shared().refuse(characters)
+    pub fn refuse(&self, order: &Order, characters: usize) -> Option<SubmitError> {
+        self.shared().refuse(order, characters)
     }
 
     /// Serves `tasks`, possibly in batches with tasks of other callers. Dropping the future cancels

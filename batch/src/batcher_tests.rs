@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::*;
 use crate::order::OwnerId;
 use troupe_base::telemetry::Telemetry;
+use troupe_base::turns::ClientId;
 use troupe_engine::pack::Stage;
 use troupe_engine::{DecoderOutput, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use troupe_motion::model::{Dims, KeyTensors, KeyframeTask, Motion, PromptTask};
@@ -420,4 +421,90 @@ async fn an_engine_that_does_not_start_gives_the_reason() {
         error.contains("not here") && error.contains("make runtime"),
         "{error}"
     );
+}
+
+#[tokio::test]
+async fn a_stop_waits_for_the_running_step_and_fails_the_rest() {
+    let setup = setup(limits(1), [Trouble::None]).await;
+    let running = setup.enqueue(0..4);
+    setup.dispatched(1).await;
+    let waiting = setup.enqueue(4..12);
+    setup.batcher.stop();
+    for answer in [running, waiting] {
+        assert!(has_stopped(&answer.await.unwrap_err()));
+    }
+    let refused = setup.batcher.enqueue(tasks(0..1), soon()).unwrap_err();
+    assert!(has_stopped(&refused), "{refused}");
+    assert!(
+        !setup.batcher.join(Instant::now() + Duration::from_millis(20)),
+        "a step still runs"
+    );
+    setup.permit(0);
+    assert!(setup.batcher.join(Instant::now() + Duration::from_secs(10)));
+    assert_eq!(setup.sizes(0), [4], "no step began after the stop");
+    assert!(setup.batcher.join(Instant::now()), "all have ended");
+}
+
+#[tokio::test]
+async fn calls_of_many_passes_delay_those_of_their_client() {
+    let setup = setup(limits(1), [Trouble::None]).await;
+    let _running = setup.enqueue(0..1);
+    setup.dispatched(1).await;
+    let of = |own| {
+        soon().of(ClientId {
+            group: own,
+            own,
+            share: 1,
+        })
+    };
+    let many_passes = |task: Task| match task {
+        Task::Keyframes(task) => Task::Keyframes(KeyframeTask {
+            pose_steps: 10,
+            ..task
+        }),
+        other => other,
+    };
+    let dear = tasks(10..18).into_iter().map(many_passes).collect();
+    let dear = setup.batcher.enqueue(dear, of(1)).unwrap();
+    let cheap = setup.batcher.enqueue(tasks(20..28), of(2)).unwrap();
+    // After what runs, three batches: four cheap characters go for each dear one. If all counted
+    // the same, the cheap ones would need a fourth.
+    for _ in 0..4 {
+        setup.permit(0);
+    }
+    let cheap = tokio::time::timeout(Duration::from_secs(5), cheap).await;
+    assert!(cheap.is_ok_and(|answer| answer.is_ok()));
+    setup.dispatched(5).await;
+    assert_eq!(setup.sizes(0), [1, 4, 4, 4]);
+    setup.permit(0);
+    dear.await.unwrap();
+}
+
+#[tokio::test]
+async fn a_call_that_makes_room_for_another_client_is_answered_and_counted() {
+    let limits = Limits {
+        max_queued: 4,
+        ..limits(1)
+    };
+    let setup = setup(limits, [Trouble::None]).await;
+    let _running = setup.enqueue(0..1);
+    setup.dispatched(1).await;
+    let of = |own| {
+        soon().of(ClientId {
+            group: own,
+            own,
+            share: 1,
+        })
+    };
+    let large = setup.batcher.enqueue(tasks(10..14), of(1)).unwrap();
+    let small = setup.batcher.enqueue(tasks(20..21), of(2)).unwrap();
+    let Err(SubmitError::QueueFull { retry_after, .. }) = large.await else {
+        panic!("it stays");
+    };
+    assert!(retry_after > Duration::ZERO);
+    setup.shows(r#"troupe_rejections_total{model="test",version="1",reason="pushed_out"} 1"#);
+    for _ in 0..2 {
+        setup.permit(0);
+    }
+    assert_eq!(marks(small.await.unwrap()), [20.0]);
 }

@@ -41,9 +41,9 @@ const PENDING_CHARACTERS: Metric =
     Metric::new("troupe_pending_characters", "Characters that wait for a batch");
 const REJECTIONS: Metric = Metric::new(
     "troupe_rejections_total",
-    "Requests refused or dropped, by reason: the queue was full (queue_full) or too slow (queue_slow), \
-     the caller was gone (client_gone), a newer plan replaced it (superseded), it waited for too long \
-     (expired), or its reader was too slow (reader_slow)",
+    "Requests refused or dropped, by reason: the queue was full (queue_full) or too slow (queue_slow), it \
+     left a full queue for another client (pushed_out), the caller was gone (client_gone), a newer plan \
+     replaced it (superseded), it waited for too long (expired), or its reader was too slow (reader_slow)",
 );
 const WORKERS: Metric = Metric::new("troupe_engine_workers", "Workers of the engine that are alive");
 const WORKER_GAP: Metric = Metric::new(
@@ -72,6 +72,8 @@ pub enum Rejection {
     QueueFull,
     /// The request would have waited for longer than allowed.
     QueueSlow,
+    /// The queue was full, and a client with less waiting work needed the room.
+    PushedOut,
     /// The caller no longer waited for the answer.
     ClientGone,
     /// A newer plan of the same character replaced it.
@@ -84,9 +86,10 @@ pub enum Rejection {
 
 impl Rejection {
     /// In the order of the discriminants.
-    const ALL: [Self; 6] = [
+    const ALL: [Self; 7] = [
         Self::QueueFull,
         Self::QueueSlow,
+        Self::PushedOut,
         Self::ClientGone,
         Self::Superseded,
         Self::Expired,
@@ -97,6 +100,7 @@ impl Rejection {
         match self {
             Self::QueueFull => "queue_full",
             Self::QueueSlow => "queue_slow",
+            Self::PushedOut => "pushed_out",
             Self::ClientGone => "client_gone",
             Self::Superseded => "superseded",
             Self::Expired => "expired",
@@ -293,6 +297,7 @@ mod tests {
             r#"troupe_rejections_total{model="human",version="1.0",reason="queue_full"} 1"#,
             r#"troupe_frames_generated_total{model="human",version="1.0"} 64"#,
             r#"troupe_rejections_total{model="human",version="1.0",reason="superseded"} 0"#,
+            r#"troupe_rejections_total{model="human",version="1.0",reason="pushed_out"} 0"#,
             r#"troupe_queue_duration_seconds_bucket{model="human",version="1.0",class="live",le="0.004"} 1"#,
             r#"troupe_engine_workers{model="human",version="1.0"} 2"#,
             r#"troupe_engine_info{model="human",version="1.0",engine="openvino-bf16",workers="2",threads="1"} 1"#,

@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use troupe_base::turns::ClientId;
+
 /// The kind of a request. Within a class, the earliest deadline goes first. To compare requests of
 /// different classes, the class's [offset](super::scheduler::Limits::class_offset) is added to the
 /// deadline. So a request that has waited for long enough goes first, whatever its class.
@@ -46,6 +48,11 @@ pub struct Order {
     pub expires: Option<Instant>,
     /// The session whose plan it is; none for calls.
     pub owner: Option<OwnerId>,
+    /// The client that asks. Clients with waiting work get the same share.
+    pub client: ClientId,
+    /// Work of one character, as [`Task::work`](troupe_motion::model::Task::work) says. The batcher
+    /// sets it by the tasks; before, it is a guess. At least 1.
+    pub work: u32,
 }
 
 impl Order {
@@ -56,6 +63,8 @@ impl Order {
             deadline,
             expires: None,
             owner: None,
+            client: ClientId::default(),
+            work: 1,
         }
     }
 
@@ -66,6 +75,8 @@ impl Order {
             deadline,
             expires: None,
             owner: Some(owner),
+            client: ClientId::default(),
+            work: 1,
         }
     }
 
@@ -75,6 +86,16 @@ impl Order {
             class: Class::Step,
             ..Self::live(owner, deadline)
         }
+    }
+
+    /// The same order, for a request of this client.
+    pub fn of(self, client: ClientId) -> Self {
+        Self { client, ..self }
+    }
+
+    /// Work of one character, at least 1. It counts in the client's share.
+    pub(crate) fn cost(&self) -> u64 {
+        u64::from(self.work.max(1))
     }
 
     /// The same order, but work that has not started at `at` is dropped.

@@ -7,19 +7,26 @@
 //! # Order
 //! The earliest virtual deadline goes first. A request's virtual deadline is the later of its
 //! [`Order::deadline`] and its arrival, plus the [offset](Limits::class_offset) of its class. If
-//! two are equal, the earlier arrival goes first. **Nothing starves**: a request that arrives after
-//! the virtual deadline of another has a later one itself. So from then on only requests that
-//! already wait can go first, and [`Limits::max_queued`] and [`Limits::max_live`] bound those.
+//! two are equal, the earlier arrival goes first. **No class starves**: a request that arrives
+//! after the virtual deadline of another has a later one itself. So from then on the class of the
+//! other comes first again once requests are done that already wait, and [`Limits::max_queued`] and
+//! [`Limits::max_live`] bound those.
 //!
-//! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the most
-//! urgent call, whatever its deadline. If a batch is too small for that, the fraction is carried
-//! over to the next batch. So the share also holds for batches of one.
+//! **Clients share evenly**: the order above decides which class goes first. Within a class the
+//! clients with waiting requests take turns by the work that each has had (`scheduler/fair.rs`),
+//! first the groups and then the clients of a group. A client's own requests go by virtual
+//! deadline. So a client that asks for much, or says that all of it is urgent, delays itself.
+//!
+//! **Calls beside a crowd**: one in [`Limits::call_share`] places of a batch goes to the call
+//! whose turn it is, whatever its deadline. If a batch is too small for that, the fraction is
+//! carried over to the next batch. So the share also holds for batches of one.
 //!
 //! # Batches
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
-//! to the characters that a worker does in [`Limits::max_batch_time`]. Idle workers share the
+//! to the work that a worker does in [`Limits::max_batch_time`]. While some client among several
+//! calls for little, the calls of each have at most [`Limits::shared_batch_time`] of it. Idle workers share the
 //! waiting characters evenly. More characters than one engine call takes are given out in
 //! [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
@@ -29,24 +36,33 @@
 //! of plans does not push itself back.
 //!
 //! # Limits
-//! A request that does not fit is refused as a whole, at once. A call is also refused if it would
-//! wait for longer than [`Limits::max_wait`], judged by the rate at which calls left the queue
-//! lately. Characters that idle workers are about to take do not count as waiting. Cancelled,
-//! replaced and expired work is dropped before it starts.
+//! A request that does not fit is refused as a whole, at once. But if its client has less waiting
+//! than others, the least urgent unstarted calls of the client with most leave the full queue for a
+//! call. A call is also refused if it would wait for longer than [`Limits::max_wait`], judged by
+//! the rate at which calls left the queue lately, and by what may go before it: of each other
+//! client at most as much as its own client has waiting. Characters that idle workers are about to
+//! take do not count as waiting. Cancelled, replaced and expired work is dropped before it starts.
 
+mod callers;
 mod event;
+mod fair;
 mod limits;
 mod meter;
 mod queue;
 
 use std::time::{Duration, Instant};
 
+use self::callers::Callers;
 use self::meter::Meter;
-use self::queue::{Queue, Take};
+use self::queue::{Queue, Room, Take, Waiting};
 use super::order::{Class, Order};
 
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
+
+/// A client calls for little if it has at most one in so many of [`Limits::shared_batch_time`]
+/// waiting.
+const SMALL_PART: u64 = 4;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
@@ -79,6 +95,7 @@ pub struct Scheduler {
     /// Places given out since the last place that was kept for calls; at most
     /// [`Limits::call_share`].
     call_credit: usize,
+    calls: Callers,
 }
 
 impl Scheduler {
@@ -89,6 +106,7 @@ impl Scheduler {
             workers: vec![Worker::Busy; limits.workers],
             meter: Meter::new(limits.workers),
             call_credit: limits.call_share,
+            calls: Callers::default(),
             limits,
         }
     }
@@ -120,15 +138,19 @@ impl Scheduler {
         self.first_idle() == Some(worker)
     }
 
-    /// A worker's mean time for one character, over the latest steps.
-    pub(crate) fn character_time(&self) -> Duration {
-        self.meter.character_time()
+    /// A worker's expected time for so much [work](Order::work).
+    pub(crate) fn time_of(&self, work: u32) -> Duration {
+        self.meter.time_of(work.into())
     }
 
     /// Why a call with this number of characters would be refused now; none if it would be
     /// accepted.
-    pub fn refuse(&self, characters: usize) -> Option<QueueRefusal> {
-        self.refusal(Class::Request, characters, 0)
+    pub fn refuse(&self, order: &Order, characters: usize) -> Option<QueueRefusal> {
+        let refusal = self.refusal(order, characters, (0, 0))?;
+        match self.in_the_way(order, characters, refusal) {
+            Some(_) => None,
+            None => Some(refusal),
+        }
     }
 
     /// Handles one event, and adds the resulting actions to `actions`.
@@ -143,7 +165,7 @@ impl Scheduler {
                 let left = self.queue.forget(request);
                 actions.extend(left.map(|characters| Action::Drop { request, characters }));
             }
-            Event::Tried { characters, took } => self.meter.stepped(took, characters),
+            Event::Tried { work, took } => self.meter.stepped(took, work),
             Event::Ready(ready) => self.ready(now, ready, actions),
             Event::WorkerLost { worker, finished } => self.lose(worker, finished),
         }
@@ -158,25 +180,58 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
+        if order.class == Class::Request {
+            let has = self.queue.work_of(&order) + order.cost() * characters as u64;
+            let is_small = has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
+            self.calls.came(order.client, is_small);
+        }
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
-        let leaving = older.map_or(0, |older| older.pending(order.class));
-        if let Some(refusal) = self.refusal(order.class, characters, leaving) {
-            return actions.push(Action::Refuse { request, refusal });
+        let older = older.filter(|older| older.class() == order.class);
+        let leaving = older.map_or((0, 0), Waiting::pending);
+        if let Some(refusal) = self.refusal(&order, characters, leaving) {
+            let Some(in_the_way) = self.in_the_way(&order, characters, refusal) else {
+                return actions.push(Action::Refuse { request, refusal });
+            };
+            for request in in_the_way {
+                self.queue.forget(request);
+                actions.push(Action::PushOut { request, refusal });
+            }
         }
         let due = order.deadline.max(now) + self.limits.class_offset(order.class);
         let older = self.queue.add(now, request, characters, order, due);
         actions.extend(older.map(|request| Action::Supersede { request }));
     }
 
-    /// Why `characters` more would be refused if they replaced `leaving` waiting ones.
-    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<QueueRefusal> {
-        let pending = self.queue.pending(class) - leaving;
+    /// The calls that must go to make room for a call that finds the queue full; none if it is
+    /// refused.
+    fn in_the_way(&self, order: &Order, characters: usize, refusal: QueueRefusal) -> Option<Vec<RequestId>> {
+        if !refusal.full || order.class != Class::Request {
+            return None;
+        }
+        let free = (self.room(order.class)).saturating_sub(self.queue.pending(order.class));
+        self.queue.in_the_way(order, characters, characters - free)
+    }
+
+    /// Most waiting characters of a class. Idle workers are about to take some.
+    fn room(&self, class: Class) -> usize {
         let taken: usize = self.workers.iter().filter_map(|worker| worker.room()).sum();
-        let wait = self.meter.wait(pending);
-        let room = self.limits.room(class) + taken;
-        let full = characters > room.saturating_sub(pending);
+        self.limits.room(class) + taken
+    }
+
+    /// Why `characters` more would be refused if they replaced `leaving` waiting ones of so much
+    /// work.
+    fn refusal(
+        &self,
+        order: &Order,
+        characters: usize,
+        (leaving, work): (usize, u64),
+    ) -> Option<QueueRefusal> {
+        let class = order.class;
+        let pending = self.queue.pending(class) - leaving;
+        let wait = self.meter.wait(self.queue.ahead(order, characters, work));
+        let full = characters > self.room(class).saturating_sub(pending);
         let limited = class == Class::Request && !self.limits.max_wait.is_zero();
-        let slow = limited && taken == 0 && wait > self.limits.max_wait;
+        let slow = limited && self.room(class) == self.limits.room(class) && wait > self.limits.max_wait;
         (full || slow).then(|| QueueRefusal {
             pending_characters: self.pending_characters(),
             expected_wait: wait,
@@ -206,19 +261,20 @@ impl Scheduler {
             took,
             finished,
         } = ready;
-        for done in finished {
-            self.queue.finish(done.request, done.characters);
-        }
+        let done = finished.iter();
+        let work = done
+            .map(|done| self.queue.finish(done.request, done.characters))
+            .sum();
         if let Some(took) = took {
-            let characters = finished.iter().map(|done| done.characters).sum();
-            self.meter.stepped(took, characters);
+            self.meter.stepped(took, work);
         }
         match self.workers.get(worker) {
             None | Some(Worker::Lost) => return,
             _ => {}
         }
         let room = room.min(self.limits.max_batch);
-        let slices = self.take(now, self.share(worker, room), actions);
+        let work = self.within(self.limits.max_batch_time);
+        let slices = self.take(now, self.share(worker, room, work), work, actions);
         self.workers[worker] = match slices.is_empty() && is_idle {
             true => Worker::Idle(room),
             false => Worker::Busy,
@@ -237,35 +293,63 @@ impl Scheduler {
         }
     }
 
-    /// How many of the ready characters a worker with so much room takes.
-    fn share(&self, worker: usize, room: usize) -> usize {
-        let cap = match self.limits.max_batch_time {
-            Duration::ZERO => usize::MAX,
-            time => self.meter.within(time).max(1),
-        };
+    /// Work that a worker does in a limit of time, where zero is no limit.
+    fn within(&self, time: Duration) -> u64 {
+        match time.is_zero() {
+            true => u64::MAX,
+            false => self.meter.within(time),
+        }
+    }
+
+    /// How many of the ready characters a worker with room for so many characters and so much work
+    /// takes.
+    fn share(&self, worker: usize, room: usize, work: u64) -> usize {
+        let cap = self.queue.characters_within(work).max(1);
         let others = self.workers.iter().enumerate();
         let idle = others.filter(|&(other, state)| other != worker && state.room().is_some());
         let even = self.queue.ready().div_ceil(idle.count() + 1);
         self.limits.whole_calls(room.min(cap).min(even))
     }
 
-    /// Takes up to `wanted` characters off the queue.
-    fn take(&mut self, now: Instant, wanted: usize, actions: &mut Vec<Action>) -> Vec<RequestSlice> {
-        let (mut room, mut calls, mut own) = (wanted, 0, self.places_of_calls(wanted));
+    /// Takes up to `wanted` characters of at most so much work off the queue, at least one.
+    fn take(
+        &mut self,
+        now: Instant,
+        wanted: usize,
+        mut work: u64,
+        actions: &mut Vec<Action>,
+    ) -> Vec<RequestSlice> {
+        let (mut room, mut own) = (wanted, self.places_of_calls(wanted));
+        let (mut calls, mut work_of_calls) = (0, 0);
+        let mut shares = self.calls.shares(self.within(self.limits.shared_batch_time));
         let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
-            let most = if calls_only { own } else { room };
-            match self.queue.take(now, most, calls_only) {
-                Some(Take::Slice(slice)) => {
+            let most = Room {
+                characters: if calls_only { own } else { room },
+                work,
+                at_least_one: slices.is_empty(),
+            };
+            let allowed = |class, client| match class {
+                Class::Request => shares.left(client),
+                _ => u64::MAX,
+            };
+            match self.queue.take(now, most, calls_only, allowed) {
+                Some(Take::Slice {
+                    slice,
+                    client,
+                    work: taken,
+                }) => {
                     room -= slice.characters;
+                    work = work.saturating_sub(taken);
                     own = own.saturating_sub(slice.characters);
-                    let is_call = slice.class == Class::Request;
-                    calls += if is_call { slice.characters } else { 0 };
-                    // A call may get places that are kept for calls, and then further ones. Any
-                    // other request comes up only once.
-                    let mut before = slices.iter_mut().filter(|_| is_call);
-                    match before.find(|before| before.request == slice.request) {
+                    if slice.class == Class::Request {
+                        calls += slice.characters;
+                        work_of_calls += taken;
+                        shares.take(client, taken);
+                    }
+                    // A request comes up again after those of other clients.
+                    match slices.iter_mut().find(|before| before.request == slice.request) {
                         Some(before) => before.characters += slice.characters,
                         None => slices.push(slice),
                     }
@@ -276,11 +360,12 @@ impl Scheduler {
             }
         }
         let spent = calls * self.limits.call_share;
-        self.call_credit = (self.call_credit + wanted)
+        let taken: usize = slices.iter().map(|slice| slice.characters).sum();
+        self.call_credit = (self.call_credit + taken)
             .saturating_sub(spent)
             .min(self.limits.call_share);
         let waiting = self.queue.pending(Class::Request) > 0;
-        self.meter.left(now, calls, waiting);
+        self.meter.left(now, work_of_calls, waiting);
         slices
     }
 

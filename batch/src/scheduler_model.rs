@@ -1,9 +1,11 @@
 //! A simple model of the scheduler: one list, searched for each question.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use super::super::{Action, Batch, BatchReason, Finished, Limits, RequestId, RequestSlice};
+use troupe_base::turns::ClientId;
+
 use crate::order::{Class, Order, OwnerId};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +38,10 @@ impl Known {
             _ => 0,
         }
     }
+
+    fn work_left(&self) -> u64 {
+        self.left() as u64 * u64::from(self.order.work)
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +59,9 @@ pub(super) struct Holder {
     pub(super) held: Vec<Finished>,
 }
 
+/// A client or a group of a class, by name.
+type Name = (Class, u64, Option<u64>);
+
 #[derive(Debug, Clone)]
 pub(super) struct Model {
     limits: Limits,
@@ -61,11 +70,25 @@ pub(super) struct Model {
     pub(super) now: Instant,
     pub(super) requests: BTreeMap<RequestId, Known>,
     pub(super) workers: Vec<Holder>,
-    /// Time and characters of steps, from a step that finished something to the next.
-    measured: Vec<(f64, usize)>,
+    /// Time and work of steps, from a step that finished something to the next.
+    measured: Vec<(f64, u64)>,
     open_s: f64,
     /// Places since a call had one of its own.
     call_credit: usize,
+    /// Virtual times of clients and groups.
+    times: BTreeMap<Name, u64>,
+    /// The virtual time of what was taken last: of groups by class, of clients by class and group.
+    nows: BTreeMap<(Class, Option<u64>), u64>,
+    /// Clients and groups that had something ready.
+    working: BTreeSet<Name>,
+    /// The clients of all calls, and whether they had little waiting.
+    arrivals: Vec<(ClientId, bool)>,
+}
+
+/// Whether two names take turns with each other.
+fn same_level(one: &Name, other: &Name) -> bool {
+    let level = |(class, group, own): &Name| (*class, own.map(|_| *group));
+    level(one) == level(other)
 }
 
 impl Model {
@@ -80,10 +103,91 @@ impl Model {
             now: Instant::now(),
             requests: BTreeMap::new(),
             workers: vec![worker; limits.workers],
-            measured: vec![(0.005, 1)],
+            measured: vec![(25e-6, 1)],
             open_s: 0.0,
             call_credit: limits.call_share,
+            times: BTreeMap::new(),
+            nows: BTreeMap::new(),
+            working: BTreeSet::new(),
+            arrivals: Vec::new(),
         }
+    }
+
+    /// The client and the group of a request.
+    fn names(&self, request: RequestId) -> [Name; 2] {
+        let Order { class, client, .. } = self.requests[&request].order;
+        [
+            (class, client.group, Some(client.own)),
+            (class, client.group, None),
+        ]
+    }
+
+    /// The virtual time of those among which a name takes its turn.
+    fn now_of(&mut self, (class, group, own): Name) -> &mut u64 {
+        self.nows.entry((class, own.map(|_| group))).or_default()
+    }
+
+    /// Clients and groups that begin to wait start at the time of what was taken last.
+    fn look_who_works(&mut self) {
+        let working: BTreeSet<Name> = (self.ready().iter())
+            .flat_map(|request| self.names(*request))
+            .collect();
+        // If no one waits any more, all are even.
+        let rests: Vec<Name> = (self.times.keys())
+            .filter(|name| !working.iter().any(|other| same_level(name, other)))
+            .copied()
+            .collect();
+        for name in rests {
+            let time = self.times[&name];
+            let now = self.now_of(name);
+            *now = time.max(*now);
+        }
+        for &name in working.difference(&self.working.clone()) {
+            let now = *self.now_of(name);
+            let time = self.times.entry(name).or_default();
+            *time = now.max(*time);
+        }
+        self.working = working;
+    }
+
+    /// Whose turn it is among those that `fits` allows, and how far the next one is behind.
+    fn turn(&self, fits: impl Fn(&Name) -> bool) -> (Name, Option<u64>) {
+        let mut order: Vec<(u64, Name)> = (self.working.iter())
+            .filter(|name| fits(name))
+            .map(|name| (self.times[name], *name))
+            .collect();
+        order.sort();
+        let ahead = order.get(1).map(|next| next.0 - order[0].0);
+        (order[0].1, ahead)
+    }
+
+    /// The request of a class that goes first, and how many of its characters.
+    fn first_of(&self, class: Class) -> (RequestId, usize) {
+        let (group, ahead) = self.turn(|name| name.0 == class && name.2.is_none());
+        let (client, ahead_too) = self.turn(|name| name.0 == class && name.1 == group.1 && name.2.is_some());
+        let ready = self.ready();
+        let request = ready.iter().find(|request| self.names(**request)[0] == client);
+        let request = *request.expect("a client that works has something ready");
+        let [of_client, of_group] = self.costs(request);
+        let most =
+            [(ahead, of_group), (ahead_too, of_client)].map(|(ahead, cost)| ahead.map(|ahead| ahead / cost));
+        let most = most.into_iter().flatten().min();
+        (request, most.map_or(usize::MAX, |most| most as usize + 1))
+    }
+
+    fn charge(&mut self, request: RequestId, characters: usize) {
+        for (name, cost) in self.names(request).into_iter().zip(self.costs(request)) {
+            let time = self.times[&name];
+            let now = self.now_of(name);
+            *now = time.max(*now);
+            self.times.insert(name, time + cost * characters as u64);
+        }
+    }
+
+    /// What one character of a request costs its client and its group.
+    fn costs(&self, request: RequestId) -> [u64; 2] {
+        let Order { work, client, .. } = self.requests[&request].order;
+        [work.into(), u64::from(work) * 1000 / u64::from(client.share)]
     }
 
     pub(super) fn pending(&self, class: Class) -> usize {
@@ -133,7 +237,66 @@ impl Model {
         ready.iter().map(|request| self.requests[request].left()).sum()
     }
 
+    fn ready_work(&self) -> u64 {
+        let ready = self.ready();
+        ready
+            .iter()
+            .map(|request| self.requests[request].work_left())
+            .sum()
+    }
+
+    /// The calls that leave a full queue for one more: again and again the least urgent unstarted
+    /// call of the client with most waiting, in the group with most waiting.
+    fn push_out(&self, order: Order, characters: usize, lacking: usize) -> Option<Vec<RequestId>> {
+        let mut waiting: Vec<(RequestId, &Known)> = (self.requests.iter())
+            .filter(|(_, known)| known.order.class == order.class && known.left() > 0)
+            .map(|(request, known)| (*request, known))
+            .collect();
+        let (mut out, mut freed) = (Vec::new(), 0);
+        while freed < lacking {
+            let (mut groups, mut clients) = (BTreeMap::new(), BTreeMap::new());
+            let work = characters as u64 * u64::from(order.work);
+            let all = (waiting.iter()).map(|(_, known)| (known.order.client, known.work_left()));
+            for (client, work) in all.chain([(order.client, work)]) {
+                *groups.entry(client.group).or_insert(0) += work * 1000;
+                *clients.entry(client).or_insert(0) += work;
+            }
+            for (group, work) in &mut groups {
+                *work /= group + 1;
+            }
+            let heaviest = |(group, work): &(&u64, &u64)| (**work, **group == order.client.group, **group);
+            let (&group, _) = groups.iter().max_by_key(heaviest)?;
+            let heaviest =
+                |(client, work): &(&ClientId, &u64)| (**work, **client != order.client, client.own);
+            let of_group = clients.iter().filter(|(client, _)| client.group == group);
+            let (&client, &work) = of_group.max_by_key(heaviest)?;
+            let own = clients[&order.client];
+            if group == order.client.group && (client == order.client || work <= own) {
+                return None;
+            }
+            let last = (waiting.iter())
+                .filter(|(_, known)| known.order.client == client && known.next == 0)
+                .max_by_key(|(request, known)| (known.due, *request));
+            let &(request, known) = last?;
+            out.push(request);
+            freed += known.left();
+            waiting.retain(|(other, _)| *other != request);
+        }
+        Some(out)
+    }
+
     pub(super) fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
+        if order.class == Class::Request {
+            let of_client =
+                |known: &&Known| known.order.client == order.client && known.order.class == order.class;
+            let waiting: u64 = (self.requests.values())
+                .filter(of_client)
+                .map(Known::work_left)
+                .sum();
+            let has = waiting + u64::from(order.work) * characters as u64;
+            let is_small = has <= self.within(self.limits.shared_batch_time)[0] / 4;
+            self.arrivals.push((order.client, is_small));
+        }
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
             .requests
@@ -166,6 +329,23 @@ impl Model {
                 assert!(!max_wait.is_zero() && refusal.expected_wait > max_wait);
             }
             known.fate = Fate::Refused;
+            if !fits && order.class == Class::Request {
+                let lacking = pending + characters - room.max(pending);
+                assert_eq!(self.push_out(order, characters, lacking), None, "could make room");
+            }
+        } else if !fits && order.class == Class::Request {
+            let out = self.push_out(order, characters, pending + characters - room.max(pending));
+            let pushed: Vec<RequestId> = (actions.iter())
+                .map(|action| match action {
+                    Action::PushOut { request, refusal } if refusal.full => *request,
+                    other => panic!("{other:?}"),
+                })
+                .collect();
+            assert_eq!(Some(&pushed), out.as_ref(), "the wrong ones leave");
+            for request in pushed {
+                self.requests.get_mut(&request).expect("it waits").fate = Fate::Refused;
+                self.look_who_works();
+            }
         } else {
             assert!(fits, "took what does not fit");
             let supersede = replaced.map(|request| Action::Supersede { request });
@@ -177,6 +357,7 @@ impl Model {
             }
         }
         self.requests.insert(request, known);
+        self.look_who_works();
     }
 
     pub(super) fn leave(&mut self, request: RequestId, actions: &[Action]) {
@@ -189,6 +370,7 @@ impl Model {
             }
             None => assert_eq!(actions, []),
         }
+        self.look_who_works();
     }
 
     /// Takes out of a worker's hands what is finished.
@@ -199,40 +381,80 @@ impl Model {
             held.expect("it has some of it").characters -= done.characters;
         }
         self.workers[worker].held.retain(|held| held.characters > 0);
+        self.look_who_works();
     }
 
     pub(super) fn measure(&mut self, took: Option<Duration>, finished: &[Finished]) {
-        let characters: usize = finished.iter().map(|done| done.characters).sum();
+        let work =
+            |done: &Finished| done.characters as u64 * u64::from(self.requests[&done.request].order.work);
+        let work = finished.iter().map(work).sum();
         self.open_s += took.unwrap_or_default().as_secs_f64();
-        if took.is_some() && characters > 0 {
-            self.measured.push((self.open_s, characters));
+        if took.is_some() && work > 0 {
+            self.measured.push((self.open_s, work));
             self.open_s = 0.0;
         }
     }
 
-    /// What a worker does in the longest time of a batch; the numbers may differ in how they are
-    /// rounded.
-    pub(super) fn time_caps(&self) -> Vec<usize> {
-        if self.limits.max_batch_time.is_zero() {
-            return vec![usize::MAX];
+    /// Whether a part of the latest calls was small, and came from others than the last large call
+    /// before.
+    fn are_several(&self, differ: impl Fn(ClientId, ClientId) -> bool) -> bool {
+        let (mut large, mut share) = (None, 0.0f32);
+        for &(client, is_small) in &self.arrivals {
+            let other = is_small && large.is_some_and(|large| differ(large, client));
+            share += (if other { 1.0 } else { 0.0 } - share) / 32.0;
+            large = if is_small { large } else { Some(client) };
         }
-        let (mut time_s, mut characters, mut weight) = (0.0, 0.0, 1.0);
+        share > 1.0 / 16.0
+    }
+
+    /// The work that a worker does in the longest time of a batch, and in that of a client's calls;
+    /// the numbers may differ in how they are rounded.
+    pub(super) fn work_caps(&self) -> Vec<[u64; 2]> {
+        let batch = self.within(self.limits.max_batch_time);
+        let client = match self.are_several(|one, other| one != other) {
+            true => self.within(self.limits.shared_batch_time),
+            false => vec![u64::MAX],
+        };
+        let pairs = batch
+            .iter()
+            .flat_map(|batch| client.iter().map(|client| [*batch, *client]));
+        pairs.collect()
+    }
+
+    fn within(&self, time: Duration) -> Vec<u64> {
+        if time.is_zero() {
+            return vec![u64::MAX];
+        }
+        let (mut time_s, mut work, mut weight) = (0.0, 0.0, 1.0);
         for (took_s, of) in self.measured.iter().rev() {
             time_s += weight * took_s;
-            characters += weight * *of as f64;
+            work += weight * *of as f64;
             weight *= 0.9;
         }
-        let cap = self.limits.max_batch_time.as_secs_f64() / (time_s / characters).max(1e-6);
+        let cap = time.as_secs_f64() / (time_s / work).max(1e-9);
         let rounded = [cap * (1.0 - 1e-6), cap * (1.0 + 1e-6)];
-        rounded.map(|cap| (cap as usize).max(1)).to_vec()
+        rounded.map(|cap| cap as u64).to_vec()
     }
 
     /// A worker is between two steps: the actions that the scheduler must give.
-    pub(super) fn boundary(&mut self, worker: usize, took: Option<Duration>, time_cap: usize) -> Vec<Action> {
+    pub(super) fn boundary(
+        &mut self,
+        worker: usize,
+        took: Option<Duration>,
+        [work_cap, client_cap]: [u64; 2],
+    ) -> Vec<Action> {
         let room = self.room(worker).min(self.limits.max_batch);
         let others = self.at_hand().iter().filter(|&&other| other != worker).count();
         let even = self.ready_characters().div_ceil(others + 1);
-        let mut wanted = room.min(time_cap).min(even);
+        let mean = self
+            .ready_work()
+            .checked_div(self.ready_characters() as u64)
+            .unwrap_or(1);
+        let mut work_left = work_cap;
+        let within = usize::try_from(work_cap / mean.max(1))
+            .unwrap_or(usize::MAX)
+            .max(1);
+        let mut wanted = room.min(within).min(even);
         let rows = self.limits.call_rows;
         while rows > 0 && wanted > rows && !wanted.is_multiple_of(rows) {
             wanted -= 1;
@@ -240,24 +462,28 @@ impl Model {
         let (mut actions, mut slices) = (Vec::new(), Vec::<RequestSlice>::new());
         let (mut expires, mut calls) = (false, 0);
         let share = self.limits.call_share;
-        self.call_credit += wanted;
-        let mut own = self.call_credit.checked_div(share).unwrap_or(0).min(wanted);
+        let credit = self.call_credit + wanted;
+        let mut own = credit.checked_div(share).unwrap_or(0).min(wanted);
+        let mut taken = 0;
+        let of_groups = self.are_several(|one, other| one.group != other.group);
+        let mut by_client: BTreeMap<u64, u64> = BTreeMap::new();
         while wanted > 0
             && let ready = self.ready()
             && let Some(&first) = ready.first()
         {
             let is_call = |request: &&RequestId| self.requests[*request].order.class == Class::Request;
-            let request = match ready.iter().find(is_call) {
-                Some(&call) if own > 0 => call,
-                _ => {
-                    own = 0;
-                    first
-                }
+            if !ready.iter().any(|request| is_call(&request)) {
+                own = 0;
+            }
+            let class = match own > 0 {
+                true => Class::Request,
+                false => self.requests[&first].order.class,
             };
+            let (request, most) = self.first_of(class);
             let place_since = self.requests[&request].place_since;
-            // What came after another's virtual deadline does not go before it, but to a place of
-            // calls.
-            for other in ready.iter().filter(|_| own == 0) {
+            // What came after the virtual deadline of another of its client does not go before.
+            let same = |other: &&RequestId| self.names(**other) == self.names(request);
+            for other in ready.iter().filter(same) {
                 assert!(place_since <= self.requests[other].due, "{other:?} is starved");
             }
             let known = self.requests.get_mut(&request).unwrap();
@@ -266,10 +492,37 @@ impl Model {
                 known.fate = Fate::Expired;
                 expires = true;
                 actions.push(Action::Expire { request, waited });
+                self.look_who_works();
                 continue;
             }
-            let characters = known.left().min(if own > 0 { own } else { wanted });
+            let cost = u64::from(known.order.work);
+            let client = known.order.client;
+            let of_client = by_client
+                .entry(if of_groups { client.group } else { client.own })
+                .or_default();
+            let is_call = known.order.class == Class::Request;
+            let left = if is_call {
+                client_cap.saturating_sub(*of_client)
+            } else {
+                u64::MAX
+            };
+            let within = usize::try_from(work_left.min(left) / cost).unwrap_or(usize::MAX);
+            let within = within.max(usize::from(slices.is_empty()));
+            let characters = known.left().min(if own > 0 { own } else { wanted }).min(most);
+            let characters = characters.min(within);
+            if characters == 0 && own > 0 {
+                own = 0;
+                continue;
+            }
+            if characters == 0 {
+                break;
+            }
             wanted -= characters;
+            taken += characters;
+            work_left = work_left.saturating_sub(cost * characters as u64);
+            if is_call {
+                *of_client += cost * characters as u64;
+            }
             own = own.saturating_sub(characters);
             if known.order.class == Class::Request {
                 calls += characters;
@@ -293,8 +546,11 @@ impl Model {
                 Some(held) => held.characters += characters,
                 None => held.push(Finished { request, characters }),
             }
+            self.charge(request, characters);
+            self.look_who_works();
         }
-        self.call_credit = self.call_credit.saturating_sub(calls * share).min(share);
+        let credit = self.call_credit + taken;
+        self.call_credit = credit.saturating_sub(calls * share).min(share);
         let is_idle = self.workers[worker].held.is_empty();
         self.workers[worker].state = if is_idle { State::Idle } else { State::Busy };
         let reason = match took {

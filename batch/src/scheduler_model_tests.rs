@@ -1,6 +1,7 @@
 //! The scheduler against a model that keeps everything in one list and looks through it.
 
 use proptest::prelude::*;
+use troupe_base::turns::ClientId;
 
 use self::model::{Fate, Model, State};
 use super::*;
@@ -18,6 +19,8 @@ enum Step {
         owner: Option<u64>,
         deadline_ms: u64,
         expires_ms: Option<u64>,
+        client: (u64, u64),
+        work: u32,
     },
     /// The n-th request that ever arrived (modulo their number) goes away.
     Leave(usize),
@@ -39,17 +42,24 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         prop::option::of(0u64..5),
         0u64..300,
         prop::option::weighted(0.2, 0u64..200),
+        (0u64..3, 0u64..3),
+        1u32..4,
     );
-    let arrive = arrive.prop_map(|(characters, owner, deadline_ms, expires_ms)| Step::Arrive {
-        characters: if owner.is_some() {
-            characters % 3 + 1
-        } else {
-            characters
+    let arrive = arrive.prop_map(
+        |(characters, owner, deadline_ms, expires_ms, client, work)| Step::Arrive {
+            characters: if owner.is_some() {
+                characters % 3 + 1
+            } else {
+                characters
+            },
+            owner,
+            deadline_ms,
+            expires_ms,
+            // The plans of a session come from one client.
+            client: owner.map_or(client, |owner| (owner % 2, owner)),
+            work,
         },
-        owner,
-        deadline_ms,
-        expires_ms,
-    });
+    );
     let finish = (any::<usize>(), any::<usize>(), 0u64..30);
     let step = prop_oneof![
         8 => arrive,
@@ -72,16 +82,26 @@ fn some_limits() -> impl Strategy<Value = Limits> {
         call_rows,
         0usize..40,
         0u64..400,
-        ms(),
+        (ms(), ms()),
         ms(),
         0usize..6,
     )
         .prop_map(
-            |(workers, max_batch, call_rows, spare, ageing_ms, batch_ms, wait_ms, call_share)| Limits {
+            |(
+                workers,
+                max_batch,
+                call_rows,
+                spare,
+                ageing_ms,
+                (batch_ms, shared_ms),
+                wait_ms,
+                call_share,
+            )| Limits {
                 workers,
                 max_batch,
                 call_rows,
                 max_batch_time: Duration::from_millis(batch_ms),
+                shared_batch_time: Duration::from_millis(shared_ms),
                 max_queued: 12 + spare,
                 max_live: 3 + spare,
                 max_wait: Duration::from_millis(wait_ms),
@@ -138,7 +158,7 @@ impl Pair {
             finished,
         }));
         let mut expected = Vec::new();
-        for cap in self.model.time_caps() {
+        for cap in self.model.work_caps() {
             let mut model = self.model.clone();
             expected = model.boundary(worker, took, cap);
             if expected == actions {
@@ -169,6 +189,8 @@ impl Pair {
                 owner,
                 deadline_ms,
                 expires_ms,
+                client: (group, own),
+                work,
             } => {
                 self.arrivals += 1;
                 let request = RequestId(self.arrivals);
@@ -179,17 +201,27 @@ impl Pair {
                 };
                 let order = Order {
                     expires: expires_ms.map(after),
+                    client: ClientId {
+                        group,
+                        own,
+                        // Groups have different shares, which never change.
+                        share: group as u32 + 1,
+                    },
+                    work,
                     ..order
                 };
-                let refusal = self.scheduler.refuse(characters);
+                let refusal = self.scheduler.refuse(&order, characters);
                 let actions = self.step(Event::Arrived {
                     request,
                     characters,
                     order,
                 });
                 if order.class == Class::Request {
-                    let refuse = refusal.map(|refusal| Action::Refuse { request, refusal });
-                    assert_eq!(actions, refuse.as_slice());
+                    let is_refused = matches!(actions[..], [Action::Refuse { .. }]);
+                    assert_eq!(is_refused, refusal.is_some());
+                    if let Some(refusal) = refusal {
+                        assert_eq!(actions, [Action::Refuse { request, refusal }]);
+                    }
                 }
                 self.model.arrive(request, characters, order, &actions);
             }
@@ -237,11 +269,12 @@ impl Pair {
 
     /// What a worker has fails when it is lost.
     fn lose(&mut self, worker: usize) {
-        let finished = std::mem::take(&mut self.model.workers[worker].held);
+        let finished = self.model.workers[worker].held.clone();
         self.model.workers[worker].state = State::Lost;
         for part in &finished {
             self.leave(part.request);
         }
+        self.model.finish(worker, &finished);
         let lost = Event::WorkerLost {
             worker,
             finished: &finished,
@@ -297,7 +330,7 @@ proptest! {
                 },
                 2 => Event::Gone { request: RequestId(number * 7) },
                 3 if number == 0 => Event::WorkerLost { worker, finished: &finished },
-                4 => Event::Tried { characters: worker, took: Duration::from_millis(number) },
+                4 => Event::Tried { work: number, took: Duration::from_millis(number) },
                 _ => Event::Ready(Ready {
                     worker,
                     room: characters,

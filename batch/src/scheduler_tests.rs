@@ -1,3 +1,5 @@
+use troupe_base::turns::ClientId;
+
 use super::*;
 use crate::order::OwnerId;
 
@@ -9,6 +11,7 @@ fn limits(workers: usize, max_batch: usize) -> Limits {
         max_batch,
         call_rows: 0,
         max_batch_time: Duration::ZERO,
+        shared_batch_time: Duration::ZERO,
         max_queued: 100,
         max_live: 100,
         max_wait: Duration::ZERO,
@@ -88,6 +91,10 @@ impl Setup {
     }
 
     /// A call that has a place.
+    fn refuse(&self, characters: usize) -> Option<QueueRefusal> {
+        self.scheduler.refuse(&Order::request(self.now), characters)
+    }
+
     fn call(&mut self, characters: usize) -> u64 {
         let (request, actions) = self.arrive(characters, Order::request(self.now));
         assert_eq!(actions, []);
@@ -341,7 +348,7 @@ fn a_full_queue_refuses_and_a_leaver_makes_room() {
         ..limits(1, 8)
     });
     let call = setup.call(2);
-    let refusal = setup.scheduler.refuse(2).unwrap();
+    let refusal = setup.refuse(2).unwrap();
     assert!(refusal.full && refusal.pending_characters == 2);
     assert!(refusal.retry_after() >= MS * 10);
     let (refused, actions) = setup.arrive(2, Order::request(setup.now));
@@ -350,7 +357,7 @@ fn a_full_queue_refuses_and_a_leaver_makes_room() {
         refusal,
     };
     assert_eq!(actions, [refuse]);
-    assert_eq!(setup.scheduler.refuse(1), None, "asking changes nothing");
+    assert_eq!(setup.refuse(1), None, "asking changes nothing");
     let gone = setup.step(Event::Gone {
         request: RequestId(call),
     });
@@ -359,7 +366,7 @@ fn a_full_queue_refuses_and_a_leaver_makes_room() {
         characters: 2,
     };
     assert_eq!(gone, [dropped]);
-    assert_eq!(setup.scheduler.refuse(3), None);
+    assert_eq!(setup.refuse(3), None);
 }
 
 #[test]
@@ -370,7 +377,7 @@ fn calls_do_not_take_the_room_of_live_characters_nor_idle_workers_that_of_the_qu
         ..limits(1, 4)
     });
     setup.call(2);
-    assert!(setup.scheduler.refuse(1).is_some());
+    assert!(setup.refuse(1).is_some());
     assert_eq!(setup.plan(1, 100).1, []);
     assert!(matches!(setup.plan(2, 100).1[..], [Action::Refuse { .. }]));
 
@@ -379,31 +386,28 @@ fn calls_do_not_take_the_room_of_live_characters_nor_idle_workers_that_of_the_qu
         ..limits(1, 4)
     });
     assert_eq!(setup.boundary(0, 4, true, None, &[]), []);
-    assert_eq!(setup.scheduler.refuse(6), None, "four start at once, two wait");
-    assert!(setup.scheduler.refuse(7).is_some());
+    assert_eq!(setup.refuse(6), None, "four start at once, two wait");
+    assert!(setup.refuse(7).is_some());
 }
 
 #[test]
 fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
     let mut setup = Setup::busy(Limits {
-        max_wait: MS * 50,
+        max_wait: MS / 4,
         ..limits(1, 4)
     });
-    // Nothing is measured: 5 ms a character.
+    // Nothing is measured: 25 µs a character of the least work.
     for _ in 0..11 {
         setup.call(1);
     }
-    let refusal = setup.scheduler.refuse(1).unwrap();
-    assert!(!refusal.full && refusal.expected_wait > MS * 50);
+    let refusal = setup.refuse(1).unwrap();
+    assert!(!refusal.full && refusal.expected_wait > MS / 4);
     assert_eq!(setup.plan(1, 100).1, []);
-    // A batch tried at 0.1 ms a character says otherwise.
+    // A batch tried at 1 µs a unit says otherwise.
     for _ in 0..100 {
-        setup.step(Event::Tried {
-            characters: 10,
-            took: MS,
-        });
+        setup.step(Event::Tried { work: 1000, took: MS });
     }
-    assert_eq!(setup.scheduler.refuse(1), None);
+    assert_eq!(setup.refuse(1), None);
 }
 
 #[test]
@@ -430,7 +434,7 @@ fn a_batch_is_limited_by_measured_time() {
         });
         for _ in 0..200 {
             setup.step(Event::Tried {
-                characters: 10,
+                work: 10,
                 took: MS * character_ms * 10,
             });
         }
@@ -502,4 +506,181 @@ fn batches_larger_than_a_call_are_whole_calls() {
         ..limits
     };
     assert_eq!(any.whole_calls(15), 15);
+}
+
+/// Requests of a client: a group and its own number.
+fn from(client: (u64, u64), order: Order) -> Order {
+    order.of(ClientId {
+        group: client.0,
+        own: client.1,
+        share: 1,
+    })
+}
+
+/// One worker with so large batches, and room for 1,000 waiting characters.
+fn roomy(max_batch: usize) -> Limits {
+    Limits {
+        max_queued: 1000,
+        max_live: 1000,
+        ..limits(1, max_batch)
+    }
+}
+
+#[test]
+fn a_client_with_one_call_does_not_wait_for_the_crowd_of_another() {
+    let mut setup = Setup::busy(roomy(8));
+    for _ in 0..10 {
+        setup.arrive(64, from((1, 1), Order::request(setup.now)));
+    }
+    setup.ready(0);
+    setup.pass(50);
+    let (late, _) = setup.arrive(1, from((2, 2), Order::request(setup.now)));
+    let started = setup.ready(0);
+    assert!(started.contains(&(late, 1)), "{started:?}");
+}
+
+#[test]
+fn many_connections_of_one_address_share_what_it_gets() {
+    let mut setup = Setup::busy(roomy(10));
+    for connection in 0..50 {
+        setup.arrive(10, from((1, connection), Order::request(setup.now)));
+    }
+    let (other, _) = setup.arrive(100, from((2, 1), Order::request(setup.now)));
+    let of_other = |started: &[(u64, usize)]| -> usize {
+        let own = started.iter().filter(|(request, _)| *request == other);
+        own.map(|(_, characters)| characters).sum()
+    };
+    let first = setup.ready(0);
+    assert_eq!(of_other(&first), 5, "{first:?}");
+}
+
+#[test]
+fn an_urgent_flood_of_one_client_delays_no_plan_of_another() {
+    let mut setup = Setup::busy(roomy(4));
+    for owner in 0..100 {
+        let order = Order::live(OwnerId(owner), setup.now);
+        setup.arrive(1, from((1, 1), order));
+    }
+    setup.pass(10);
+    let order = Order::live(OwnerId(1000), setup.at(200));
+    let (plan, _) = setup.arrive(1, from((2, 1), order));
+    let started = setup.ready(0);
+    assert!(started.contains(&(plan, 1)), "{started:?}");
+}
+
+#[test]
+fn dear_work_counts_for_more() {
+    let mut setup = Setup::busy(limits(1, 11));
+    let dear = Order {
+        work: 10,
+        ..from((1, 1), Order::request(setup.now))
+    };
+    let (dear, _) = setup.arrive(50, dear);
+    let (cheap, _) = setup.arrive(50, from((2, 1), Order::request(setup.now)));
+    let mut started = setup.ready(0);
+    started.sort_unstable();
+    assert_eq!(started, [(dear, 1), (cheap, 10)]);
+}
+
+#[test]
+fn the_client_with_most_makes_room_in_a_full_queue() {
+    let mut setup = Setup::busy(Limits {
+        max_queued: 10,
+        ..limits(1, 4)
+    });
+    let (first, _) = setup.arrive(6, from((1, 1), Order::request(setup.now)));
+    let (second, _) = setup.arrive(4, from((1, 2), Order::request(setup.now)));
+    let (third, actions) = setup.arrive(1, from((2, 1), Order::request(setup.now)));
+    assert!(
+        matches!(actions[..], [Action::PushOut { request, .. }] if request.0 == first),
+        "{actions:?}"
+    );
+    // Its own group has most now, and it has most of the group.
+    let order = from((1, 2), Order::request(setup.now));
+    assert!(setup.scheduler.refuse(&order, 6).is_some());
+    assert_eq!(setup.ready(0), [(second, 3), (third, 1)]);
+}
+
+#[test]
+fn a_group_with_a_larger_share_gets_more() {
+    let mut setup = Setup::busy(limits(1, 10));
+    let mut order = from((1, 1), Order::request(setup.now));
+    order.client.share = 4;
+    let (large, _) = setup.arrive(40, order);
+    let (small, _) = setup.arrive(40, from((2, 1), Order::request(setup.now)));
+    let mut started = setup.ready(0);
+    started.sort_unstable();
+    assert_eq!(started, [(large, 8), (small, 2)]);
+}
+
+#[test]
+fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
+    // The client of three more calls, the characters of each, and what the large call has of the
+    // next batch.
+    let [same, connection, other]: [fn(u64) -> (u64, u64); 3] =
+        [|_| (1, 1), |n| (1, 2 + n), |n| (2 + n, 2 + n)];
+    let cases = [
+        (same, 1, 50),
+        (connection, 1, 10),
+        (other, 1, 10),
+        (other, 13, 13),
+    ];
+    for (client, small, characters) in cases {
+        let mut setup = Setup::busy(Limits {
+            max_batch_time: MS * 101 / 2,
+            shared_batch_time: MS * 21 / 2,
+            ..limits(1, 64)
+        });
+        for _ in 0..200 {
+            setup.step(Event::Tried {
+                work: 10,
+                took: MS * 10,
+            });
+        }
+        let (large, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
+        for number in 0..3 {
+            setup.arrive(small, from(client(number), Order::request(setup.now)));
+        }
+        let taken = setup.ready(0);
+        let of_large = taken.iter().find(|(request, _)| *request == large).unwrap();
+        assert_eq!(of_large.1, characters, "{small} of {:?}", client(0));
+    }
+}
+
+#[test]
+fn many_clients_fill_a_batch_together() {
+    let mut setup = Setup::busy(Limits {
+        shared_batch_time: MS * 21 / 2,
+        ..limits(1, 64)
+    });
+    for _ in 0..200 {
+        setup.step(Event::Tried {
+            work: 10,
+            took: MS * 10,
+        });
+    }
+    for client in 0..60 {
+        setup.arrive(1, from((client, client), Order::request(setup.now)));
+    }
+    assert_eq!(setup.ready(0).len(), 60);
+}
+
+#[test]
+fn a_batch_of_dear_work_is_short_too() {
+    let mut setup = Setup::busy(Limits {
+        max_batch_time: MS * 66,
+        ..limits(1, 64)
+    });
+    for _ in 0..200 {
+        setup.step(Event::Tried {
+            work: 10,
+            took: MS * 10,
+        });
+    }
+    let dear = Order {
+        work: 30,
+        ..Order::request(setup.now)
+    };
+    let (dear, _) = setup.arrive(50, dear);
+    assert_eq!(setup.ready(0), [(dear, 2)]);
 }

@@ -1,11 +1,11 @@
 //! Data that callers and workers share: the locked state, and the parkers that wake workers.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use troupe_engine::TrialRun;
 use troupe_engine::generator::JobId;
+use troupe_engine::{EngineError, TrialRun};
 use troupe_motion::model::Task;
 
 use super::error::SubmitError;
@@ -22,6 +22,8 @@ pub(super) struct Shared {
     parkers: Parkers,
     pub(super) metrics: PackMetrics,
     alive: AtomicUsize,
+    /// Workers end after their running steps, whatever waits.
+    stopped: AtomicBool,
 }
 
 impl Shared {
@@ -32,6 +34,7 @@ impl Shared {
             state: Mutex::new(State::new(limits, metrics.clone())),
             parkers: Parkers::new(limits.workers, spin),
             alive: AtomicUsize::new(limits.workers),
+            stopped: AtomicBool::new(false),
             metrics,
         }
     }
@@ -51,6 +54,9 @@ impl Shared {
         let now = Instant::now();
         let mut replies = Replies::default();
         let mut state = self.state();
+        if self.stopped.load(Ordering::Relaxed) {
+            return Err(EngineError::Stopped.into());
+        }
         let admitted = state.admit(now, tasks, order, reply, &mut replies);
         self.release(state, &mut replies);
         admitted
@@ -64,8 +70,8 @@ impl Shared {
     }
 
     /// Why a call of so many characters would be refused now.
-    pub(super) fn refuse(&self, characters: usize) -> Option<SubmitError> {
-        let refusal = self.state().scheduler().refuse(characters)?;
+    pub(super) fn refuse(&self, order: &Order, characters: usize) -> Option<SubmitError> {
+        let refusal = self.state().scheduler().refuse(order, characters)?;
         self.metrics.rejected(refusal.into());
         Some(refusal.into())
     }
@@ -74,6 +80,16 @@ impl Shared {
     pub(super) fn close(&self) {
         self.state().closed = true;
         self.parkers.unpark_all();
+    }
+
+    /// Workers end after their running steps. All requests fail.
+    pub(super) fn stop(&self) {
+        let mut state = self.state();
+        // Under the lock: a worker looks at it before it parks, and so does a new request.
+        self.stopped.store(true, Ordering::Relaxed);
+        state.abandon();
+        drop(state);
+        self.close();
     }
 
     /// Number of workers that are alive.
@@ -94,8 +110,8 @@ impl Shared {
 
     /// Notes the speed that a starting worker measured. It is the first estimate of how long calls
     /// will wait.
-    pub(super) fn tried(&self, TrialRun { rows, took }: TrialRun) {
-        self.state().tried(Instant::now(), rows, took);
+    pub(super) fn tried(&self, TrialRun { work, took, .. }: TrialRun) {
+        self.state().tried(Instant::now(), work, took);
     }
 
     /// Delivers the results of a worker's last step and gives the worker its next orders. If the
@@ -111,6 +127,9 @@ impl Shared {
         let spin_until = self.parkers.spin_until(Instant::now());
         loop {
             let mut state = self.state();
+            if self.stopped.load(Ordering::Relaxed) {
+                return None;
+            }
             let orders = state.ready(worker, (room, is_idle), step.take(), dropped, replies);
             dropped = &[];
             let is_over = is_idle && orders.is_empty() && state.is_over();

@@ -87,6 +87,8 @@ struct Job {
     outputs: Vec<Option<Output>>,
     /// Number of characters whose answer is not whole yet.
     open: usize,
+    /// See [`Order::work`].
+    work: u32,
     /// Whether a worker has got any of its tasks.
     has_started: bool,
     /// Whether a worker has made any of its answer.
@@ -153,6 +155,7 @@ impl State {
             served: Served::default(),
             outputs: std::iter::repeat_with(|| None).take(characters).collect(),
             open: characters,
+            work: order.work,
             has_started: false,
             has_output: false,
             counted: None,
@@ -176,6 +179,11 @@ impl State {
         }
     }
 
+    /// Fails all requests, because the workers end.
+    pub(super) fn abandon(&mut self) {
+        self.jobs.clear();
+    }
+
     /// Orders all busy workers to drop the jobs of a request.
     fn cancel(&mut self, request: RequestId) {
         for (worker, orders) in self.orders.iter_mut().enumerate() {
@@ -186,8 +194,8 @@ impl State {
     }
 
     /// Gives the scheduler the time of a worker's trial batch.
-    pub(super) fn tried(&mut self, now: Instant, characters: usize, took: Duration) {
-        self.step(now, Event::Tried { characters, took }, &mut Replies::default());
+    pub(super) fn tried(&mut self, now: Instant, work: u64, took: Duration) {
+        self.step(now, Event::Tried { work, took }, &mut Replies::default());
     }
 
     /// A worker is between two steps: delivers the results of the last one, and returns new orders.
@@ -266,7 +274,6 @@ impl State {
         replies: &mut Replies,
     ) {
         let request = RequestId(id.request);
-        let work = self.scheduler.character_time();
         let Some(job) = self.jobs.get_mut(&request) else {
             return;
         };
@@ -304,7 +311,7 @@ impl State {
         }
         served.batch_size = served.batch_size.max(report.jobs);
         if is_last {
-            served.work += work;
+            served.work += self.scheduler.time_of(job.work);
             job.open = job.open.saturating_sub(1);
         }
         let character = id.character as usize;
@@ -386,6 +393,10 @@ impl State {
                     self.metrics.rejected(refusal.into());
                     self.jobs.remove(&request);
                     refused = Some(refusal.into());
+                }
+                Action::PushOut { request, refusal } => {
+                    self.metrics.rejected(Rejection::PushedOut);
+                    self.answer(request, refusal.into(), replies);
                 }
                 Action::Supersede { request } => {
                     self.metrics.rejected(Rejection::Superseded);

@@ -264,7 +264,10 @@ async fn random_jobs_of_many_callers_give_what_they_give_alone() {
         if seed % 50 == 0 {
             tokio::task::yield_now().await;
         }
-        until("room", || setup.batcher.refuse(1).is_none()).await;
+        until("room", || {
+            setup.batcher.refuse(&Order::request(Instant::now()), 1).is_none()
+        })
+        .await;
     }
     while let Some(caller) = callers.join_next().await {
         caller.unwrap();

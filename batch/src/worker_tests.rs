@@ -145,15 +145,15 @@ async fn a_slow_queue_refuses_before_any_work() {
         ..limits(2)
     };
     let setup = setup(limits, TWO).await;
-    assert!(setup.batcher.refuse(1).is_none());
+    assert!(setup.batcher.refuse(&Order::request(Instant::now()), 1).is_none());
     let busy = setup.fill().await;
-    // By the first guess, 2.5 ms each.
+    // By the first guess, 2.4 ms each.
     let waiting = setup.enqueue(0..50);
-    let error = setup.batcher.refuse(1);
+    let error = setup.batcher.refuse(&Order::request(Instant::now()), 1);
     let Some(SubmitError::QueueFull { retry_after, .. }) = error else {
         panic!("{error:?}");
     };
-    assert_eq!(retry_after, Duration::from_millis(125));
+    assert_eq!(retry_after, Duration::from_millis(120));
     setup.shows("reason=\"queue_slow\"} 1");
     // A plan has a place all the same.
     let plan = setup.plan(1);
@@ -162,7 +162,7 @@ async fn a_slow_queue_refuses_before_any_work() {
         setup.permit(worker);
     }
     plan.await.unwrap();
-    assert!(setup.batcher.refuse(1).is_none());
+    assert!(setup.batcher.refuse(&Order::request(Instant::now()), 1).is_none());
 }
 
 /// Tells when its thread lets go of it.

@@ -9,9 +9,9 @@ use axum::{Extension, Router};
 use http::{HeaderMap, header};
 
 use super::admitted::Admitted;
-use super::clients::{Client, Clients};
+use super::clients::{Client, Clients, Identity, Role};
 use super::credentials::Credentials;
-use super::{EdgeError, Front};
+use super::{EdgeError, Front, Lease, is_grpc};
 
 /// Start of the query parameter with a ticket.
 const TICKET: &str = "ticket=";
@@ -52,14 +52,13 @@ impl Access {
         };
         let admitted = match (key(request.headers()), ticket(request, self.front.ticketed)) {
             (Some(key), _) => self.credentials.admit(key)?,
-            (None, Some(ticket)) => self
-                .credentials
-                .tickets()
-                .redeem(ticket)
-                .ok_or(EdgeError::UnknownTicket)?,
+            (None, Some(ticket)) => self.credentials.redeem(ticket)?,
             (None, None) => return Err(EdgeError::NoKey),
         };
-        let role = admitted.identity.role;
+        let Identity { role, ref tenant, .. } = admitted.identity;
+        if needed == Role::Metrics && role == Role::Admin && tenant.is_some() {
+            return Err(EdgeError::OfTenant);
+        }
         if !role.may(needed) {
             tracing::debug!(key = %admitted.identity.name, path, "a key's role does not allow a call");
             return Err(EdgeError::RoleTooLow { role, needed });
@@ -85,16 +84,24 @@ async fn check(State(access): State<Access>, mut request: Request, next: Next) -
     match access.allowed(&request) {
         Ok(None) => {}
         Ok(Some(admitted)) => {
+            let authorization = request.headers().get(header::AUTHORIZATION).cloned();
             let extensions = request.extensions_mut();
             let connected = extensions.get::<Arc<Client>>().cloned();
             let connected = connected.unwrap_or_else(|| access.clients.within());
-            extensions.insert(
-                access
-                    .clients
-                    .with_key(&admitted.account, admitted.quota, &connected),
-            );
+            let lease = Lease::new(access.credentials.clone(), admitted.clone());
+            extensions.insert(access.clients.with_key(
+                &admitted.account,
+                admitted.quota,
+                authorization.as_ref(),
+                &connected,
+            ));
             extensions.insert(admitted.identity.clone());
             extensions.insert(admitted);
+            extensions.insert(lease.clone());
+            if (access.front.is_lasting)(request.uri().path()) {
+                let grpc = is_grpc(request.headers());
+                return lease.limit(next.run(request).await, access.front, grpc);
+            }
         }
         Err(error) => return access.front.turn_away(&error, request.headers()),
     }
@@ -104,7 +111,7 @@ async fn check(State(access): State<Access>, mut request: Request, next: Next) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clients::{Identity, Role, Share, Shares};
+    use crate::clients::{Share, Shares};
     use crate::keys::{self, Keys};
     use troupe_base::telemetry::Telemetry;
 
@@ -113,6 +120,7 @@ mod tests {
         needed: |_, _| Some(Role::Drive),
         is_rpc: |_| false,
         is_stream: |_| false,
+        is_lasting: |_| false,
         is_health: |_| false,
         ticketed: "/v1/drive",
         answer: |error, _| panic!("{error}"),
@@ -125,6 +133,7 @@ mod tests {
         let share = Share {
             bytes: 1024,
             streams: 1,
+            sessions: 1,
         };
         let shares = Shares {
             client: share,

@@ -2,31 +2,31 @@
 //! streams, and sessions.
 //!
 //! A client is a key; without keys, a connection. Its usage counts three times: for the client, for
-//! the address of its connection, and for all clients together. Each of these has a limit.
+//! the address of its connection, and for all clients together. Each of these has a limit. A server
+//! without keys only tells addresses apart: a connection may take all that its address may.
 
+mod debt;
 mod identity;
+mod metrics;
+mod resets;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::Instant;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::time::Duration;
 
+use http::HeaderValue;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
-use troupe_base::turns::{Line, Turns};
+use metrics::ClientMetrics;
+use troupe_base::telemetry::Telemetry;
+use troupe_base::turns::{ClientId, Line, Turns};
+
+pub use debt::Debt;
+pub(crate) use debt::Debts;
+pub(crate) use resets::Resets;
 
 pub use identity::{Identity, Quota, Role};
-
-const TRANSFER: Metric = Metric::new(
-    "troupe_transfer_memory_bytes",
-    "Memory of requests and answers in transfer",
-);
-const REFUSED: Metric = Metric::new(
-    "troupe_client_refusals_total",
-    "Requests of clients that were refused at a limit, by kind (memory, streams, sessions) and by owner \
-     of the limit (client, key, address, all)",
-);
 
 /// Number of accounts from which unused ones are forgotten.
 const MANY_ACCOUNTS: usize = 1024;
@@ -40,6 +40,8 @@ pub struct Share {
     pub bytes: usize,
     /// Open streams.
     pub streams: usize,
+    /// Open sessions.
+    pub sessions: usize,
 }
 
 /// The shares of a server's clients.
@@ -107,16 +109,10 @@ struct Level {
     quota: Quota,
     memory: Arc<Semaphore>,
     streams: Arc<Semaphore>,
+    sessions: Arc<Semaphore>,
     turns: Arc<Line>,
-    sessions: Mutex<OwnSessions>,
-}
-
-/// Sessions that count for a quota.
-#[derive(Debug, Default)]
-struct OwnSessions {
-    ids: HashSet<String>,
-    /// Number of sessions that are being opened.
-    coming: usize,
+    /// Calls that clients cancelled, for an address.
+    resets: Resets,
 }
 
 impl Level {
@@ -128,34 +124,33 @@ impl Level {
         let share = Share {
             bytes: quota.bytes.unwrap_or(usual.bytes),
             streams: quota.streams.unwrap_or(usual.streams),
+            sessions: quota.sessions.unwrap_or(usual.sessions),
         };
+        let places = |count: usize| Arc::new(Semaphore::new(count.min(Semaphore::MAX_PERMITS)));
         Arc::new(Self {
             whose,
             share,
             quota,
-            sessions: Mutex::default(),
-            memory: Arc::new(Semaphore::new((share.bytes / PIECE).min(Semaphore::MAX_PERMITS))),
-            streams: Arc::new(Semaphore::new(share.streams.min(Semaphore::MAX_PERMITS))),
+            memory: places(share.bytes / PIECE),
+            streams: places(share.streams),
+            sessions: places(share.sessions),
             turns: Line::new(),
+            resets: Resets::of_address(),
         })
     }
 
-    fn sessions(&self) -> MutexGuard<'_, OwnSessions> {
-        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The limit, for errors: with the name of the key's option if the key sets it.
-    fn allowed(&self, allowed: String, quota: Option<usize>, name: &str) -> String {
-        match quota {
-            Some(_) => format!("{allowed} ({name} of the key)"),
-            None => allowed,
+    /// The limit, for errors, with the option that decides it.
+    fn allowed(&self, allowed: String, quota: Option<usize>, option: &str) -> String {
+        match (quota, self.whose) {
+            (Some(_), _) => format!("{allowed} ({option} of the key)"),
+            (None, Whose::All) => format!("{allowed} ({option})"),
+            (None, _) => format!("{allowed} (a share of {option})"),
         }
     }
 
-    /// Whether any client or session uses it.
+    /// Whether any client, stream or session uses it. Each of them holds its client.
     fn is_used(level: &Arc<Self>) -> bool {
-        let sessions = level.sessions();
-        Arc::strong_count(level) > 1 || sessions.coming > 0 || !sessions.ids.is_empty()
+        Arc::strong_count(level) > 1
     }
 }
 
@@ -168,52 +163,6 @@ pub struct Clients {
     /// By account: each key and each subject of tokens has one.
     by_key: Mutex<HashMap<String, Arc<Level>>>,
     metrics: Arc<ClientMetrics>,
-}
-
-/// The metrics of all clients.
-#[derive(Debug)]
-struct ClientMetrics {
-    transfer: Gauge,
-    /// By owner of the limit, in the order of [`Whose::EACH`].
-    memory_refused: [Counter; 4],
-    streams_refused: [Counter; 4],
-    sessions_refused: Counter,
-    refusals: Mutex<Seldom>,
-}
-
-impl ClientMetrics {
-    fn new(telemetry: &Telemetry) -> Self {
-        let refused = |kind: &'static str| {
-            Whose::EACH.map(|whose| {
-                let labels = Labels::default().with("kind", kind).with("whose", whose.label());
-                telemetry.counter(&REFUSED, &labels)
-            })
-        };
-        Self {
-            transfer: telemetry.gauge(&TRANSFER, &Labels::default()),
-            memory_refused: refused("memory"),
-            streams_refused: refused("streams"),
-            sessions_refused: {
-                let labels = Labels::default().with("kind", "sessions");
-                telemetry.counter(&REFUSED, &labels.with("whose", Whose::Key.label()))
-            },
-            refusals: Mutex::default(),
-        }
-    }
-
-    /// Counts and logs a refusal of a client at `address`.
-    fn refused(&self, by_whose: &[Counter; 4], whose: Whose, kind: &'static str, address: IpAddr) {
-        by_whose[whose as usize].increment(1);
-        let next = self
-            .refusals
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .next(Instant::now());
-        if let Some(held_back) = next {
-            let whose = whose.label();
-            tracing::warn!(kind, whose, %address, held_back, "a limit of clients is reached");
-        }
-    }
 }
 
 impl Clients {
@@ -245,13 +194,21 @@ impl Clients {
                 of_address,
                 self.all.clone(),
             ],
+            authorization: None,
+            debts: Arc::default(),
             metrics: self.metrics.clone(),
         })
     }
 
     /// The client of an account, on a connection of `connected`. If the account's quota has
-    /// changed, its usage is counted from zero again.
-    pub(crate) fn with_key(&self, account: &str, quota: Quota, connected: &Client) -> Arc<Client> {
+    /// changed, its usage is counted from zero again. `authorization` is the header with the key.
+    pub(crate) fn with_key(
+        &self,
+        account: &str,
+        quota: Quota,
+        authorization: Option<&HeaderValue>,
+        connected: &Client,
+    ) -> Arc<Client> {
         let mut keys = self.by_key.lock().unwrap_or_else(PoisonError::into_inner);
         let known = keys.get(account).filter(|level| level.quota == quota).cloned();
         let of_key = known.unwrap_or_else(|| {
@@ -266,6 +223,8 @@ impl Clients {
         Arc::new(Client {
             address: connected.address,
             levels: [of_key, of_address.clone(), all.clone()],
+            authorization: authorization.cloned(),
+            debts: connected.debts.clone(),
             metrics: self.metrics.clone(),
         })
     }
@@ -282,6 +241,10 @@ pub struct Client {
     /// Of its connection; for IPv6 the /64 network.
     address: IpAddr,
     levels: [Arc<Level>; 3],
+    /// The header with its key. None without keys, or for a ticket.
+    authorization: Option<HeaderValue>,
+    /// What the clients of its connection owe.
+    debts: Arc<Debts>,
     metrics: Arc<ClientMetrics>,
 }
 
@@ -291,10 +254,49 @@ impl Client {
         self.address
     }
 
+    /// Identifies the client to the queues. A key shares with nothing, a connection with the others
+    /// of its address.
+    pub fn id(&self) -> ClientId {
+        let [of_client, of_address, _] = &self.levels;
+        let own = of_client.turns.id();
+        let group = match of_client.whose {
+            Whose::Key => own,
+            _ => of_address.turns.id(),
+        };
+        ClientId {
+            group,
+            own,
+            share: of_client.quota.share.unwrap_or(1),
+        }
+    }
+
     /// The client's fair turns on the server's threads.
     pub fn turns(&self) -> Turns {
         let [of_client, of_address, _] = &self.levels;
-        Turns::new([&of_client.turns, &of_address.turns])
+        Turns::new(self.id(), [&of_client.turns, &of_address.turns])
+    }
+
+    /// Notes that a call of the client was refused because `queue` is full, and may be sent again
+    /// after `wait`.
+    pub fn owes(&self, queue: &str, wait: Duration) {
+        self.debts
+            .add(self.id(), self.authorization.as_ref(), queue, wait);
+    }
+
+    /// What the clients of its connection owe.
+    pub(crate) fn debts(&self) -> &Debts {
+        &self.debts
+    }
+
+    /// Cancelled calls of all connections of its address.
+    pub(crate) fn resets(&self) -> &Resets {
+        let [_, of_address, _] = &self.levels;
+        &of_address.resets
+    }
+
+    /// Counts and logs a connection that is cut because most of its calls were cancelled.
+    pub(crate) fn note_resets(&self) {
+        self.metrics.reset(self.address);
     }
 
     /// Takes memory for a request or an answer. Dropping it gives it back.
@@ -321,63 +323,66 @@ impl Client {
     /// # Errors
     /// [`Exhausted`] at once if none is free.
     pub fn stream(self: &Arc<Self>) -> Result<StreamPlace, Exhausted> {
-        let mut permits = Vec::with_capacity(self.levels.len());
-        for level in &self.levels {
-            let permit = level.streams.clone().try_acquire_owned().map_err(|_| {
-                let metrics = &self.metrics;
-                metrics.refused(&metrics.streams_refused, level.whose, "streams", self.address);
-                Exhausted {
-                    what: "no room for another stream",
-                    whose: level.whose,
-                    allowed: level.allowed(
-                        format!("{} streams", level.share.streams),
-                        level.quota.streams,
-                        "max_streams",
-                    ),
-                    never: level.share.streams == 0,
-                }
-            })?;
-            permits.push(permit);
-        }
+        let places = |level: &Level| level.streams.clone();
+        let permits = self.permits(1, places, |level| {
+            let metrics = &self.metrics;
+            metrics.refused(&metrics.streams_refused, level.whose, "streams", self.address);
+            let most = level.share.streams;
+            Exhausted {
+                what: "no room for another stream",
+                whose: level.whose,
+                allowed: level.allowed(format!("{most} streams"), level.quota.streams, "max_streams"),
+                never: most == 0,
+            }
+        })?;
         Ok(StreamPlace {
             _client: self.clone(),
             _permits: permits,
         })
     }
 
-    /// Reserves `count` sessions of the client's quota; none if it has no such quota. Sessions that
-    /// `is_open` does not find any more no longer count.
+    /// Whether there is room for `count` more sessions.
+    pub fn has_room_for(&self, count: usize) -> bool {
+        let mut levels = self.levels.iter();
+        levels.all(|level| level.sessions.available_permits() >= count)
+    }
+
+    /// Takes places for `count` sessions. Dropping one gives it back.
     ///
     /// # Errors
     /// [`Exhausted`] if there is no room for all of them.
-    pub fn sessions(
-        self: &Arc<Self>,
-        count: usize,
-        is_open: impl Fn(&str) -> bool,
-    ) -> Result<Option<SessionPlaces>, Exhausted> {
-        let [level, ..] = &self.levels;
-        let Some(most) = level.quota.sessions else {
-            return Ok(None);
-        };
-        let mut own = level.sessions();
-        if own.ids.len() + own.coming + count > most {
-            own.ids.retain(|id| is_open(id));
-        }
-        if own.ids.len() + own.coming + count > most {
-            self.metrics.sessions_refused.increment(1);
-            return Err(Exhausted {
+    pub fn sessions(self: &Arc<Self>, count: usize) -> Result<SessionPlaces, Exhausted> {
+        let places = |level: &Level| level.sessions.clone();
+        let permits = self.permits(count, places, |level| {
+            let metrics = &self.metrics;
+            metrics.refused(&metrics.sessions_refused, level.whose, "sessions", self.address);
+            let most = level.share.sessions;
+            Exhausted {
                 what: "no room for as many sessions",
                 whose: level.whose,
-                allowed: level.allowed(format!("{most} sessions"), Some(most), "max_sessions"),
+                allowed: level.allowed(format!("{most} sessions"), level.quota.sessions, "max_sessions"),
                 never: count > most,
-            });
-        }
-        own.coming += count;
-        drop(own);
-        Ok(Some(SessionPlaces {
+            }
+        })?;
+        Ok(SessionPlaces {
             client: self.clone(),
-            count,
-        }))
+            permits,
+        })
+    }
+
+    /// Takes `count` permits of each level, or none.
+    fn permits(
+        &self,
+        count: usize,
+        places: impl Fn(&Level) -> Arc<Semaphore>,
+        refused: impl Fn(&Level) -> Exhausted,
+    ) -> Result<Vec<OwnedSemaphorePermit>, Exhausted> {
+        let count = u32::try_from(count).ok();
+        let permits = self.levels.iter().map(|level| {
+            let permit = count.and_then(|count| places(level).try_acquire_many_owned(count).ok());
+            permit.ok_or_else(|| refused(level))
+        });
+        permits.collect()
     }
 }
 
@@ -393,22 +398,27 @@ pub struct StreamPlace {
 #[derive(Debug)]
 pub struct SessionPlaces {
     client: Arc<Client>,
-    count: usize,
+    /// One for each level of the client.
+    permits: Vec<OwnedSemaphorePermit>,
 }
 
 impl SessionPlaces {
-    /// The sessions are open. They count until they are closed.
-    pub fn keep<'a>(self, ids: impl IntoIterator<Item = &'a str>) {
-        let [level, ..] = &self.client.levels;
-        level.sessions().ids.extend(ids.into_iter().map(str::to_owned));
+    /// Splits off the place of one session. None if no place is left.
+    pub fn split(&mut self) -> Option<SessionPlace> {
+        let permits = self.permits.iter_mut().map(|permit| permit.split(1));
+        Some(SessionPlace {
+            _client: self.client.clone(),
+            _permits: permits.collect::<Option<_>>()?,
+        })
     }
 }
 
-impl Drop for SessionPlaces {
-    fn drop(&mut self) {
-        let [level, ..] = &self.client.levels;
-        level.sessions().coming -= self.count;
-    }
+/// A client's place for an open session.
+#[derive(Debug)]
+pub struct SessionPlace {
+    /// Keeps the client's account alive.
+    _client: Arc<Client>,
+    _permits: Vec<OwnedSemaphorePermit>,
 }
 
 /// Memory that counts for a client's request or answer.

@@ -9,6 +9,9 @@ pub const BEARER: &str = "Bearer and a key";
 /// Most bytes of a request's headers and path, with 32 bytes added for each header.
 pub const MAX_HEAD_BYTES: usize = 16 << 10;
 
+/// Keys that may read metrics.
+pub const METRICS_KEYS: &str = "a key of the role metrics, or of the role admin without a tenant";
+
 /// Why the edge refuses a request.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum EdgeError {
@@ -42,6 +45,15 @@ pub enum EdgeError {
     /// A token that is not accepted.
     #[error("Authorization has a token that is not accepted: {0}")]
     Token(TokenError),
+    /// The key of an open stream, or of a ticket, was removed or has another role now.
+    #[error("the key was removed or changed, so its streams end")]
+    KeyRemoved,
+    /// The token of an open stream, or of a ticket, has expired.
+    #[error("the token has expired, so its streams end")]
+    TokenExpired,
+    /// A tenant's key that would read the metrics of all tenants.
+    #[error("the key is of a tenant, and metrics are of all tenants; allowed: {METRICS_KEYS}")]
+    OfTenant,
     /// A ticket that is unknown, used or expired.
     #[error(
         "ticket is unknown, used or expired; allowed: an unused one from POST /v1/tickets, at most 30 s old"

@@ -17,6 +17,9 @@ pub struct Front {
     /// Whether a path is that of a live stream. The memory of its messages is not counted: they are
     /// short, and each is freed before the next is read.
     pub is_stream: fn(&str) -> bool,
+    /// Whether answers of a path may take longer than any request: streams, and answers in parts.
+    /// They end with the credential of their caller.
+    pub is_lasting: fn(&str) -> bool,
     /// Whether a path is for health checks or metrics. It is also answered on connections beyond
     /// the limit.
     pub is_health: fn(&str) -> bool,

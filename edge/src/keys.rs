@@ -17,6 +17,22 @@ const SECRET_BYTES: usize = 32;
 pub(super) const HASH_BYTES: usize = 32;
 /// Longest name, bytes.
 const MAX_NAME_BYTES: usize = 128;
+/// Largest share of a key in the queues.
+const MAX_SHARE: u32 = 100;
+/// The fields of an entry.
+const FIELDS: [&str; 8] = [
+    "name",
+    "sha256",
+    "role",
+    "tenant",
+    "max_sessions",
+    "max_streams",
+    "transfer_memory_mib",
+    "share",
+];
+/// Characters without a space that messages about a file of keys do not show. Names of options and
+/// roles are shorter, keys and their hashes longer.
+const MIN_SECRET_CHARS: usize = 24;
 /// The name of the key that a server makes for scrapes of its metrics.
 const METRICS: &str = "metrics";
 /// The name of the key that a server makes for one run.
@@ -78,6 +94,7 @@ struct Entry {
     max_sessions: Option<usize>,
     max_streams: Option<usize>,
     transfer_memory_mib: Option<usize>,
+    share: Option<u32>,
 }
 
 /// A key that the server accepts, as its hash.
@@ -107,7 +124,11 @@ impl Entry {
             ("transfer_memory_mib", self.transfer_memory_mib),
         ];
         let zero = quotas.iter().find(|(_, quota)| *quota == Some(0));
-        zero.map(|(option, _)| format!("{option} of {name:?} is 0; allowed: 1 or more"))
+        if let Some((option, _)) = zero {
+            return Some(format!("{option} of {name:?} is 0; allowed: 1 or more"));
+        }
+        let share = self.share.filter(|share| !(1..=MAX_SHARE).contains(share));
+        share.map(|share| format!("share of {name:?} is {share}; allowed: 1 to {MAX_SHARE}"))
     }
 
     fn known(self) -> Result<Known, String> {
@@ -131,6 +152,7 @@ impl Entry {
                 sessions: self.max_sessions,
                 streams: self.max_streams,
                 bytes: self.transfer_memory_mib.map(|mib| mib.saturating_mul(1 << 20)),
+                share: self.share,
             },
         })
     }
@@ -157,7 +179,10 @@ impl Keys {
     }
 
     pub(super) fn read(text: &str) -> Result<Self, String> {
-        let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
+        let file: File = toml::from_str(text).map_err(|error| {
+            let place = place_of(text, error.span().map_or(0, |span| span.start));
+            format!("{place}: {}", without_secrets(error.message()))
+        })?;
         if file.keys.is_empty() {
             return Err("keys is empty; allowed: one entry or more".to_owned());
         }
@@ -174,7 +199,8 @@ impl Keys {
                 )),
             }
         });
-        known.collect::<Result<_, String>>().map(Self)
+        let known = known.collect::<Result<_, String>>().map(Self);
+        known.map_err(|message| without_secrets(&message))
     }
 
     /// A new key with the role admin, as it is checked and as text.
@@ -234,17 +260,47 @@ impl Keys {
         self
     }
 
-    /// The identity and quota of a key. The search takes the same time for every key.
-    pub(super) fn find(&self, key: &str) -> Option<(&Identity, Quota)> {
-        let hash = hash(key);
+    /// The identity and quota of the key with this hash. The search takes the same time for all
+    /// keys.
+    pub(super) fn find(&self, hash: &[u8; HASH_BYTES]) -> Option<(&Identity, Quota)> {
         let mut found = None;
         for known in &self.0 {
-            if bool::from(known.hash.ct_eq(&hash)) {
+            if bool::from(known.hash.ct_eq(hash)) {
                 found = Some((&known.identity, known.quota));
             }
         }
         found
     }
+}
+
+/// The line, from 1, of the byte at `offset`, and the field that is set there.
+fn place_of(text: &str, offset: usize) -> String {
+    let before = text.as_bytes().iter().take(offset);
+    let index = before.filter(|&&byte| byte == b'\n').count();
+    let set = text.lines().nth(index).and_then(|line| line.split_once('='));
+    let field = set.map_or("", |(name, _)| name.trim());
+    match FIELDS.contains(&field) {
+        true => format!("line {}: {field}", index + 1),
+        false => format!("line {}", index + 1),
+    }
+}
+
+/// A message about a file of keys for the log. Whoever mistakes a line may have put a key into it,
+/// so everything that is as long as a key is left out.
+fn without_secrets(message: &str) -> String {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || "_-+/=.".contains(c);
+    let (mut shown, mut word) = (String::new(), String::new());
+    for c in message.chars().map(Some).chain([None]) {
+        if let Some(c) = c.filter(|&c| is_part(c)) {
+            word.push(c);
+            continue;
+        }
+        let is_secret = word.len() >= MIN_SECRET_CHARS;
+        shown.push_str(if is_secret { "[left out]" } else { &word });
+        word.clear();
+        shown.extend(c);
+    }
+    shown
 }
 
 /// Writes a new file that its owner and group may read. After an error there is no file.
@@ -325,7 +381,7 @@ mod tests {
         assert!(!file.contains(&drive));
         let keys = Keys::read(&file).unwrap();
         let find = |keys: &Keys, key: &str| {
-            let (identity, _) = keys.find(key)?;
+            let (identity, _) = keys.find(&hash(key))?;
             Some((identity.name.to_string(), identity.role))
         };
         assert_eq!(
@@ -334,7 +390,7 @@ mod tests {
         );
         assert_eq!(find(&keys, &admin), Some(("ops".to_owned(), Role::Admin)));
         for wrong in ["", "troupe_", &drive[1..], &format!("{drive} ")] {
-            assert_eq!(keys.find(wrong), None, "{wrong}");
+            assert_eq!(keys.find(&hash(wrong)), None, "{wrong}");
         }
         let (keys, key) = Keys::one_time();
         assert_eq!(find(&keys, &key), Some((ONE_TIME.to_owned(), Role::Admin)));
@@ -344,14 +400,14 @@ mod tests {
     fn an_entry_may_have_a_tenant_and_quotas() {
         let rest = "tenant = \"a\"\nmax_sessions = 3\nmax_streams = 2\ntransfer_memory_mib = 5\n";
         let keys = Keys::read(&(entry("game", Role::Drive, "secret") + rest)).unwrap();
-        let (identity, quota) = keys.find("secret").unwrap();
+        let (identity, quota) = keys.find(&hash("secret")).unwrap();
         assert_eq!(identity.tenant.as_deref(), Some("a"));
         assert_eq!(
             (quota.sessions, quota.streams, quota.bytes),
             (Some(3), Some(2), Some(5 << 20))
         );
         let plain = Keys::read(&entry("game", Role::Drive, "secret")).unwrap();
-        assert_eq!(plain.find("secret").unwrap().1, Quota::default());
+        assert_eq!(plain.find(&hash("secret")).unwrap().1, Quota::default());
     }
 
     #[test]
@@ -361,7 +417,7 @@ mod tests {
         Keys::of_metrics(&path).unwrap();
         let key = std::fs::read_to_string(&path).unwrap();
         let again = Keys::of_metrics(&path).unwrap();
-        assert_eq!(again.find(&key).unwrap().0.role, Role::Metrics);
+        assert_eq!(again.find(&hash(&key)).unwrap().0.role, Role::Metrics);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt as _;
@@ -385,6 +441,24 @@ mod tests {
         let good = entry("a", Role::Author, "secret");
         let error = |text: &str| Keys::read(text).unwrap_err();
         assert!(error("keys = []").contains("one entry or more"));
+        for (broken, line) in [
+            ("name = \"a\n", 2),
+            ("max_streams = \"troupe_0123456789abcdef0123456789abcdef\"\n", 5),
+            ("troupe_0123456789abcdef0123456789abcdef = 1\n", 5),
+            ("troupe_0123456789abcdef0123456789abcdef\n", 5),
+            ("tenant = \"troupe 0123456789abcdef0123456789abcdef\"\n", 0),
+        ] {
+            let text = match line {
+                2 => format!("[[keys]]\n{broken}"),
+                _ => format!("{good}{broken}"),
+            };
+            let shown = error(&text);
+            assert!(!shown.contains("0123456789abcdef"), "{shown}");
+            assert!(
+                line == 0 || shown.starts_with(&format!("line {line}: ")),
+                "{shown}"
+            );
+        }
         assert!(error(&good.replace("author", "boss")).contains("boss"));
         assert!(error(&good.replace("sha256 = \"", "sha256 = \"0")).contains("keys[0].sha256 of \"a\""));
         assert!(error(&good.replace("name", "label")).contains("label"));
@@ -393,6 +467,10 @@ mod tests {
         assert_eq!(
             with("max_streams = 0"),
             "keys[0].max_streams of \"a\" is 0; allowed: 1 or more"
+        );
+        assert_eq!(
+            with("share = 101"),
+            "keys[0].share of \"a\" is 101; allowed: 1 to 100"
         );
         assert!(with("tenant = \"\"").starts_with("keys[0].tenant of \"a\" is"));
         assert!(with("max_sessions = -1").contains("max_sessions"));

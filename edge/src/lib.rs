@@ -8,7 +8,7 @@
 //! | [`port`] | connections: their number and lifetime, TLS, HTTP/1.1 and HTTP/2 on one port |
 //! | [`clients`] | the identity of callers, and limits on their memory, streams and sessions |
 //! | [`keys`], [`tokens`], [`credentials`] | API keys, tokens (JWT), and the check of both |
-//! | [`access`] | checks that a caller's role allows a call |
+//! | [`access`], [`Lease`] | checks that a caller's role allows a call, and ends streams with their credential |
 //! | [`guard`] | checks the headers `Origin` and `Host` against web pages of other sites |
 //! | [`head`], [`traffic`], [`reserve`] | limits of headers and bodies; answers beyond the limit of connections |
 //! | [`observe`] | ids and traces of requests, counts of refused requests |
@@ -23,6 +23,7 @@ mod front;
 pub mod guard;
 pub mod head;
 pub mod keys;
+mod lease;
 pub mod observe;
 pub mod port;
 mod refusals;
@@ -34,6 +35,7 @@ pub mod traffic;
 mod verify;
 
 pub use admitted::Admitted;
-pub use error::{BEARER, EdgeError, MAX_HEAD_BYTES};
+pub use error::{BEARER, EdgeError, MAX_HEAD_BYTES, METRICS_KEYS};
 pub use front::{Front, is_grpc};
+pub use lease::Lease;
 pub use tickets::TICKET_LIFETIME;

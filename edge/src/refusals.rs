@@ -63,10 +63,10 @@ impl RequestRefusal {
             EdgeError::NotAllowed { header: "Origin", .. } => Some(Self::Origin),
             EdgeError::NotAllowed { .. } => Some(Self::Host),
             EdgeError::NoKey => Some(Self::KeyMissing),
-            EdgeError::UnknownKey => Some(Self::KeyUnknown),
-            EdgeError::RoleTooLow { .. } => Some(Self::Role),
+            EdgeError::UnknownKey | EdgeError::KeyRemoved => Some(Self::KeyUnknown),
+            EdgeError::RoleTooLow { .. } | EdgeError::OfTenant => Some(Self::Role),
             EdgeError::HeadersTooLarge { .. } => Some(Self::Headers),
-            EdgeError::Token(_) | EdgeError::UnknownTicket => Some(Self::Other),
+            EdgeError::Token(_) | EdgeError::TokenExpired | EdgeError::UnknownTicket => Some(Self::Other),
             EdgeError::Exhausted(_)
             | EdgeError::TooManyTickets { .. }
             | EdgeError::NoTickets

@@ -7,8 +7,8 @@ use std::time::Duration;
 use sha2::{Digest as _, Sha256};
 use tokio::sync::Notify;
 
-/// Time between two looks at the files.
-const LOOK_INTERVAL: Duration = Duration::from_secs(2);
+/// Time between two looks at the files. The streams of a removed key end within a second.
+const LOOK_INTERVAL: Duration = Duration::from_millis(500);
 
 type Fingerprint = [u8; 32];
 type Read = Box<dyn Fn() -> Result<(), String> + Send + Sync>;

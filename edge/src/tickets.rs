@@ -70,7 +70,7 @@ mod tests {
             role: Role::Drive,
             tenant: Some("t".into()),
         };
-        Admitted::by_key(identity, Quota::default())
+        Admitted::by_key(identity, Quota::default(), [0; HASH_BYTES])
     }
 
     #[tokio::test(start_paused = true)]

@@ -107,18 +107,18 @@ impl Checked {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The identity in a token, if the token was checked before and has not expired.
-    fn find(&self, token: &[u8; HASH_BYTES]) -> Option<Identity> {
+    /// The identity in a token and its end, if the token was checked before and has not expired.
+    fn find(&self, token: &[u8; HASH_BYTES]) -> Option<(Identity, u64)> {
         let known = self.known();
         let (identity, end_s) = known.get(token)?;
-        (get_current_timestamp() <= *end_s).then(|| identity.clone())
+        (get_current_timestamp() < *end_s).then(|| (identity.clone(), *end_s))
     }
 
     fn remember(&self, token: [u8; HASH_BYTES], identity: Identity, end_s: u64) {
         let mut known = self.known();
         if known.len() >= MOST_CHECKED {
             let now_s = get_current_timestamp();
-            known.retain(|_, (_, end_s)| now_s <= *end_s);
+            known.retain(|_, (_, end_s)| now_s < *end_s);
         }
         if known.len() >= MOST_CHECKED {
             known.clear();
@@ -179,20 +179,20 @@ impl Tokens {
         }
     }
 
-    /// The identity in a valid token.
+    /// The identity in a valid token, and seconds since 1970 from which on the token is refused.
     ///
     /// # Errors
     /// [`TokenError`] if the token is not accepted.
-    pub(super) fn check(&self, token: &str) -> Result<Identity, TokenError> {
+    pub(super) fn check(&self, token: &str) -> Result<(Identity, u64), TokenError> {
         let hash = hash(token);
-        if let Some(identity) = self.checked.find(&hash) {
-            return Ok(identity);
+        if let Some(known) = self.checked.find(&hash) {
+            return Ok(known);
         }
         let claims = self.claims(token)?;
         let end_s = (claims.exp as u64).saturating_add(LEEWAY_S);
         let identity = identity(claims)?;
         self.checked.remember(hash, identity.clone(), end_s);
-        Ok(identity)
+        Ok((identity, end_s))
     }
 
     /// The claims of a token, if its signature and its time are valid.
@@ -339,7 +339,7 @@ mod tests {
         checked.remember([1; HASH_BYTES], identity("late"), now_s - 1);
         checked.remember([2; HASH_BYTES], identity("a"), now_s + 60);
         assert_eq!(checked.find(&[1; HASH_BYTES]), None);
-        assert_eq!(checked.find(&[2; HASH_BYTES]), Some(identity("a")));
+        assert_eq!(checked.find(&[2; HASH_BYTES]), Some((identity("a"), now_s + 60)));
         assert_eq!(checked.find(&[3; HASH_BYTES]), None);
         for number in 0..MOST_CHECKED {
             checked.remember(hash(&number.to_string()), identity("b"), now_s + 60);

@@ -19,8 +19,10 @@ use super::clients::{Client, Clients, Exhausted, Memory};
 use super::{EdgeError, Front, is_grpc};
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
-/// Answers up to this size, in bytes, are neither counted nor cut into pieces.
-const SMALL: usize = 64 << 10;
+/// Answers up to this size, in bytes, are not counted: an open call takes more.
+const UNCOUNTED_BYTES: usize = 1 << 10;
+/// Bytes of a piece of an answer.
+const PIECE_BYTES: usize = 64 << 10;
 
 const RECEIVED: Metric = Metric::new(
     "troupe_request_body_bytes_total",
@@ -89,7 +91,7 @@ pub const COPIES_AS_JSON: usize = 4;
 /// [`Exhausted`] if there is not enough.
 pub fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Option<Reserved>, Exhausted> {
     match client {
-        Some(client) if bytes > SMALL => Ok(Some(Reserved::new(client.memory(bytes)?))),
+        Some(client) if bytes > UNCOUNTED_BYTES => Ok(Some(Reserved::new(client.memory(bytes)?))),
         _ => Ok(None),
     }
 }
@@ -100,8 +102,10 @@ async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next)
     let client = client.unwrap_or_else(|| traffic.clients.within());
     request.extensions_mut().insert(client.clone());
     let grpc = is_grpc(request.headers());
+    // The queue shares by client, so calls run in its scope.
+    let turns = client.turns();
     if (traffic.front.is_stream)(request.uri().path()) {
-        return next.run(request).await;
+        return turns.scope(next.run(request)).await;
     }
     let refused = Arc::new(OnceLock::new());
     let memory = Arc::new(Mutex::new(client.no_memory()));
@@ -113,26 +117,38 @@ async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next)
             received: traffic.received.clone(),
         })
     });
-    let response = next.run(request).await;
+    let response = turns.scope(next.run(request)).await;
     drop(memory);
     if let Some(error) = refused.get() {
         return traffic.front.turn_away_in(&EdgeError::from(error.clone()), grpc);
     }
-    match hold(&client, response, &traffic) {
+    match hold(&client, response, &traffic).await {
         Ok(response) => response,
         Err(error) => traffic.front.turn_away_in(&EdgeError::from(error), grpc),
     }
 }
 
 /// Counts the memory of an answer until it is sent or dropped.
-fn hold(client: &Arc<Client>, mut response: Response, traffic: &Traffic) -> Result<Response, Exhausted> {
+async fn hold(
+    client: &Arc<Client>,
+    mut response: Response,
+    traffic: &Traffic,
+) -> Result<Response, Exhausted> {
     let reserved = response.extensions_mut().remove::<Option<Reserved>>();
     let mut memory = reserved.flatten().and_then(|reserved| reserved.take());
     let size = response.body().size_hint().exact();
+    // The connection takes the body only as fast as its client reads, and a gRPC answer that waits
+    // in it has no known size. Its first part counts now.
+    let first = match size {
+        Some(_) => None,
+        None => at_once(response.body_mut()).await,
+    };
+    let made = first.as_ref().and_then(|first| first.as_ref().ok()?.data_ref());
+    let made = size.or(made.map(|data| data.len() as u64));
     if memory.is_none()
-        && let Some(size) = size.filter(|&size| size > SMALL as u64)
+        && let Some(made) = made.filter(|&made| made > UNCOUNTED_BYTES as u64)
     {
-        memory = Some(client.memory(usize::try_from(size).unwrap_or(usize::MAX))?);
+        memory = Some(client.memory(usize::try_from(made).unwrap_or(usize::MAX))?);
     }
     if memory.is_none()
         && let Some(size) = size
@@ -143,6 +159,7 @@ fn hold(client: &Arc<Client>, mut response: Response, traffic: &Traffic) -> Resu
     Ok(response.map(|inner| {
         let held = Arc::new(Mutex::new(Held {
             answer: Some(inner),
+            first,
             piece: Bytes::new(),
             memory,
             waits_since: Some(Instant::now()),
@@ -156,6 +173,20 @@ fn hold(client: &Arc<Client>, mut response: Response, traffic: &Traffic) -> Resu
             sent: traffic.sent.clone(),
         })
     }))
+}
+
+/// The first part of a body, if it is there.
+async fn at_once(body: &mut Body) -> Option<Result<Frame<Bytes>, axum::Error>> {
+    let first = std::future::poll_fn(|context| Poll::Ready(Pin::new(&mut *body).poll_frame(context)));
+    match first.await {
+        Poll::Ready(Some(first)) => Some(first),
+        Poll::Ready(None) => {
+            // A body must not be polled after its end.
+            *body = Body::empty();
+            None
+        }
+        Poll::Pending => None,
+    }
 }
 
 /// The body of a request, which counts its bytes as they come.
@@ -204,6 +235,8 @@ impl http_body::Body for Counted {
 struct Held {
     /// None once it was dropped.
     answer: Option<Body>,
+    /// The first part, if it was there when the answer began.
+    first: Option<Result<Frame<Bytes>, axum::Error>>,
     /// The unsent rest of the last piece.
     piece: Bytes,
     memory: Option<Memory>,
@@ -223,6 +256,7 @@ async fn watch(held: Weak<Mutex<Held>>, limit: Duration) {
             match held.waits_since {
                 Some(since) if since.elapsed() >= limit => {
                     held.piece = Bytes::new();
+                    held.first = None;
                     Some((held.answer.take(), held.memory.take()))
                 }
                 _ => None,
@@ -267,7 +301,11 @@ impl http_body::Body for Outgoing {
                 let error = std::io::Error::other("the answer was not read in time");
                 return Poll::Ready(Some(Err(axum::Error::new(error))));
             };
-            let frame = match std::task::ready!(Pin::new(answer).poll_frame(context)) {
+            let next = match held.first.take() {
+                Some(first) => Some(first),
+                None => std::task::ready!(Pin::new(answer).poll_frame(context)),
+            };
+            let frame = match next {
                 Some(Ok(frame)) => frame,
                 ended => return Poll::Ready(ended),
             };
@@ -275,7 +313,7 @@ impl http_body::Body for Outgoing {
                 Ok(data) => held.piece = data,
                 Err(other) => return Poll::Ready(Some(Ok(other))),
             }
-            if held.memory.is_none() && held.piece.len() > SMALL {
+            if held.memory.is_none() && held.piece.len() > UNCOUNTED_BYTES {
                 held.memory = match this.client.memory(held.piece.len()) {
                     Ok(memory) => Some(memory),
                     Err(error) => {
@@ -286,7 +324,7 @@ impl http_body::Body for Outgoing {
                 };
             }
         }
-        let length = held.piece.len().min(SMALL);
+        let length = held.piece.len().min(PIECE_BYTES);
         let piece = held.piece.split_to(length);
         held.waits_since = Some(Instant::now());
         this.sent.increment(length as u64);
@@ -295,7 +333,9 @@ impl http_body::Body for Outgoing {
 
     fn is_end_stream(&self) -> bool {
         let held = lock(&self.held);
-        !held.piece.has_remaining() && held.answer.as_ref().is_some_and(http_body::Body::is_end_stream)
+        held.first.is_none()
+            && !held.piece.has_remaining()
+            && held.answer.as_ref().is_some_and(http_body::Body::is_end_stream)
     }
 
     fn size_hint(&self) -> SizeHint {

@@ -12,7 +12,7 @@
 use std::cmp::Reverse;
 use std::time::{Duration, Instant};
 
-use troupe_motion::model::{Dims, GLOBAL_ROOT, KeyframeTask, Motion, SIX_D, Trace, all_finite};
+use troupe_motion::model::{Dims, GLOBAL_ROOT, KeyframeTask, Motion, SIX_D, Trace, all_finite, work_of};
 
 use super::fill::FillRows as _;
 use super::sampling::{PoseSampler, fill_count_noise, fill_root_noise};
@@ -79,6 +79,8 @@ impl StageTimes {
 pub struct TrialRun {
     /// Rows of the batch.
     pub rows: usize,
+    /// Their [work](troupe_motion::model::Task::work).
+    pub work: u64,
     /// Duration of the three stages together.
     pub took: Duration,
 }
@@ -156,7 +158,8 @@ impl Pipeline {
             self.run_root_of_nothing(rows)?;
             self.run_tokens_of_nothing(rows, self.dims.max_tokens)
         })?;
-        self.trial = Some(TrialRun { rows, took });
+        let work = rows as u64 * u64::from(work_of(self.dims.max_frames(), 3));
+        self.trial = Some(TrialRun { rows, work, took });
         self.check_finite(rows)
     }
 

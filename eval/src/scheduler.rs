@@ -122,7 +122,7 @@ impl Simulation {
             callers,
         };
         let trial = Event::Tried {
-            characters: TRIAL,
+            work: TRIAL as u64,
             took: simulation.batch_time(TRIAL),
         };
         simulation.step(trial);
@@ -250,7 +250,7 @@ impl Simulation {
                     self.requests.remove(&request);
                     self.figures.superseded += 1;
                 }
-                Action::Refuse { request, refusal } => {
+                Action::Refuse { request, refusal } | Action::PushOut { request, refusal } => {
                     self.figures.refused += 1;
                     if let Some(Request { caller, .. }) = self.requests.remove(&request)
                         && let Caller::Calls(_) = self.callers[caller]

@@ -6,7 +6,10 @@
 #[cfg(any(test, feature = "testing"))]
 pub mod disk;
 
+use std::any::Any;
 use std::fmt;
+use std::io::ErrorKind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use redb::{Builder, Database, DatabaseError, ReadableDatabase as _, ReadableTable as _, TableDefinition};
@@ -57,10 +60,31 @@ pub enum RecordsError {
         /// The database's reason.
         error: Box<redb::Error>,
     },
+    /// The file is not as it was written.
+    #[error(
+        "store: {place} is damaged ({reason}); put a copy of it in its place, or move it away and start without \
+         the sessions in it"
+    )]
+    Damaged {
+        /// Path of the file.
+        place: String,
+        /// What the database found.
+        reason: String,
+    },
 }
 
 /// Opens the database: at the start, and again after an error.
 type Open = Box<dyn Fn() -> Result<Database, DatabaseError> + Send + Sync>;
+
+/// Checks the checksums of a whole file when it is opened. Otherwise a damaged record would be
+/// found late, or not at all.
+fn builder() -> Builder {
+    let mut builder = Builder::new();
+    builder
+        .set_cache_size(CACHE_BYTES)
+        .set_check_integrity_on_open(true);
+    builder
+}
 
 /// The records of a server.
 pub struct Records {
@@ -76,35 +100,41 @@ impl fmt::Debug for Records {
     }
 }
 
-/// Records to write or remove, in order. `None` removes a record.
+/// Records to write or remove.
 #[derive(Debug, Default)]
-pub struct Changes(Vec<(Kind, String, Option<Vec<u8>>)>);
+pub struct Changes {
+    /// In order. `None` removes a record.
+    list: Vec<(Kind, String, Option<Vec<u8>>)>,
+    /// Size of all records to write.
+    bytes: usize,
+}
 
 impl Changes {
     /// Adds or replaces a record.
     pub fn put(&mut self, kind: Kind, name: impl Into<String>, record: Vec<u8>) {
-        self.0.push((kind, name.into(), Some(record)));
+        self.bytes += record.len();
+        self.list.push((kind, name.into(), Some(record)));
     }
 
     /// Removes a record.
     pub fn remove(&mut self, kind: Kind, name: impl Into<String>) {
-        self.0.push((kind, name.into(), None));
+        self.list.push((kind, name.into(), None));
     }
 
     /// Whether there is nothing to write.
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.list.is_empty()
     }
 
-    /// Number of records to write or remove.
-    pub fn len(&self) -> usize {
-        self.0.len()
+    /// Kinds and names of the records to remove.
+    pub fn removed(&self) -> impl Iterator<Item = (Kind, &str)> {
+        let removed = self.list.iter().filter(|(_, _, record)| record.is_none());
+        removed.map(|(kind, name, _)| (*kind, name.as_str()))
     }
 
     /// Size of all records to write, bytes.
     pub fn bytes(&self) -> usize {
-        let records = self.0.iter().filter_map(|(_, _, record)| record.as_ref());
-        records.map(Vec::len).sum()
+        self.bytes
     }
 }
 
@@ -120,7 +150,7 @@ impl Records {
         })?;
         let file = folder.join(FILE);
         let place = file.display().to_string();
-        let open = move || Builder::new().set_cache_size(CACHE_BYTES).create(&file);
+        let open = move || builder().create(&file);
         Self::opened(Box::new(open), place).map_err(|error| match error {
             RecordsError::File { error, .. } if matches!(*error, redb::Error::DatabaseAlreadyOpen) => {
                 RecordsError::InUse(folder.to_owned())
@@ -135,47 +165,94 @@ impl Records {
             place,
             database: None,
         };
-        records.database()?;
+        records.run(|_| Ok(()))?;
         Ok(records)
     }
 
-    fn failed(&self, error: impl Into<redb::Error>) -> RecordsError {
-        RecordsError::File {
-            place: self.place.clone(),
-            error: Box::new(error.into()),
+    /// Runs `work` on the database, and opens it first if needed. The database is closed after an
+    /// error. It panics on some damaged files: a panic is an error, too.
+    fn run<T>(&mut self, work: impl FnOnce(&Database) -> Result<T, redb::Error>) -> Result<T, RecordsError> {
+        // Nothing that a panic leaves behind is used: the database is dropped.
+        let done = catch_unwind(AssertUnwindSafe(|| {
+            let database = match self.database.take() {
+                Some(database) => database,
+                None => (self.open)()?,
+            };
+            let done = work(self.database.insert(database))?;
+            Ok(done)
+        }));
+        let error = match done {
+            Ok(Ok(done)) => return Ok(done),
+            Ok(Err(error)) => self.failed(error),
+            Err(panic) => self.damaged(panicked(&*panic)),
+        };
+        self.close();
+        Err(error)
+    }
+
+    fn failed(&self, error: redb::Error) -> RecordsError {
+        match error {
+            redb::Error::Corrupted(reason) => self.damaged(reason),
+            redb::Error::Io(error) if is_damage(error.kind()) => self.damaged(error.to_string()),
+            error @ redb::Error::UpgradeRequired(_) => self.damaged(error.to_string()),
+            error => RecordsError::File {
+                place: self.place.clone(),
+                error: Box::new(error),
+            },
         }
     }
 
-    fn database(&mut self) -> Result<&Database, RecordsError> {
-        let database = match self.database.take() {
-            Some(database) => database,
-            None => (self.open)().map_err(|error| self.failed(error))?,
-        };
-        Ok(self.database.insert(database))
+    fn damaged(&self, reason: String) -> RecordsError {
+        RecordsError::Damaged {
+            place: self.place.clone(),
+            reason,
+        }
+    }
+
+    fn close(&mut self) {
+        let database = self.database.take();
+        // The database writes while it closes, so a damaged file may make it panic here, too.
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(database)));
     }
 
     /// All records of a kind, sorted by name.
     ///
     /// # Errors
-    /// [`RecordsError::File`].
+    /// [`RecordsError::File`] and [`RecordsError::Damaged`].
     pub fn all(&mut self, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, RecordsError> {
-        let database = self.database()?;
-        read_all(database, kind).map_err(|error| self.failed(error))
+        self.run(|database| read_all(database, kind))
     }
 
     /// Writes all changes or none. They are on the disk when this returns. After an error the next
     /// call opens the file again.
     ///
     /// # Errors
-    /// [`RecordsError::File`]. The file then has the same records as before.
+    /// [`RecordsError::File`] and [`RecordsError::Damaged`]. The file then has the same records as
+    /// before, or those after the changes.
     pub fn write(&mut self, changes: &Changes) -> Result<(), RecordsError> {
-        let database = self.database()?;
-        let written = write_all(database, changes);
-        written.map_err(|error| {
-            self.database = None;
-            self.failed(error)
-        })
+        self.run(|database| write_all(database, changes))
     }
+}
+
+impl Drop for Records {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
+
+/// Whether an error of this kind comes from the content of a file.
+fn is_damage(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::InvalidData | ErrorKind::UnexpectedEof | ErrorKind::InvalidInput
+    )
+}
+
+fn panicked(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("the database gave no reason")
+        .to_owned()
 }
 
 fn read_all(database: &Database, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, redb::Error> {
@@ -199,7 +276,7 @@ fn write_all(database: &Database, changes: &Changes) -> Result<(), redb::Error> 
     writing.set_quick_repair(true);
     for kind in [Kind::Session, Kind::Scene] {
         let mut table = writing.open_table(kind.table())?;
-        for (_, name, record) in changes.0.iter().filter(|(of, _, _)| *of == kind) {
+        for (_, name, record) in changes.list.iter().filter(|(of, _, _)| *of == kind) {
             match record {
                 Some(record) => table.insert(name.as_str(), record.as_slice())?,
                 None => table.remove(name.as_str())?,

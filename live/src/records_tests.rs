@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use rand::{Rng as _, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use super::disk::{Shared, on};
+use super::disk::{Fault, Shared, on};
 use super::*;
 
 type All = BTreeMap<String, Vec<u8>>;
@@ -42,10 +42,11 @@ fn a_thousand_faults_lose_nothing_that_was_written() {
         let mut now = All::new();
         for _ in 0..rng.random_range(1..5) {
             let (changes, then) = change(&mut rng, &now);
-            let fault = rng.random_bool(0.6).then(|| rng.random_range(0..12));
-            disk.0.lock().unwrap().fails_in = fault;
+            let kind = [Fault::Full, Fault::ReadOnly, Fault::Torn][seed as usize % 3];
+            let fault = rng.random_bool(0.6).then(|| (rng.random_range(0..12), kind));
+            disk.set_fault(fault);
             let result = records.write(&changes);
-            disk.0.lock().unwrap().fails_in = None;
+            disk.set_fault(None);
             match result {
                 Ok(()) => now = then,
                 Err(error) => {
@@ -54,7 +55,7 @@ fn a_thousand_faults_lose_nothing_that_was_written() {
                     if rng.random_bool(0.5) {
                         pulled += 1;
                         drop(records);
-                        disk.0.lock().unwrap().pull(&mut rng);
+                        disk.pull(&mut rng);
                         records = on(&disk).unwrap();
                     }
                     let there = all(&mut records);
@@ -101,4 +102,61 @@ fn records_are_there_again() {
     let error = Records::open(&folder).unwrap_err().to_string();
     assert!(error.starts_with("store: cannot make the folder "), "{error}");
     std::fs::remove_file(&folder).unwrap();
+}
+
+/// Random damage to a file: changed bytes, lost blocks, a missing end. The records are either as
+/// they were written, or the error says that they are not, and what to do.
+#[test]
+fn damage_is_an_error_that_says_what_to_do() {
+    let disk = Shared::default();
+    let mut records = on(&disk).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut now = All::new();
+    for _ in 0..10 {
+        let (changes, then) = change(&mut rng, &now);
+        records.write(&changes).unwrap();
+        now = then;
+    }
+    drop(records);
+    let (mut damaged, mut whole) = (0, 0);
+    for seed in 0..500 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let disk = disk.copy();
+        disk.change(|bytes| match seed % 4 {
+            0 => bytes.truncate(rng.random_range(1..bytes.len())),
+            1 => {
+                for _ in 0..20 {
+                    let at = rng.random_range(0..bytes.len());
+                    bytes[at] ^= rng.random_range(1..=255u8);
+                }
+            }
+            2 => {
+                let at = rng.random_range(0..bytes.len() / 4096) * 4096;
+                bytes[at..at + 4096].fill(0);
+            }
+            _ => rng.fill_bytes(&mut bytes[..4096]),
+        });
+        let found = on(&disk).and_then(|mut records| records.all(Kind::Session));
+        match found {
+            Ok(found) => {
+                whole += 1;
+                assert_eq!(found.into_iter().collect::<All>(), now, "seed {seed}");
+            }
+            Err(error) => {
+                damaged += 1;
+                let text = error.to_string();
+                assert!(
+                    matches!(error, RecordsError::Damaged { .. }),
+                    "seed {seed}: {text}"
+                );
+                assert!(text.starts_with("store: the disk is damaged ("), "{text}");
+                assert!(
+                    text.contains("put a copy of it in its place, or move it away"),
+                    "{text}"
+                );
+            }
+        }
+    }
+    println!("{damaged} of 500 were damaged, {whole} were as before");
+    assert!(damaged > 100 && whole > 20);
 }

@@ -64,6 +64,12 @@ pub struct Options {
     )]
     pub listen: SocketAddr,
 
+    /// Address of a second port that only answers health checks: /healthz, /readyz and gRPC's
+    /// health service, without TLS and keys. Clients on the main port cannot take its connections
+    /// away. Left out: only the main port answers health checks.
+    #[config(env = "TROUPE_HEALTH_LISTEN", layer_attr(arg(long, value_name = "ADDRESS")))]
+    pub health_listen: Option<SocketAddr>,
+
     /// File of API keys (TOML): who may call what. `troupe-server key new` makes a key and its
     /// entry. With this file, every call except health checks and documentation needs a key.
     #[config(env = "TROUPE_KEYS", layer_attr(arg(long, value_name = "FILE")))]
@@ -285,7 +291,8 @@ pub struct Options {
     #[config(env = "TROUPE_OBJECTS", layer_attr(arg(long, value_name = "FOLDER")))]
     pub objects: Option<PathBuf>,
 
-    /// Most open sessions. Further ones are refused.
+    /// Most open sessions. Further ones are refused, unless sessions that were idle for a minute
+    /// make room. On a server without keys, one address may have an eighth of them.
     #[config(
         env = "TROUPE_MAX_SESSIONS",
         default = 16_384,
@@ -293,9 +300,9 @@ pub struct Options {
     )]
     pub max_sessions: usize,
 
-    /// Most open streams, over gRPC and WebSocket together. Further ones are refused. A client may
-    /// have a quarter of them, all clients of one address half. A client is a key, or without keys
-    /// a connection.
+    /// Most open streams, over gRPC and WebSocket together. Further ones are refused. A key may
+    /// have a quarter of them, all keys of one address half. On a server without keys, one address
+    /// may have an eighth.
     #[config(
         env = "TROUPE_MAX_STREAMS",
         default = 1024,
@@ -304,8 +311,9 @@ pub struct Options {
     pub max_streams: usize,
 
     /// Memory for requests and answers in transfer, in MiB. A request without room is refused with
-    /// a retry hint. A client may take a quarter of it, all clients of one address half. 0: an
-    /// eighth of the memory that this process may use, at least 256 and at most 2048.
+    /// a retry hint. A key may take a quarter of it, all keys of one address half. On a server
+    /// without keys, one address may take an eighth. 0: an eighth of the memory that this process
+    /// may use, at least 256 and at most 2048.
     #[config(
         env = "TROUPE_TRANSFER_MEMORY_MIB",
         default = 0,
@@ -314,7 +322,8 @@ pub struct Options {
     pub transfer_memory_mib: u64,
 
     /// Most open connections. One address may have half of them. A network of IPv6 (/64) counts as
-    /// one address, and so do all clients behind one proxy. 16 more connections get answers on
+    /// one address, and so do all clients behind one proxy. If all are open, connections that were
+    /// idle for 2 s make room. 16 more connections get answers on
     /// /healthz, /readyz, /metrics and gRPC's health service, and 503 for all else. Further ones
     /// are closed at once. 0: 10,000, or fewer if the system's limit of open files is lower.
     #[config(

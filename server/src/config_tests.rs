@@ -3,6 +3,7 @@ use std::time::Duration;
 use clap::{CommandFactory as _, Parser as _};
 
 use super::*;
+use troupe_edge::clients::Shares;
 use troupe_engine::onnx::Batching;
 
 fn load(args: &[&str]) -> Result<Config, ConfigError> {
@@ -293,12 +294,19 @@ fn the_queue_grows_with_workers_and_batches() {
 
 #[test]
 fn clients_and_addresses_get_shares() {
-    let config = load(&["--max-streams", "8", "--transfer-memory-mib", "4"]).unwrap();
+    let options = ["--max-streams", "8", "--transfer-memory-mib", "4"];
+    let config = load(&[&options[..], &["--keys", "keys.toml"]].concat()).unwrap();
     let shares = config.shares();
     assert_eq!((shares.client.streams, shares.address.streams), (2, 4));
     assert_eq!((shares.client.bytes, shares.address.bytes), (1 << 20, 2 << 20));
     assert_eq!(config.connections_of_address(10_000), 5000);
+    assert_eq!(shares.address.sessions, usize::MAX);
     assert_eq!(load(&["--max-streams", "1"]).unwrap().shares().client.streams, 1);
+    // Without keys, one address has an eighth.
+    let Shares { client, address, .. } = load(&options).unwrap().shares();
+    for share in [client, address] {
+        assert_eq!((share.streams, share.bytes, share.sessions), (1, 512 << 10, 2048));
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::io::{self, IsTerminal as _, Write as _};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser as _};
@@ -17,12 +17,19 @@ use troupe_edge::keys;
 use crate::config::{Cli, Command, Config, DoctorArgs, HealthArgs, KeyCommand, LogFormat};
 use crate::doctor::Report;
 use crate::health;
-use crate::server::{ServerHandle, Stopped, serve};
+use crate::server::{ServerHandle, StartError, Stopped, serve};
+use troupe_live::records::RecordsError;
 
 /// Exit code after a mistake on the command line.
 const MISTAKEN: u8 = 2;
+/// Exit code if the server did not start, or cut requests.
+const FAILED: u8 = 1;
 /// Exit code after a second signal, which ends the server before its requests have finished.
 const FORCED: u8 = 3;
+/// Exit code after a stop that could not save the last changes of all sessions.
+const UNKEPT: u8 = 4;
+/// Exit code if the file of the store is damaged.
+const DAMAGED: u8 = 5;
 
 /// Runs the program with the arguments of the process.
 pub fn main() -> ExitCode {
@@ -45,10 +52,27 @@ pub fn main() -> ExitCode {
         None => run(cli),
     };
     result.unwrap_or_else(|error| {
-        // Unlike `eprintln`, this does not panic if standard error is closed.
-        let _ = writeln!(io::stderr(), "troupe-server: {error:#}");
+        complain(&error);
         ExitCode::FAILURE
     })
+}
+
+fn complain(error: &anyhow::Error) {
+    // Unlike `eprintln`, this does not panic if standard error is closed.
+    let _ = writeln!(io::stderr(), "troupe-server: {error:#}");
+}
+
+/// Ends the process without the destructors of its libraries, because threads may still use them.
+fn leave(code: u8) -> ! {
+    let _ = io::stdout().flush();
+    #[cfg(unix)]
+    #[allow(unsafe_code, reason = "the standard library always runs destructors")]
+    // SAFETY: the call only ends the process.
+    unsafe {
+        libc::_exit(i32::from(code))
+    }
+    #[cfg(not(unix))]
+    std::process::exit(i32::from(code))
 }
 
 /// Writes to standard output. A closed output is no error.
@@ -100,7 +124,10 @@ fn check_health(args: &HealthArgs) -> anyhow::Result<ExitCode> {
         Some(url) => (url.clone(), args.tls(None)),
         None => {
             let config = Config::load_for_health(args)?;
-            let url = health::ready_url(config.listen, config.tls_certificate.is_some())?;
+            let url = match config.health_listen {
+                Some(address) => health::ready_url(address, false)?,
+                None => health::ready_url(config.listen, config.tls_certificate.is_some())?,
+            };
             (url, args.tls(config.options.tls_certificate))
         }
     };
@@ -122,10 +149,28 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         .on_thread_start(yield_to_workers)
         .build()
         .context("cannot start the asynchronous runtime")?;
-    let code = runtime.block_on(serve_until_stopped(config))?;
-    // Threads that run inference must not delay the exit.
+    let ended = runtime.block_on(serve_until_stopped(config));
+    // A thread that waits for a disk must not delay the exit.
     runtime.shutdown_timeout(Duration::from_millis(100));
-    Ok(code)
+    match ended {
+        Ok(Ended { code, is_idle: true }) => Ok(ExitCode::from(code)),
+        Ok(Ended { code, is_idle: false }) => leave(code),
+        Err(error) => {
+            complain(&error);
+            // Packs may still be loading.
+            leave(match error.downcast_ref() {
+                Some(StartError::Records(RecordsError::Damaged { .. })) => DAMAGED,
+                _ => FAILED,
+            })
+        }
+    }
+}
+
+/// How the server ended.
+struct Ended {
+    code: u8,
+    /// Whether no thread uses a library or the store any more.
+    is_idle: bool,
 }
 
 /// Makes this thread wait for a free core or the end of a time slice when it wakes. It does not
@@ -183,13 +228,14 @@ fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     socket.listen(LISTEN_BACKLOG)
 }
 
-async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
+async fn serve_until_stopped(config: Config) -> anyhow::Result<Ended> {
     let mut signals = StopSignals::listen().context("cannot listen for signals to stop")?;
     let listener = listen(config.listen).with_context(|| format!("cannot listen on {}", config.listen))?;
     let mut server = serve(config, listener).await?;
     tokio::select! {
         ready = server.ready() => ready?,
-        () = signals.next() => return Ok(ExitCode::SUCCESS),
+        // Packs may still be loading.
+        () = signals.next() => return Ok(Ended { code: 0, is_idle: false }),
     }
     if let Err(error) = say(&greeting(&server)) {
         tracing::warn!("{error:#}");
@@ -198,14 +244,22 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
         () = signals.next() => {}
         () = reload_at_hangup(&server) => {}
     }
-    tracing::info!("stopping: requests in flight may finish; a second signal ends the server at once");
-    Ok(match server.shut_down_unless(signals.next()).await {
-        Stopped::Clean => ExitCode::SUCCESS,
-        Stopped::Lost => ExitCode::FAILURE,
-        Stopped::Forced => {
-            tracing::warn!("stopped again: not waiting for requests in flight");
-            ExitCode::from(FORCED)
-        }
+    tracing::info!("stopping: requests in flight may finish; a second signal ends the server without them");
+    let service = server.service().clone();
+    let stopped = server.shut_down_unless(signals.next()).await;
+    if stopped == Stopped::Forced {
+        tracing::warn!("stopped again: not waiting for requests in flight and the store");
+    }
+    // The shutdown has waited for the workers.
+    let workers_ended = service.end_workers(Instant::now());
+    Ok(Ended {
+        code: match stopped {
+            Stopped::Clean => 0,
+            Stopped::Lost => FAILED,
+            Stopped::Forced => FORCED,
+            Stopped::Unkept => UNKEPT,
+        },
+        is_idle: workers_ended && matches!(stopped, Stopped::Clean | Stopped::Lost),
     })
 }
 

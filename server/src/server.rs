@@ -5,6 +5,7 @@ mod access;
 mod drain_tests;
 mod error;
 mod handle;
+mod health_port;
 mod keeping;
 mod limits;
 #[cfg(feature = "testing")]
@@ -240,14 +241,21 @@ async fn serve_on(
     )
     .map_err(|error| internal(&error))?;
 
+    let (stop, stopping) = watch::channel(false);
+    let health_port = match config.health_listen {
+        Some(address) => {
+            Some(health_port::open(address, &config, &service, &health, stopping.clone()).await?)
+        }
+        None => None,
+    };
     let max_connections = max_connections(&config)?;
     limits::show(&config, max_connections, &telemetry);
     let slots = ConnectionSlots::new(
         max_connections,
         config.connections_of_address(max_connections),
+        config.fixed.spare_idle,
         &telemetry,
     );
-    let (stop, stopping) = watch::channel(false);
     let connections = listener.spawn(Port {
         routes,
         clients,
@@ -257,6 +265,7 @@ async fn serve_on(
         stopping,
     });
     let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
+    let last_step = config.fixed.last_step;
     let upkeep = tokio::spawn(upkeep(service.clone()));
     let reload = Arc::new(Notify::new());
     let (reloads, reloading) = (!sources.is_empty(), reload::watch(sources, reload.clone()));
@@ -276,6 +285,7 @@ async fn serve_on(
         starting: Some(starting),
         keeping: None,
         connections,
+        health_port,
         upkeep,
         reloading: tokio::spawn(reloading),
         reload,
@@ -284,6 +294,7 @@ async fn serve_on(
         access,
         drain_delay,
         drain_timeout,
+        last_step,
     })
 }
 

@@ -6,7 +6,7 @@ use troupe_batch::SubmitError;
 use troupe_character::FieldError;
 use troupe_character::post::NonFinite;
 use troupe_live::packs::{CannotDo, UnknownPack};
-use troupe_live::session::{SessionError, SpaceError};
+use troupe_live::session::{SessionError, SpaceError, StoreBehind};
 use troupe_live::world::WorldError;
 
 /// Why a call was not served.
@@ -15,6 +15,9 @@ pub enum ServiceError {
     /// The packs are still loading.
     #[error("the server is starting: its packs are not loaded yet")]
     Starting,
+    /// Only for the readiness of the server.
+    #[error(transparent)]
+    Store(#[from] StoreBehind),
     /// The caller's tenant cannot be served.
     #[error(transparent)]
     Space(#[from] SpaceError),

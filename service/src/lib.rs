@@ -25,11 +25,14 @@ use pack::describe;
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::{RequestContext, Telemetry};
 use troupe_base::tenant::Tenant;
-use troupe_batch::{Order, Served, SubmitError, trace_served};
+use troupe_base::turns::{ClientId, Turns};
+use troupe_batch::{Batcher, Order, Served, SubmitError, trace_served};
 use troupe_engine::EngineError;
 use troupe_live::packs::{LoadedPack, PackTable};
 use troupe_live::records::{Records, RecordsError};
-use troupe_live::session::{Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions};
+use troupe_live::session::{
+    Backlog, Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions,
+};
 use troupe_live::world::Store;
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig};
@@ -62,6 +65,8 @@ pub struct Service {
 struct Common {
     /// Packs, with the sessions, scenes and definitions that use them.
     spaces: OnceLock<Arc<Spaces>>,
+    /// How far the store is behind. Empty without a store.
+    backlog: OnceLock<Arc<Backlog>>,
     draining: AtomicBool,
     limits: RequestLimits,
     timeout: Duration,
@@ -77,6 +82,7 @@ impl Service {
         Self {
             common: Arc::new(Common {
                 spaces: OnceLock::new(),
+                backlog: OnceLock::new(),
                 draining: AtomicBool::new(false),
                 limits,
                 timeout,
@@ -107,6 +113,9 @@ impl Service {
         let spaces = Arc::new(Spaces::new(packs, Arc::new(store), sessions.clone(), tenants));
         let keeper = |records| Keeper::new(&spaces, records, telemetry);
         let keeper = records.map(keeper).transpose()?;
+        if let Some(keeper) = &keeper {
+            self.common.backlog.get_or_init(|| keeper.backlog().clone());
+        }
         if self.common.spaces.set(spaces).is_err() {
             tracing::warn!("the service is open already");
         }
@@ -154,6 +163,9 @@ impl Service {
     /// Updates the metrics that no event updates. Call it every few seconds, and before metrics are
     /// read.
     pub fn look(&self) {
+        if let Some(backlog) = self.common.backlog.get() {
+            backlog.look();
+        }
         self.common
             .metrics
             .look(self.ready().is_ok(), self.common.spaces.get());
@@ -162,15 +174,30 @@ impl Service {
     /// Whether the server takes requests.
     ///
     /// # Errors
-    /// [`ServiceError`] while it starts or drains, or if an engine has stopped.
+    /// [`ServiceError`] while it starts or drains, if an engine has stopped, or if the store is too
+    /// far behind.
     pub fn ready(&self) -> Result<(), ServiceError> {
         if self.common.draining.load(Ordering::Relaxed) {
             return Err(SessionError::ShuttingDown.into());
         }
-        match self.table()?.all().all(|loaded| loaded.batcher.is_running()) {
-            true => Ok(()),
-            false => Err(SubmitError::Engine(EngineError::Stopped).into()),
+        if !self.table()?.all().all(|loaded| loaded.batcher.is_running()) {
+            return Err(SubmitError::Engine(EngineError::Stopped).into());
         }
+        match self.common.backlog.get() {
+            Some(backlog) => Ok(backlog.check()?),
+            None => Ok(()),
+        }
+    }
+
+    /// Ends the workers of all packs, and waits for their running steps until `deadline`. Answers
+    /// whether all have ended. This blocks.
+    pub fn end_workers(&self, deadline: Instant) -> bool {
+        let Some(spaces) = self.common.spaces.get() else {
+            return true;
+        };
+        let batchers = || spaces.common().packs.table().all().map(|loaded| &loaded.batcher);
+        batchers().for_each(Batcher::stop);
+        batchers().all(|batcher| batcher.join(deadline))
     }
 
     /// The tenant's packs, sessions, scenes and definitions.
@@ -185,9 +212,9 @@ impl Service {
         }
     }
 
-    /// The place in the queue of a request that arrived at `arrived`.
+    /// The place in the queue of the current caller's request, which arrived at `arrived`.
     pub fn order(&self, arrived: Instant) -> Order {
-        Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout)
+        streamed::order(arrived, self.common.timeout, Turns::current().client())
     }
 
     /// Most characters of a request.
@@ -231,6 +258,14 @@ impl Service {
         Ok(described(table, table.find("name", name)?))
     }
 
+    /// Why a client's call of InBetween with one character would be refused by this pack's queue
+    /// now. None: it would wait there, or this says nothing about it.
+    pub fn refusal_of(&self, pack: &str, client: ClientId) -> Option<ServiceError> {
+        let loaded = self.table().ok()?.find("pack", pack).ok()?;
+        let order = streamed::order(Instant::now(), self.common.timeout, client);
+        loaded.batcher.refuse(&order, 1).map(Into::into)
+    }
+
     /// `troupe.v1.Motion/InBetween`.
     ///
     /// # Errors
@@ -245,10 +280,10 @@ impl Service {
         let characters = request.characters.len();
         // A request over the size limit gets its own error, without a retry hint.
         let most = self.common.limits.max_characters;
-        if let Some(error) = loaded.batcher.refuse(characters.min(most)) {
+        let order = self.order(arrived);
+        if let Some(error) = loaded.batcher.refuse(&order, characters.min(most)) {
             return Err(error.into());
         }
-        let order = self.order(arrived);
         let (rig, limits) = (loaded.pack.rig.clone(), self.common.limits);
         let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
             let (items, plans) = prepare(&request, &rig, limits)?;

@@ -45,7 +45,7 @@ impl ServiceMetrics {
     pub(crate) fn look(&self, ready: bool, spaces: Option<&Arc<Spaces>>) {
         self.ready.set(f64::from(u8::from(ready)));
         let (mut count, mut bytes) = (0, 0);
-        for space in spaces.map(|spaces| spaces.all()).unwrap_or_default() {
+        for space in spaces.into_iter().flat_map(|spaces| spaces.all()) {
             let scenes = space.store.scenes().all();
             count += scenes.len();
             bytes += scenes.values().map(|cell| cell.snapshot().bytes()).sum::<usize>();

@@ -3,10 +3,11 @@
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use troupe_motion::model::Task;
+use troupe_motion::model::{Task, USUAL_WORK};
 
 use crate::{REQUEST_TARGET, ServiceError};
 use troupe_base::telemetry::{RequestContext, Trace};
+use troupe_base::turns::{ClientId, Turns};
 use troupe_batch::{AnswerStream, Batcher, Order, Piece, trace_queue, trace_step};
 
 /// An answer in progress. Its parts are messages.
@@ -26,6 +27,8 @@ pub(crate) struct Pieces {
     trace: Option<Trace>,
     /// Time when the task was given to the batcher. None after its first piece.
     asked: Option<Instant>,
+    /// The client whose request it is.
+    client: ClientId,
 }
 
 impl Pieces {
@@ -40,10 +43,12 @@ impl Pieces {
         arrived: Instant,
         timeout: Duration,
     ) -> Result<Self, ServiceError> {
+        let client = Turns::current().client();
         Ok(Self {
             asked: Some(Instant::now()),
             trace: RequestContext::current_trace(),
-            stream: batcher.stream(task, order(arrived, timeout))?,
+            stream: batcher.stream(task, order(arrived, timeout, client))?,
+            client,
         })
     }
 
@@ -59,7 +64,7 @@ impl Pieces {
     ) -> Result<(), ServiceError> {
         let asked = Instant::now();
         self.asked = Some(asked);
-        self.stream = batcher.stream(task, order(asked, timeout))?;
+        self.stream = batcher.stream(task, order(asked, timeout, self.client))?;
         Ok(())
     }
 
@@ -79,6 +84,11 @@ impl Pieces {
     }
 }
 
-fn order(asked: Instant, timeout: Duration) -> Order {
-    Order::request(asked + REQUEST_TARGET).expiring(asked + timeout)
+/// The place in the queue of a client's request, whose work is not known yet.
+pub(crate) fn order(asked: Instant, timeout: Duration, client: ClientId) -> Order {
+    let order = Order {
+        work: USUAL_WORK,
+        ..Order::request(asked + REQUEST_TARGET)
+    };
+    order.expiring(asked + timeout).of(client)
 }

@@ -28,8 +28,8 @@ pub enum Event<'a> {
     },
     /// A starting worker measured its speed with a trial batch.
     Tried {
-        /// Characters of the trial batch.
-        characters: usize,
+        /// Work of the trial batch.
+        work: u64,
         /// Time for the trial batch.
         took: Duration,
     },
@@ -77,6 +77,14 @@ pub enum Action {
         /// The refused request.
         request: RequestId,
         /// Whether the queue was full or too slow.
+        refusal: QueueRefusal,
+    },
+    /// The request leaves the full queue, because a client with less waiting work needs its room.
+    /// The scheduler has forgotten it.
+    PushOut {
+        /// The least urgent request of the client with most waiting work.
+        request: RequestId,
+        /// As for a request that finds the queue full.
         refusal: QueueRefusal,
     },
     /// A newer plan of the same owner replaced this one, which the scheduler has forgotten.

@@ -20,6 +20,10 @@ pub struct Limits {
     pub call_rows: usize,
     /// Longest time of a batch, estimated from measured steps; zero for no limit.
     pub max_batch_time: Duration,
+    /// Most of a batch for one client's calls while some client among several calls for little, or
+    /// for those of a group while there are several groups; zero for no limit. So a client with few
+    /// calls does not wait long for a batch of another.
+    pub shared_batch_time: Duration,
     /// Most waiting characters of calls.
     pub max_queued: usize,
     /// Most waiting characters of plans. A session has at most one, so if this is at least the
@@ -43,6 +47,7 @@ impl Default for Limits {
             // Two frames at 30 Hz. Half of a plan's usual look-ahead is then left for its own
             // batch.
             max_batch_time: Duration::from_millis(66),
+            shared_batch_time: Duration::from_millis(8),
             max_queued: 1024,
             max_live: 16_384,
             max_wait: Duration::from_secs(1),

@@ -3,9 +3,9 @@
 
 use std::time::{Duration, Instant};
 
-/// Assumed time of a character on a worker before any measurement. It has the weight of one
-/// measured character.
-const FIRST_GUESS_S: f64 = 0.005;
+/// Assumed time of a unit of work on a worker before any measurement: about 5 ms for a character of
+/// 64 frames. It has the weight of one measured unit.
+const FIRST_GUESS_S: f64 = 25e-6;
 /// Factor on the weight of older worker measurements after each step that finishes a character.
 const WORKER_MEMORY: f64 = 0.9;
 /// Time, in seconds, after which older measurements of the queue have lost two thirds of their
@@ -17,23 +17,23 @@ const QUEUE_PRIOR_S: f64 = 0.1;
 /// Longest estimate of a wait. If hardly any call leaves the queue, the estimate would be infinite.
 const LONGEST_WAIT_S: f64 = 3600.0;
 
-/// Two measures.
+/// Two measures, in units of [work](crate::Order::work).
 ///
-/// - **Workers**: a worker's mean time for one character, over the latest steps. It gives the
-///   number of characters that a worker does in a given time.
-/// - **Queue**: characters of calls that left the queue per second, over the latest time with a
-///   backlog of calls. It accounts for the plans that are served in between, and gives the expected
+/// - **Workers**: a worker's mean time for a unit, over the latest steps. It gives the work that a
+///   worker does in a given time.
+/// - **Queue**: work of calls that left the queue per second, over the latest time with a backlog
+///   of calls. It accounts for the plans that are served in between, and gives the expected
 ///   wait of a call (Little's law).
 #[derive(Debug)]
 pub(super) struct Meter {
     workers: usize,
     worker_time_s: f64,
-    characters: f64,
+    worker_units: f64,
     /// Time of steps since a step last finished a character. The next finished characters pay for
     /// all of it, because a character may need many steps.
     open_s: f64,
     queue_time_s: f64,
-    queue_characters: f64,
+    queue_units: f64,
     /// If calls wait: the last time at which the calls that left were counted.
     backlog_since: Option<Instant>,
 }
@@ -43,20 +43,20 @@ impl Meter {
         Self {
             workers,
             worker_time_s: FIRST_GUESS_S,
-            characters: 1.0,
+            worker_units: 1.0,
             open_s: 0.0,
             queue_time_s: 0.0,
-            queue_characters: 0.0,
+            queue_units: 0.0,
             backlog_since: None,
         }
     }
 
-    /// Records a step: its time, and the number of characters that it finished.
-    pub(super) fn stepped(&mut self, took: Duration, characters: usize) {
+    /// Records a step: its time, and the work of the characters that it finished.
+    pub(super) fn stepped(&mut self, took: Duration, work: u64) {
         self.open_s += took.as_secs_f64();
-        if characters > 0 {
+        if work > 0 {
             self.worker_time_s = self.worker_time_s * WORKER_MEMORY + self.open_s;
-            self.characters = self.characters * WORKER_MEMORY + characters as f64;
+            self.worker_units = self.worker_units * WORKER_MEMORY + work as f64;
             self.open_s = 0.0;
         }
     }
@@ -66,48 +66,48 @@ impl Meter {
         self.workers = self.workers.saturating_sub(1);
     }
 
-    /// Records that `characters` of calls have left the queue since the last time. `some_wait` is
+    /// Records the work of calls that have left the queue since the last time. `some_wait` is
     /// whether others still wait.
-    pub(super) fn left(&mut self, now: Instant, characters: usize, some_wait: bool) {
+    pub(super) fn left(&mut self, now: Instant, work: u64, some_wait: bool) {
         match self.backlog_since {
             Some(since) => {
                 let passed = now.saturating_duration_since(since).as_secs_f64();
                 let memory = (-passed / QUEUE_MEMORY_S).exp();
                 self.queue_time_s = self.queue_time_s * memory + passed;
-                self.queue_characters = self.queue_characters * memory + characters as f64;
+                self.queue_units = self.queue_units * memory + work as f64;
             }
             None => {
                 self.queue_time_s = QUEUE_PRIOR_S;
-                self.queue_characters = QUEUE_PRIOR_S * self.workers.max(1) as f64 / self.character_s();
+                self.queue_units = QUEUE_PRIOR_S * self.workers.max(1) as f64 / self.unit_s();
             }
         }
         self.backlog_since = some_wait.then_some(now);
     }
 
-    /// Expected time until this number of characters of calls has left the queue.
-    pub(super) fn wait(&self, characters: usize) -> Duration {
-        if characters == 0 {
+    /// Expected time until so much work of calls has left the queue.
+    pub(super) fn wait(&self, work: u64) -> Duration {
+        if work == 0 {
             return Duration::ZERO;
         }
-        let character_s = match self.queue_characters > 0.0 {
-            true => self.queue_time_s / self.queue_characters,
-            false => self.character_s() / self.workers.max(1) as f64,
+        let unit_s = match self.queue_units > 0.0 {
+            true => self.queue_time_s / self.queue_units,
+            false => self.unit_s() / self.workers.max(1) as f64,
         };
-        Duration::from_secs_f64((characters as f64 * character_s).min(LONGEST_WAIT_S))
+        Duration::from_secs_f64((work as f64 * unit_s).min(LONGEST_WAIT_S))
     }
 
-    /// Expected number of characters that a worker does in `time`.
-    pub(super) fn within(&self, time: Duration) -> usize {
-        (time.as_secs_f64() / self.character_s()) as usize
+    /// Expected work that a worker does in `time`.
+    pub(super) fn within(&self, time: Duration) -> u64 {
+        (time.as_secs_f64() / self.unit_s()) as u64
     }
 
-    /// A worker's mean time for one character.
-    pub(super) fn character_time(&self) -> Duration {
-        Duration::from_secs_f64(self.character_s())
+    /// A worker's expected time for so much work.
+    pub(super) fn time_of(&self, work: u64) -> Duration {
+        Duration::from_secs_f64((work as f64 * self.unit_s()).min(LONGEST_WAIT_S))
     }
 
-    fn character_s(&self) -> f64 {
-        (self.worker_time_s / self.characters).max(1e-6)
+    fn unit_s(&self) -> f64 {
+        (self.worker_time_s / self.worker_units).max(1e-9)
     }
 }
 
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn workers_are_measured_by_what_their_steps_finish() {
         let mut meter = Meter::new(2);
-        assert_eq!(meter.within(MS * 51), 10);
+        assert_eq!(meter.within(MS * 51), 2039);
         for _ in 0..100 {
             meter.stepped(MS * 20, 10);
         }
@@ -137,9 +137,9 @@ mod tests {
         let start = Instant::now();
         let mut meter = Meter::new(2);
         assert_eq!(meter.wait(0), Duration::ZERO);
-        // Nothing known: two workers at 5 ms a character.
+        // Nothing known: two workers at 25 µs a unit.
         meter.left(start, 0, true);
-        assert_eq!(meter.wait(100).as_millis(), 250);
+        assert_eq!(meter.wait(20_000).as_millis(), 250);
         // Live plans take most of the time: 4 characters of calls in 100 ms.
         for take in 1..=50 {
             meter.left(start + MS * 100 * take, 4, true);
@@ -151,6 +151,6 @@ mod tests {
         // All are gone, and it starts again.
         meter.left(start + Duration::from_secs(61), 100, false);
         meter.left(start + Duration::from_secs(90), 0, true);
-        assert_eq!(meter.wait(100).as_millis(), 250);
+        assert_eq!(meter.wait(20_000).as_millis(), 250);
     }
 }

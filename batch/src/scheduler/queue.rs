@@ -3,8 +3,14 @@
 use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
+use troupe_base::turns::ClientId;
+
 use super::event::{RequestId, RequestSlice};
+use super::fair::Fair;
 use crate::order::{Class, Order, OwnerId};
+
+/// Factor on costs, so that dividing them by shares loses little.
+const SHARE_UNIT: u64 = 1000;
 
 /// A request with waiting characters.
 #[derive(Debug)]
@@ -20,9 +26,13 @@ pub(super) struct Waiting {
 }
 
 impl Waiting {
-    /// The number of waiting characters if the request is of that class, otherwise 0.
-    pub(super) fn pending(&self, class: Class) -> usize {
-        if self.order.class == class { self.left } else { 0 }
+    pub(super) fn class(&self) -> Class {
+        self.order.class
+    }
+
+    /// Waiting characters and their work.
+    pub(super) fn pending(&self) -> (usize, u64) {
+        (self.left, self.order.cost() * self.left as u64)
     }
 }
 
@@ -31,32 +41,187 @@ impl Waiting {
 struct Owner {
     /// The plan that has at least partly gone to workers.
     active: Option<RequestId>,
-    /// Characters of the active plan that are with workers now.
-    running: usize,
     /// The waiting plan. It becomes ready once no plan is active.
     waiting: Option<RequestId>,
+}
+
+/// The part of a request that is with workers.
+#[derive(Debug)]
+struct Running {
+    owner: Option<OwnerId>,
+    characters: usize,
+    /// Work of one character.
+    cost: u64,
+}
+
+/// The clients of an address, or a key alone.
+#[derive(Debug, Default)]
+struct Group {
+    members: Fair<u64, Member>,
+    /// Waiting work.
+    work: u64,
+    /// See [`ClientId::share`].
+    share: u64,
+}
+
+/// The requests of one client, in one class.
+#[derive(Debug, Default)]
+struct Member {
+    /// Those that may start, by virtual deadline and arrival.
+    ready: BTreeSet<(Instant, RequestId)>,
+    /// Waiting work.
+    work: u64,
+}
+
+/// The requests of a class.
+#[derive(Debug, Default)]
+struct Line {
+    /// Those that may start, by virtual deadline and arrival.
+    ready: BTreeSet<(Instant, RequestId)>,
+    groups: Fair<u64, Group>,
+    /// Waiting characters.
+    pending: usize,
+    /// Waiting work.
+    work: u64,
+    /// Sum of the shares of groups that have something ready.
+    shares: u64,
+}
+
+impl Line {
+    fn client(&mut self, client: ClientId) -> (&mut Group, u64) {
+        (self.groups.held(client.group), client.own)
+    }
+
+    /// Adds waiting characters of a client.
+    fn wait(&mut self, order: &Order, characters: usize) {
+        let work = order.cost() * characters as u64;
+        self.pending += characters;
+        self.work += work;
+        let (group, own) = self.client(order.client);
+        group.work += work;
+        group.members.held(own).work += work;
+    }
+
+    /// Characters of a client no longer wait.
+    fn leave(&mut self, order: &Order, characters: usize) {
+        let work = order.cost() * characters as u64;
+        self.pending -= characters;
+        self.work -= work;
+        let (group, own) = self.client(order.client);
+        group.work -= work;
+        group.members.held(own).work -= work;
+    }
+
+    fn make_ready(&mut self, client: ClientId, at: (Instant, RequestId)) {
+        self.ready.insert(at);
+        let (group, own) = self.client(client);
+        group.members.held(own).ready.insert(at);
+        group.members.set_working(own, true);
+        group.share = client.share();
+        if self.groups.set_working(client.group, true) {
+            self.shares += client.share();
+        }
+    }
+
+    /// Whether it was ready.
+    fn remove(&mut self, client: ClientId, at: (Instant, RequestId)) -> bool {
+        let was_ready = self.ready.remove(&at);
+        let (group, own) = self.client(client);
+        group.members.held(own).ready.remove(&at);
+        was_ready
+    }
+
+    /// Requests of a client were removed, and others of it may have come.
+    fn settle(&mut self, client: ClientId) {
+        let (group, own) = self.client(client);
+        if group.members.held(own).ready.is_empty() {
+            group.members.set_working(own, false);
+            group.members.clean(|member| member.work == 0);
+        }
+        if group.members.working() == 0 {
+            let share = group.share;
+            if self.groups.set_working(client.group, false) {
+                self.shares -= share;
+            }
+            self.groups.clean(|group| group.work == 0);
+        }
+    }
+
+    /// The next request, and how many characters of it may go before those of other clients.
+    fn next(&self, order: impl Fn(RequestId) -> Option<Order>) -> Option<(RequestId, usize)> {
+        let (group, ahead_of_groups) = self.groups.first()?;
+        let members = &self.groups.get(group)?.members;
+        let (own, ahead_of_members) = members.first()?;
+        let &(_, request) = members.get(own)?.ready.first()?;
+        let order = order(request)?;
+        let of_groups = ahead_of_groups.map(|ahead| ahead / group_cost(&order, 1));
+        let of_members = ahead_of_members.map(|ahead| ahead / order.cost());
+        let most = of_groups.into_iter().chain(of_members).min();
+        Some((request, most.map_or(usize::MAX, |most| most as usize + 1)))
+    }
+
+    fn charge(&mut self, order: &Order, characters: usize) {
+        let (group, own) = self.client(order.client);
+        group.members.charge(own, order.cost() * characters as u64);
+        self.groups
+            .charge(order.client.group, group_cost(order, characters));
+    }
+
+    /// About how much waiting work goes before `characters` more of a client: of each other client
+    /// at most as much as it has waiting itself, times its share.
+    fn ahead(&self, order: &Order, characters: usize) -> u64 {
+        let more = order.cost() * characters as u64;
+        let group = self.groups.get(order.client.group);
+        let member = group.and_then(|group| group.members.get(order.client.own));
+        let own = more + member.map_or(0, |member| member.work);
+        let (members, work) = group.map_or((0, 0), |group| (group.members.working() as u64, group.work));
+        let of_group = own.saturating_mul(members.max(1)).min(work + more);
+        let of_all = of_group.saturating_mul(self.shares) / order.client.share();
+        of_all.min(self.work)
+    }
+}
+
+/// Virtual time of a group for characters of a request.
+fn group_cost(order: &Order, characters: usize) -> u64 {
+    let cost = (order.cost() * SHARE_UNIT / order.client.share()).max(1);
+    cost.saturating_mul(characters as u64)
+}
+
+/// How much may be taken at once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    pub(super) characters: usize,
+    /// Their work.
+    pub(super) work: u64,
+    /// Whether one character is taken even if it is more work than that.
+    pub(super) at_least_one: bool,
 }
 
 /// Taken from the front of the queue.
 #[derive(Debug)]
 pub(super) enum Take {
-    Slice(RequestSlice),
-    Expired { request: RequestId, waited: Duration },
+    Slice {
+        slice: RequestSlice,
+        client: ClientId,
+        /// Of its characters.
+        work: u64,
+    },
+    Expired {
+        request: RequestId,
+        waited: Duration,
+    },
 }
 
 /// The waiting requests. Every operation takes at most logarithmic time in their number.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     requests: HashMap<RequestId, Waiting>,
-    /// Requests that may start, by virtual deadline and arrival.
-    ready: BTreeSet<(Instant, RequestId)>,
-    /// The calls among them.
-    ready_calls: BTreeSet<(Instant, RequestId)>,
+    lines: [Line; Class::ALL.len()],
     ready_characters: usize,
-    pending: [usize; Class::ALL.len()],
+    ready_work: u64,
     owners: HashMap<OwnerId, Owner>,
-    /// Owners of the requests with characters on workers.
-    running: HashMap<RequestId, OwnerId>,
+    /// The requests with characters on workers.
+    running: HashMap<RequestId, Running>,
 }
 
 impl Queue {
@@ -67,7 +232,14 @@ impl Queue {
 
     /// Number of waiting characters of a class.
     pub(super) fn pending(&self, class: Class) -> usize {
-        self.pending[class as usize]
+        self.lines[class as usize].pending
+    }
+
+    /// About how much waiting work goes before a request of `characters` with that order, if it
+    /// replaces waiting work of so much.
+    pub(super) fn ahead(&self, order: &Order, characters: usize, replaced: u64) -> u64 {
+        let line = &self.lines[order.class as usize];
+        line.ahead(order, characters).min(line.work - replaced)
     }
 
     /// Number of characters that may start.
@@ -75,10 +247,86 @@ impl Queue {
         self.ready_characters
     }
 
+    /// How many characters of the mean work of those that may start are at most so much work.
+    pub(super) fn characters_within(&self, work: u64) -> usize {
+        let mean = self
+            .ready_work
+            .checked_div(self.ready_characters as u64)
+            .unwrap_or(1);
+        usize::try_from(work / mean.max(1)).unwrap_or(usize::MAX)
+    }
+
     /// The waiting plan of an owner, which a newer one would replace.
     pub(super) fn waiting_of(&self, owner: OwnerId) -> Option<&Waiting> {
         let waiting = self.owners.get(&owner)?.waiting?;
         self.requests.get(&waiting)
+    }
+
+    /// The calls that must go so that `lacking` characters have room for a call of `characters`:
+    /// of those who have most work waiting, the least urgent that have not started. None if the
+    /// call's own client would have as much waiting as they.
+    pub(super) fn in_the_way(
+        &self,
+        order: &Order,
+        characters: usize,
+        lacking: usize,
+    ) -> Option<Vec<RequestId>> {
+        let line = &self.lines[order.class as usize];
+        let own = order.client;
+        let asked = order.cost() * characters as u64;
+        let own_work = self.work_of(order) + asked;
+        let mut groups: HashMap<u64, (u64, u64)> = line
+            .groups
+            .each()
+            .map(|(key, group)| (key, (group.work, group.share.max(1))))
+            .collect();
+        groups.entry(own.group).or_insert((0, own.share())).0 += asked;
+        let mut gone: HashMap<(u64, u64), u64> = HashMap::new();
+        let (mut chosen, mut freed) = (Vec::new(), 0);
+        while freed < lacking {
+            let load = |&(work, share): &(u64, u64)| work.saturating_mul(SHARE_UNIT) / share;
+            let (&heaviest, _) = groups
+                .iter()
+                .max_by_key(|&(&key, group)| (load(group), key == own.group, key))?;
+            let members = line
+                .groups
+                .get(heaviest)?
+                .members
+                .each()
+                .map(|(member, of_member)| {
+                    let is_own = (heaviest, member) == (own.group, own.own);
+                    let more = if is_own { asked } else { 0 };
+                    let less = gone.get(&(heaviest, member)).copied().unwrap_or_default();
+                    (of_member.work + more - less, !is_own, member)
+                });
+            let (work, is_other, member) = members.max()?;
+            if heaviest == own.group && (!is_other || work <= own_work) {
+                return None;
+            }
+            let request = self.last_unstarted(line.groups.get(heaviest)?.members.get(member)?, &chosen)?;
+            let (left, work) = self.requests.get(&request)?.pending();
+            chosen.push(request);
+            freed += left;
+            *gone.entry((heaviest, member)).or_default() += work;
+            groups.entry(heaviest).or_default().0 -= work;
+        }
+        Some(chosen)
+    }
+
+    /// The least urgent request of which nothing has started, but for those in `without`.
+    fn last_unstarted(&self, member: &Member, without: &[RequestId]) -> Option<RequestId> {
+        let started = |request: &RequestId| self.requests.get(request).is_none_or(|waiting| waiting.next > 0);
+        let requests = member.ready.iter().rev().map(|&(_, request)| request);
+        requests
+            .into_iter()
+            .find(|request| !without.contains(request) && !started(request))
+    }
+
+    /// Waiting work of a client, in the class of an order.
+    pub(super) fn work_of(&self, order: &Order) -> u64 {
+        let group = self.lines[order.class as usize].groups.get(order.client.group);
+        let member = group.and_then(|group| group.members.get(order.client.own));
+        member.map_or(0, |member| member.work)
     }
 
     /// Adds a request, and returns the one that it replaces.
@@ -91,10 +339,11 @@ impl Queue {
         mut due: Instant,
     ) -> Option<RequestId> {
         let older = order.owner.and_then(|owner| self.owners.get(&owner)?.waiting);
-        if let Some(older) = older.and_then(|older| self.remove(older)) {
+        let replaced = older.and_then(|older| self.remove(older));
+        if let Some(older) = &replaced {
             due = due.min(older.due);
         }
-        self.pending[order.class as usize] += characters;
+        self.lines[order.class as usize].wait(&order, characters);
         let waiting = Waiting {
             order,
             due,
@@ -109,51 +358,90 @@ impl Queue {
             owner.active.is_some()
         });
         if !blocked {
-            self.make_ready(order.class, due, request, characters);
+            self.make_ready(&order, due, request, characters);
+        }
+        if let Some(older) = replaced {
+            self.settle(&older.order);
         }
         older
     }
 
-    /// Takes up to `room` characters, at least one, of the most urgent request. With `calls_only`,
-    /// of the most urgent call.
-    pub(super) fn take(&mut self, now: Instant, room: usize, calls_only: bool) -> Option<Take> {
-        let &(due, request) = match calls_only {
-            true => self.ready_calls.first()?,
-            false => self.ready.first()?,
+    /// The class with the most urgent request.
+    fn most_urgent(&self) -> Option<Class> {
+        let first = |class: &Class| self.lines[*class as usize].ready.first();
+        let classes = Class::ALL.into_iter().filter(|class| first(class).is_some());
+        classes.min_by_key(|class| first(class))
+    }
+
+    /// Takes characters for the client whose turn it is in the class with the most urgent request:
+    /// of its own most urgent request. With `calls_only`, of a call. `allowed` is the most work that
+    /// a client may have now.
+    pub(super) fn take(
+        &mut self,
+        now: Instant,
+        room: Room,
+        calls_only: bool,
+        allowed: impl Fn(Class, ClientId) -> u64,
+    ) -> Option<Take> {
+        let class = match calls_only {
+            true => Class::Request,
+            false => self.most_urgent()?,
         };
+        let line = &mut self.lines[class as usize];
+        let requests = &self.requests;
+        let (request, most) = line.next(|request| Some(requests.get(&request)?.order))?;
         let waiting = self.requests.get_mut(&request)?;
         let waited = now.saturating_duration_since(waiting.arrived);
         if waiting.order.expires.is_some_and(|expires| expires <= now) {
             self.forget(request);
             return Some(Take::Expired { request, waited });
         }
-        let Order { class, owner, .. } = waiting.order;
+        let order = waiting.order;
+        let work = room.work.min(allowed(class, order.client));
+        let within = usize::try_from(work / order.cost()).unwrap_or(usize::MAX);
+        let within = within.max(usize::from(room.at_least_one));
+        let characters = waiting.left.min(room.characters).min(most).min(within);
+        if characters == 0 {
+            return None;
+        }
         let slice = RequestSlice {
             request,
             class,
             first: waiting.next,
-            characters: waiting.left.min(room),
+            characters,
             waited,
         };
-        waiting.next += slice.characters;
-        waiting.left -= slice.characters;
-        self.pending[class as usize] -= slice.characters;
-        self.ready_characters -= slice.characters;
-        if waiting.left == 0 {
+        waiting.next += characters;
+        waiting.left -= characters;
+        let (left, at) = (waiting.left, (waiting.due, request));
+        let work = order.cost() * characters as u64;
+        self.ready_characters -= characters;
+        self.ready_work -= work;
+        line.charge(&order, characters);
+        line.leave(&order, characters);
+        if left == 0 {
             self.requests.remove(&request);
-            self.ready.remove(&(due, request));
-            self.ready_calls.remove(&(due, request));
+            line.remove(order.client, at);
+            line.settle(order.client);
         }
-        if let Some(id) = owner {
+        if let Some(id) = order.owner {
             let owner = self.owners.entry(id).or_default();
             if owner.waiting == Some(request) {
                 owner.waiting = None;
             }
             owner.active = Some(request);
-            owner.running += slice.characters;
-            self.running.insert(request, id);
         }
-        Some(Take::Slice(slice))
+        let running = self.running.entry(request).or_insert(Running {
+            owner: order.owner,
+            characters: 0,
+            cost: order.cost(),
+        });
+        running.characters += characters;
+        Some(Take::Slice {
+            slice,
+            client: order.client,
+            work,
+        })
     }
 
     /// Removes the waiting rest of a request, and returns its number of characters.
@@ -167,21 +455,26 @@ impl Queue {
             }
             self.release(owner);
         }
+        self.settle(&waiting.order);
         Some(waiting.left)
     }
 
-    /// Records that `characters` of a request have left their worker.
-    pub(super) fn finish(&mut self, request: RequestId, characters: usize) {
-        let Some(&id) = self.running.get(&request) else {
-            return;
+    /// Records that `characters` of a request have left their worker, and returns their work.
+    pub(super) fn finish(&mut self, request: RequestId, characters: usize) -> u64 {
+        let Some(running) = self.running.get_mut(&request) else {
+            return 0;
         };
-        if let Some(owner) = self.owners.get_mut(&id) {
-            owner.running = owner.running.saturating_sub(characters);
-            if owner.running == 0 {
-                self.running.remove(&request);
-            }
+        let characters = characters.min(running.characters);
+        running.characters -= characters;
+        let work = running.cost * characters as u64;
+        let owner = running.owner;
+        if running.characters == 0 {
+            self.running.remove(&request);
         }
-        self.release(id);
+        if let Some(owner) = owner {
+            self.release(owner);
+        }
+        work
     }
 
     /// Makes an owner's waiting plan ready if no character of its active plan waits or runs.
@@ -190,7 +483,9 @@ impl Queue {
             return;
         };
         let active = owner.active;
-        if owner.running > 0 || active.is_some_and(|active| self.requests.contains_key(&active)) {
+        let is_open =
+            |active: RequestId| self.running.contains_key(&active) || self.requests.contains_key(&active);
+        if active.is_some_and(is_open) {
             return;
         }
         owner.active = None;
@@ -201,25 +496,30 @@ impl Queue {
         if active.is_some()
             && let Some(waiting) = self.requests.get(&next)
         {
-            self.make_ready(waiting.order.class, waiting.due, next, waiting.left);
+            let (order, due, left) = (waiting.order, waiting.due, waiting.left);
+            self.make_ready(&order, due, next, left);
         }
     }
 
-    fn make_ready(&mut self, class: Class, due: Instant, request: RequestId, characters: usize) {
-        self.ready.insert((due, request));
-        if class == Class::Request {
-            self.ready_calls.insert((due, request));
-        }
+    fn make_ready(&mut self, order: &Order, due: Instant, request: RequestId, characters: usize) {
+        self.lines[order.class as usize].make_ready(order.client, (due, request));
         self.ready_characters += characters;
+        self.ready_work += order.cost() * characters as u64;
     }
 
-    /// Removes a request from all fields but `owners`.
+    fn settle(&mut self, order: &Order) {
+        self.lines[order.class as usize].settle(order.client);
+    }
+
+    /// Removes a request from all fields but `owners`. The caller settles its client afterwards.
     fn remove(&mut self, request: RequestId) -> Option<Waiting> {
         let waiting = self.requests.remove(&request)?;
-        self.pending[waiting.order.class as usize] -= waiting.left;
-        self.ready_calls.remove(&(waiting.due, request));
-        if self.ready.remove(&(waiting.due, request)) {
-            self.ready_characters -= waiting.left;
+        let line = &mut self.lines[waiting.order.class as usize];
+        line.leave(&waiting.order, waiting.left);
+        if line.remove(waiting.order.client, (waiting.due, request)) {
+            let (characters, work) = waiting.pending();
+            self.ready_characters -= characters;
+            self.ready_work -= work;
         }
         Some(waiting)
     }

@@ -39,6 +39,15 @@ const LOOK_AHEAD_FRAMES: f32 = 4.0;
 /// Share of that look-ahead that plans may take on average.
 const LEAD_USED: f32 = 0.5;
 
+/// Priority of a character that names none.
+pub const MIDDLE_PRIORITY: f32 = 0.5;
+
+/// A character's priority among those of its stream, whose mean is `mean`. So a stream whose
+/// characters are all of high priority takes nothing from other streams.
+pub fn own_priority(priority: f32, mean: f32) -> f32 {
+    (MIDDLE_PRIORITY + priority - mean).clamp(0.0, 1.0)
+}
+
 /// A character's share of the pressure, 0 to 2. Up to 1 it leads to a plan a second.
 ///
 /// It grows with the pressure and falls with the priority, both at a slope of at most 2.

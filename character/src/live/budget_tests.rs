@@ -16,6 +16,13 @@ fn pace(stretch: f32, interval: Option<u32>, phase: u64) -> Option<(u32, u32)> {
 }
 
 #[test]
+fn priorities_count_within_a_stream() {
+    assert_eq!(own_priority(1.0, 1.0), own_priority(0.0, 0.0));
+    assert_eq!(own_priority(1.0, 0.5), 1.0);
+    assert_eq!(own_priority(0.0, 1.0), 0.0);
+}
+
+#[test]
 fn without_pressure_all_is_as_usual() {
     for priority in [0.0, 0.5, 1.0] {
         assert_eq!(stretch(0.0, priority), 0.0);

@@ -69,6 +69,8 @@ pub struct Quota {
     pub streams: Option<usize>,
     /// Most bytes of requests and answers in transfer.
     pub bytes: Option<usize>,
+    /// The key counts as so many clients in the queues of packs; missing: 1.
+    pub share: Option<u32>,
 }
 
 #[cfg(test)]

@@ -1,11 +1,15 @@
 use super::*;
 
 fn clients() -> Clients {
-    let share = |bytes, streams| Share { bytes, streams };
+    let share = |bytes, streams, sessions| Share {
+        bytes,
+        streams,
+        sessions,
+    };
     let shares = Shares {
-        client: share(10 << 10, 2),
-        address: share(15 << 10, 3),
-        all: share(20 << 10, 4),
+        client: share(10 << 10, 2, 1000),
+        address: share(15 << 10, 3, 1500),
+        all: share(20 << 10, 4, usize::MAX),
     };
     Clients::new(shares, &Telemetry::new().unwrap())
 }
@@ -56,9 +60,9 @@ fn memory_grows_by_pieces_and_a_refusal_changes_nothing() {
 fn a_key_has_one_share_on_all_its_connections() {
     let clients = clients();
     let connections: Vec<_> = (1..4).map(|last| clients.connected(address(last))).collect();
-    let one = clients.with_key("one", Quota::default(), &connections[0]);
-    let again = clients.with_key("one", Quota::default(), &connections[1]);
-    let other = clients.with_key("other", Quota::default(), &connections[2]);
+    let one = clients.with_key("one", Quota::default(), None, &connections[0]);
+    let again = clients.with_key("one", Quota::default(), None, &connections[1]);
+    let other = clients.with_key("other", Quota::default(), None, &connections[2]);
     let _held = one.memory(6 << 10).unwrap();
     let error = again.memory(6 << 10).unwrap_err();
     assert!(error.to_string().starts_with("this key"), "{error}");
@@ -87,8 +91,11 @@ fn a_key_may_have_quotas_of_its_own() {
         sessions: Some(3),
         streams: Some(1),
         bytes: Some(2 << 10),
+        share: Some(4),
     };
-    let key = || clients.with_key("small", quota, &connection);
+    let key = || clients.with_key("small", quota, None, &connection);
+    assert_eq!((key().id().share, connection.id().share), (4, 1));
+    assert_eq!(key().id().group, key().id().own, "a key shares with nothing");
     let stream = key().stream().unwrap();
     let error = key().stream().unwrap_err();
     assert_eq!(
@@ -105,7 +112,12 @@ fn a_key_may_have_quotas_of_its_own() {
         streams: Some(2),
         ..quota
     };
-    assert!(clients.with_key("small", wider, &connection).stream().is_ok());
+    assert!(
+        clients
+            .with_key("small", wider, None, &connection)
+            .stream()
+            .is_ok()
+    );
     drop(stream);
 }
 
@@ -117,22 +129,43 @@ fn sessions_of_a_quota_count_until_they_are_gone() {
         sessions: Some(3),
         ..Quota::default()
     };
-    let key = clients.with_key("small", quota, &connection);
-    let all_open = |_: &str| true;
-    key.sessions(2, all_open).unwrap().unwrap().keep(["a", "b"]);
-    let coming = key.sessions(1, all_open).unwrap();
-    let error = key.sessions(1, all_open).unwrap_err();
+    let key = clients.with_key("small", quota, None, &connection);
+    let mut both = key.sessions(2).unwrap();
+    let (a, b) = (both.split().unwrap(), both.split().unwrap());
+    assert!(both.split().is_none());
+    let coming = key.sessions(1).unwrap();
+    let error = key.sessions(1).unwrap_err();
     assert_eq!(
         error.to_string(),
         "this key has no room for as many sessions; allowed at a time: 3 sessions (max_sessions of the key)"
     );
-    assert!(!error.never && key.sessions(4, all_open).unwrap_err().never);
+    assert!(!error.never && key.sessions(4).unwrap_err().never);
     // What could not be opened is free again, and so is what is closed.
     drop(coming);
-    assert!(key.sessions(1, all_open).is_ok());
-    assert!(key.sessions(2, |id| id == "a").is_ok());
-    let unlimited = clients.with_key("large", Quota::default(), &connection);
-    assert!(unlimited.sessions(1000, all_open).unwrap().is_none());
+    assert!(key.sessions(1).is_ok());
+    drop(b);
+    assert!(key.sessions(2).is_ok() && key.sessions(3).is_err());
+    drop(a);
+    let usual = clients.with_key("large", Quota::default(), None, &connection);
+    assert!(usual.sessions(1000).is_ok());
+}
+
+#[test]
+fn sessions_count_for_their_address_when_the_connection_is_gone() {
+    let clients = clients();
+    let mut first = clients.connected(address(1)).sessions(1000).unwrap();
+    let open: Vec<_> = std::iter::from_fn(|| first.split()).collect();
+    let again = clients.connected(address(1));
+    let error = again.sessions(501).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "this address has no room for as many sessions; allowed at a time: 1500 sessions (a share of max_sessions)"
+    );
+    assert!(again.has_room_for(500) && !again.has_room_for(501));
+    assert!(again.sessions(500).is_ok());
+    assert!(clients.connected(address(2)).sessions(1000).is_ok());
+    drop(open);
+    assert!(again.sessions(1000).is_ok());
 }
 
 #[test]
@@ -143,12 +176,8 @@ fn unused_accounts_are_forgotten_and_others_are_not() {
         sessions: Some(3),
         ..Quota::default()
     };
-    let with_session = clients.with_key("session", quota, &connection);
-    with_session
-        .sessions(3, |_| true)
-        .unwrap()
-        .unwrap()
-        .keep(["a", "b", "c"]);
+    let with_session = clients.with_key("session", quota, None, &connection);
+    let _session = with_session.sessions(3).unwrap().split().unwrap();
     drop(with_session);
     let _stream = clients
         .with_key(
@@ -157,22 +186,24 @@ fn unused_accounts_are_forgotten_and_others_are_not() {
                 streams: Some(1),
                 ..quota
             },
+            None,
             &connection,
         )
         .stream()
         .unwrap();
     for number in 0..2 * MANY_ACCOUNTS {
-        clients.with_key(&number.to_string(), Quota::default(), &connection);
+        clients.with_key(&number.to_string(), Quota::default(), None, &connection);
     }
     assert!(clients.by_key.lock().unwrap().len() <= MANY_ACCOUNTS);
-    let again = clients.with_key("session", quota, &connection);
-    assert!(again.sessions(1, |_| true).is_err());
+    let again = clients.with_key("session", quota, None, &connection);
+    assert!(again.sessions(3).is_err());
     let again = clients.with_key(
         "stream",
         Quota {
             streams: Some(1),
             ..quota
         },
+        None,
         &connection,
     );
     assert!(again.stream().is_err());

@@ -1,4 +1,4 @@
-//! The activity on a connection: open calls, and bytes that wait to be sent.
+//! The activity on a connection: open and cancelled calls, and bytes that wait to be sent.
 
 use std::convert::Infallible;
 use std::io::{self, IoSlice};
@@ -11,18 +11,24 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::{Body, HttpBody};
 use bytes::Bytes;
-use http::{Request, Response};
+use http::{Method, Request, Response, Version};
 use http_body::{Frame, SizeHint};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::sync::Notify;
 use tokio::time::{Instant, sleep, sleep_until};
 use tower::Service;
 
+use super::early::Early;
 use super::slots::ConnectionSlot;
-
-use crate::clients::Client;
+use crate::clients::{Client, Resets};
 
 /// Time between two checks whether a closing connection is done.
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Longest time in which the body of a refused call is read.
+const DISCARD_TIMEOUT: Duration = Duration::from_secs(1);
+/// Most bytes of the body of a refused call that are read.
+const MAX_DISCARDED_BYTES: usize = 64 << 10;
 
 /// The activity on one connection.
 #[derive(Debug)]
@@ -38,6 +44,12 @@ pub(super) struct Activity {
     called_ms: AtomicU64,
     /// When bytes were last sent, milliseconds since `born`.
     sent_ms: AtomicU64,
+    /// Whether the connection serves a WebSocket, which is no call.
+    upgraded: AtomicBool,
+    /// Cancelled calls beside answered ones.
+    resets: Resets,
+    /// Notified if the connection has to end now.
+    cut: Notify,
 }
 
 impl Activity {
@@ -50,7 +62,32 @@ impl Activity {
             blocked: AtomicBool::new(false),
             called_ms: AtomicU64::new(0),
             sent_ms: AtomicU64::new(0),
+            upgraded: AtomicBool::new(false),
+            resets: Resets::of_connection(),
+            cut: Notify::new(),
         })
+    }
+
+    /// Whether no call was open for `limit`.
+    pub(super) fn is_idle(&self, limit: Duration) -> bool {
+        self.open.load(Ordering::Acquire) == 0
+            && !self.upgraded.load(Ordering::Acquire)
+            && self.at(self.called_ms.load(Ordering::Acquire)).elapsed() >= limit
+    }
+
+    /// HTTP has ended on the connection. If its place is still taken, a WebSocket uses it.
+    pub(super) fn leave_http(&self) {
+        self.upgraded.store(true, Ordering::Release);
+    }
+
+    /// Ends the connection.
+    pub(super) fn cut(&self) {
+        self.cut.notify_one();
+    }
+
+    /// Waits for [`Activity::cut`].
+    pub(super) async fn is_cut(&self) {
+        self.cut.notified().await;
     }
 
     fn now_ms(&self) -> u64 {
@@ -106,16 +143,27 @@ impl Activity {
 #[derive(Debug)]
 struct Call {
     activity: Arc<Activity>,
+    client: Arc<Client>,
     serving: AtomicBool,
+    /// Whether it ended with its whole answer. Calls of HTTP/1 count as answered, because a client
+    /// can only cancel them by the end of the connection.
+    answered: AtomicBool,
 }
 
 impl Call {
-    fn begin(activity: &Arc<Activity>) -> Arc<Self> {
+    fn begin(activity: &Arc<Activity>, client: &Arc<Client>, can_be_reset: bool) -> Arc<Self> {
         activity.open.fetch_add(1, Ordering::AcqRel);
         Arc::new(Self {
             activity: activity.clone(),
+            client: client.clone(),
             serving: AtomicBool::new(false),
+            answered: AtomicBool::new(!can_be_reset),
         })
+    }
+
+    /// The answer was sent completely.
+    fn answered(&self) {
+        self.answered.store(true, Ordering::Release);
     }
 
     /// The request has arrived completely, so the server can finish the call.
@@ -134,6 +182,12 @@ impl Drop for Call {
             activity.serving.fetch_sub(1, Ordering::AcqRel);
         }
         activity.open.fetch_sub(1, Ordering::AcqRel);
+        let (answered, now) = (*self.answered.get_mut(), std::time::Instant::now());
+        let too_many = activity.resets.ended(answered, now) | self.client.resets().ended(answered, now);
+        if too_many && !answered {
+            self.client.note_resets();
+            activity.cut();
+        }
     }
 }
 
@@ -142,14 +196,21 @@ impl Drop for Call {
 #[derive(Clone)]
 pub(super) struct Watched {
     router: Router,
+    early: Option<Early>,
     activity: Arc<Activity>,
     client: Arc<Client>,
 }
 
 impl Watched {
-    pub(super) fn new(router: Router, activity: Arc<Activity>, client: Arc<Client>) -> Self {
+    pub(super) fn new(
+        router: Router,
+        early: Option<Early>,
+        activity: Arc<Activity>,
+        client: Arc<Client>,
+    ) -> Self {
         Self {
             router,
+            early,
             activity,
             client,
         }
@@ -170,31 +231,75 @@ where
     }
 
     fn call(&mut self, mut request: Request<B>) -> Self::Future {
+        let can_be_reset = request.version() == Version::HTTP_2 && request.method() != Method::HEAD;
+        let call = Call::begin(&self.activity, &self.client, can_be_reset);
+        let early = self.early.as_ref();
+        if let Some(response) = early.and_then(|early| early.refused(&request, &self.client)) {
+            call.serve();
+            return Box::pin(async move {
+                discard(request.into_body());
+                Ok(response.map(|body| CallBody::of_answer(body, call)))
+            });
+        }
         request.extensions_mut().insert(self.client.clone());
-        let call = Call::begin(&self.activity);
         let answer = self
             .router
-            .call(request.map(|body| CallBody::new(body, call.clone())));
+            .call(request.map(|body| CallBody::of_request(body, call.clone())));
         Box::pin(async move {
             let response = answer.await?;
             call.serve();
-            Ok(response.map(|body| CallBody { body, call }))
+            Ok(response.map(|body| CallBody::of_answer(body, call)))
         })
     }
+}
+
+/// Reads and drops a body. It waits neither long nor for many bytes, and not in this task.
+///
+/// A body that is dropped before its end resets its call. What its client sends until it knows
+/// counts as an error of the client, and the HTTP library ends connections with many of them.
+fn discard<B: HttpBody<Data = Bytes> + Send + Unpin + 'static>(mut body: B) {
+    if body.is_end_stream() {
+        return;
+    }
+    let rest = async move {
+        let mut left = MAX_DISCARDED_BYTES;
+        while left > 0 {
+            let frame = std::future::poll_fn(|context| Pin::new(&mut body).poll_frame(context));
+            let Some(Ok(frame)) = frame.await else { return };
+            left = left.saturating_sub(frame.data_ref().map_or(1, |data| data.len().max(1)));
+        }
+    };
+    tokio::spawn(tokio::time::timeout(DISCARD_TIMEOUT, rest));
 }
 
 /// The body of a request or an answer. Keeps its call open.
 pub(super) struct CallBody<B> {
     body: B,
     call: Arc<Call>,
+    is_answer: bool,
 }
 
 impl<B: HttpBody> CallBody<B> {
-    fn new(body: B, call: Arc<Call>) -> Self {
+    fn of_request(body: B, call: Arc<Call>) -> Self {
         if body.is_end_stream() {
             call.serve();
         }
-        Self { body, call }
+        Self {
+            body,
+            call,
+            is_answer: false,
+        }
+    }
+
+    fn of_answer(body: B, call: Arc<Call>) -> Self {
+        if body.is_end_stream() {
+            call.answered();
+        }
+        Self {
+            body,
+            call,
+            is_answer: true,
+        }
     }
 }
 
@@ -207,9 +312,15 @@ impl<B: HttpBody + Unpin> HttpBody for CallBody<B> {
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Self::Data>, Self::Error>>> {
         let frame = ready!(Pin::new(&mut self.body).poll_frame(context));
-        // For an answer this changes nothing, because its call is being served already.
-        if frame.is_none() || self.body.is_end_stream() {
-            self.call.serve();
+        let is_last = match &frame {
+            None => true,
+            Some(Ok(frame)) => frame.is_trailers() || self.body.is_end_stream(),
+            Some(Err(_)) => self.body.is_end_stream(),
+        };
+        match (is_last, self.is_answer) {
+            (true, true) => self.call.answered(),
+            (true, false) => self.call.serve(),
+            (false, _) => {}
         }
         Poll::Ready(frame)
     }
@@ -306,17 +417,74 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Held<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clients::{Clients, Share, Shares};
+    use troupe_base::telemetry::Telemetry;
+
+    fn client() -> Arc<Client> {
+        let share = Share {
+            bytes: 1024,
+            streams: 1,
+            sessions: 1,
+        };
+        let shares = Shares {
+            client: share,
+            address: share,
+            all: share,
+        };
+        Clients::new(shares, &Telemetry::new().unwrap()).within()
+    }
+
+    #[tokio::test]
+    async fn a_connection_that_only_cancels_calls_is_cut() {
+        let (activity, client) = (Activity::new(), client());
+        let begin = || Call::begin(&activity, &client, true);
+        let is_cut = async || {
+            let soon = tokio::time::timeout(Duration::from_millis(1), activity.is_cut());
+            soon.await.is_ok()
+        };
+        // All calls of a connection, cancelled at once; and as many as were answered.
+        for _ in 0..1024 {
+            begin().answered();
+        }
+        for _ in 0..2 * 1024 {
+            drop(begin());
+        }
+        assert!(!is_cut().await);
+        drop(begin());
+        assert!(is_cut().await);
+    }
+
+    #[tokio::test]
+    async fn connections_of_an_address_are_counted_together() {
+        let (connections, client) = ([(); 5].map(|()| Activity::new()), client());
+        let cancel = |activity: &Arc<Activity>| drop(Call::begin(activity, &client, true));
+        let is_cut = async |activity: &Arc<Activity>| {
+            let soon = tokio::time::timeout(Duration::from_millis(1), activity.is_cut());
+            soon.await.is_ok()
+        };
+        for _ in 0..819 {
+            connections.iter().for_each(cancel);
+        }
+        cancel(&connections[0]);
+        for activity in &connections {
+            assert!(!is_cut(activity).await, "4,096 of an address are allowed");
+        }
+        cancel(&connections[0]);
+        assert!(is_cut(&connections[0]).await && !is_cut(&connections[1]).await);
+    }
 
     #[tokio::test(start_paused = true)]
     async fn a_connection_is_idle_some_time_after_its_last_call() {
         let activity = Activity::new();
         let (begun, limit) = (Instant::now(), Duration::from_secs(10));
-        let call = Call::begin(&activity);
+        let call = Call::begin(&activity, &client(), true);
+        assert!(!activity.is_idle(Duration::ZERO));
         let ends = async {
             sleep(Duration::from_secs(25)).await;
             drop(call);
         };
         tokio::join!(activity.idle(limit), ends);
+        assert!(activity.is_idle(limit) && !activity.is_idle(limit + Duration::from_secs(1)));
         assert_eq!(begun.elapsed().as_secs(), 35);
     }
 
@@ -324,7 +492,7 @@ mod tests {
     async fn a_call_is_waited_for_once_its_request_is_whole() {
         let activity = Activity::new();
         let (begun, grace) = (Instant::now(), Duration::from_secs(1));
-        let half = Call::begin(&activity);
+        let half = Call::begin(&activity, &client(), true);
         activity.quiet(grace).await;
         assert_eq!(begun.elapsed().as_secs(), 1, "half a request is not");
 

@@ -13,6 +13,7 @@ use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite};
 use tokio::sync::watch;
 
 use super::activity::{Activity, Held, Watched};
+use super::early::Early;
 use super::listen::Listen;
 use super::slots::{ConnectionSlot, ConnectionSlots};
 use super::tls::Tls;
@@ -44,6 +45,11 @@ const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
 /// with all its other calls. There must be a limit, because such calls cost the server more than
 /// the client (CVE-2023-44487).
 const MAX_CANCELLED_UNSEEN: usize = 1024;
+/// Errors of a client on an HTTP/2 connection, such as data on a closed call, to each of which the
+/// server answers with a reset. With one more the connection ends. This is the library's default.
+const MAX_ERRORS_RESET: usize = 1024;
+/// Time for the last bytes of a connection that has to end now.
+const CUT_GRACE: Duration = Duration::from_millis(100);
 /// Most headers of an HTTP/1 request. With more, the library itself refuses the request with an
 /// empty answer. `head.rs` has the lower limit for requests that get a full answer.
 const MAX_HEADERS: usize = 512;
@@ -53,12 +59,14 @@ const MAX_HEAD_BYTES: u32 = 64 << 10;
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
 /// The routes that answer requests.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Routes {
     /// For connections within the limit.
     pub all: Router,
     /// For connections beyond the limit; see [`reserve`](crate::reserve::reserve).
     pub reserve: Router,
+    /// For calls of clients that have a debt. None: all calls go to the routes.
+    pub early: Option<Early>,
 }
 
 /// Limits of each connection.
@@ -217,7 +225,7 @@ impl Connections {
     ) {
         let Some(tls) = &self.tls else {
             let (read, write) = L::halves(stream);
-            let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
+            let begun = begin(read, write, first_bytes_timeout, slot.activity(), &mut phase).await;
             return self.serve_begun(begun, slot, phase, idle_timeout).await;
         };
         let handshake = tokio::time::timeout(
@@ -226,12 +234,14 @@ impl Connections {
         );
         let handshake = tokio::select! {
             handshake = handshake => handshake,
+            () = slot.activity().is_cut() => return,
             () = reached(&mut phase, |phase| *phase >= Phase::Stopping) => return,
         };
         let error = match handshake {
             Ok(Ok(stream)) => {
                 let (read, write) = tokio::io::split(stream);
-                let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
+                let activity = slot.activity();
+                let begun = begin(read, write, first_bytes_timeout, activity, &mut phase).await;
                 return self.serve_begun(begun, slot, phase, idle_timeout).await;
             }
             Ok(Err(error)) => error,
@@ -250,18 +260,33 @@ impl Connections {
         idle_timeout: Duration,
     ) {
         let Some(stream) = begun else { return };
-        let activity = Activity::new();
+        let activity = slot.activity().clone();
         let router = match slot.is_reserved() {
             true => &self.routes.reserve,
             false => &self.routes.all,
         };
         let client = self.clients.connected(slot.address());
-        let service = TowerToHyperService::new(Watched::new(router.clone(), activity.clone(), client));
+        let service = TowerToHyperService::new(Watched::new(
+            router.clone(),
+            self.routes.early.clone(),
+            activity.clone(),
+            client,
+        ));
         let stream = TokioIo::new(Held::new(stream, activity.clone(), slot));
         let connection = self.builder.serve_connection_with_upgrades(stream, service);
         tokio::pin!(connection);
         tokio::select! {
-            result = &mut connection => return ended(result),
+            result = &mut connection => {
+                activity.leave_http();
+                return ended(result);
+            }
+            () = activity.is_cut() => {
+                connection.as_mut().graceful_shutdown();
+                if let Ok(result) = tokio::time::timeout(CUT_GRACE, connection).await {
+                    ended(result);
+                }
+                return tracing::debug!("a connection was cut: idle, or most of its calls were cancelled");
+            }
             () = activity.idle(idle_timeout) => {}
             () = reached(&mut phase, |phase| *phase >= Phase::Stopping) => {}
         }
@@ -286,12 +311,14 @@ fn ended(result: Result<(), Box<dyn std::error::Error + Send + Sync>>) {
 }
 
 /// Reads until the connection's HTTP version is known, and returns a stream that begins with the
-/// bytes that were read. None if these bytes do not come in time, or if the server stops. The
+/// bytes that were read. None if these bytes do not come in time, if the connection has to make
+/// room, or if the server stops. The
 /// connection builder would read them too, but without a time limit.
 async fn begin<R, W>(
     read: R,
     write: W,
     limit: Duration,
+    activity: &Activity,
     phase: &mut watch::Receiver<Phase>,
 ) -> Option<impl AsyncRead + AsyncWrite + Unpin + Send + 'static + use<R, W>>
 where
@@ -300,6 +327,7 @@ where
 {
     let begun = tokio::select! {
         begun = tokio::time::timeout(limit, first_bytes(read)) => begun,
+        () = activity.is_cut() => return None,
         () = reached(phase, |phase| *phase >= Phase::Stopping) => return None,
     };
     match begun {
@@ -338,6 +366,7 @@ fn builder(limits: &ConnectionLimits) -> Builder<TokioExecutor> {
         .max_header_list_size(MAX_HEAD_BYTES)
         .max_concurrent_streams(limits.max_calls)
         .max_pending_accept_reset_streams(MAX_CANCELLED_UNSEEN)
+        .max_local_error_reset_streams(MAX_ERRORS_RESET)
         .keep_alive_interval(limits.keepalive)
         .keep_alive_timeout(limits.keepalive);
     builder

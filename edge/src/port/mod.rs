@@ -2,12 +2,14 @@
 
 mod activity;
 mod connections;
+mod early;
 mod files;
 mod listen;
 mod slots;
 mod tls;
 
 pub use connections::{ConnectionLimits, Port, Routes, accept};
+pub use early::{Early, Head};
 pub use files::{TooFewFiles, max_connections};
 pub use listen::Listen;
 pub use slots::ConnectionSlots;

@@ -92,11 +92,12 @@ impl UniMoGen {
             }
         }
         let task = probe_task(pack, 0, longest).ok_or(EngineError::WrongTask)?;
+        let work = Task::Path(task.clone()).work().into();
         for _ in 0..2 {
             let started = Instant::now();
             self.run(std::slice::from_ref(&task))?;
             let took = started.elapsed();
-            self.trial = Some(TrialRun { rows: 1, took });
+            self.trial = Some(TrialRun { rows: 1, work, took });
         }
         Ok(())
     }

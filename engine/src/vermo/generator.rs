@@ -80,8 +80,7 @@ impl VerMo {
         }
         let jobs = jobs.min(self.max_jobs);
         for _ in 0..2 {
-            let took = self.run_trial(jobs, frames.len())?;
-            self.trial = took.map(|took| TrialRun { rows: jobs, took });
+            self.trial = self.run_trial(jobs, frames.len())?;
         }
         Ok(())
     }
@@ -91,7 +90,7 @@ impl VerMo {
     ///
     /// # Errors
     /// [`EngineError`] of the first job that fails.
-    pub fn run_trial(&mut self, jobs: usize, frames: usize) -> Result<Option<Duration>, EngineError> {
+    pub fn run_trial(&mut self, jobs: usize, frames: usize) -> Result<Option<TrialRun>, EngineError> {
         let Some(task) = self.trial_task(frames)? else {
             return Ok(None);
         };
@@ -111,7 +110,11 @@ impl VerMo {
                 return Err(error);
             }
         }
-        Ok(Some(started.elapsed()))
+        Ok(Some(TrialRun {
+            rows: jobs,
+            work: jobs as u64 * u64::from(task.work()),
+            took: started.elapsed(),
+        }))
     }
 
     /// A task for the trial that needs no caller's data: motion for a known word, or motion without

@@ -23,6 +23,9 @@ static NEXT_OWNER: AtomicU64 = AtomicU64::new(0);
 /// A value of `SessionCell::owner` beyond those of [`Owner`]: the session is about to expire.
 const EXPIRING: u8 = 3;
 
+/// A place within the limits of a client. Dropping it frees the place.
+pub type ClientPlace = Box<dyn std::fmt::Debug + Send + Sync>;
+
 /// The part of a session behind its lock.
 #[derive(Debug)]
 pub struct Live {
@@ -68,6 +71,8 @@ pub struct SessionCell {
     live: Mutex<Live>,
     /// The watchers of the stream that advances the session, or advanced it last.
     audience: Mutex<Weak<Audience>>,
+    /// The session's place within the limits of the client that opened it, until the session ends.
+    place: Mutex<Option<ClientPlace>>,
     /// Signals that a plan came or failed, or that the session ended. Only the owner waits for it.
     changed: Notify,
 }
@@ -132,6 +137,7 @@ impl SessionCell {
                 counted: Stats::default(),
             }),
             audience: Mutex::default(),
+            place: Mutex::default(),
             changed: Notify::new(),
         }
     }
@@ -219,18 +225,19 @@ impl SessionCell {
         match self.ended.load(Ordering::Acquire) {
             0 => None,
             1 => Some(End::Closed),
-            _ => Some(End::Expired),
+            2 => Some(End::Expired),
+            _ => Some(End::MadeRoom),
         }
     }
 
     /// Ends the session if its time to live is over at `now` and it has no owner. Answers whether
     /// it ended.
     pub(super) fn expire(&self, now: Instant) -> bool {
-        self.expire_after(self.ttl, now)
+        self.end_if_idle(self.ttl, now, End::Expired)
     }
 
     /// Ends the session if it has no owner and was not used for `limit`. Answers whether it ended.
-    pub(super) fn expire_after(&self, limit: Duration, now: Instant) -> bool {
+    pub(super) fn end_if_idle(&self, limit: Duration, now: Instant, end: End) -> bool {
         let free = Owner::Free as u8;
         if self.idle(now) < limit || self.owner() != Owner::Free {
             return false;
@@ -246,7 +253,7 @@ impl SessionCell {
             self.owner.store(free, Ordering::Release);
             return false;
         }
-        self.finish(End::Expired)
+        self.finish(end)
     }
 
     /// Time from the last use to `now`.
@@ -264,9 +271,22 @@ impl SessionCell {
         if first {
             self.leave_scene();
             drop(self.live().performer.take());
+            self.place().take();
             self.changed.notify_one();
         }
         first
+    }
+
+    fn place(&self) -> MutexGuard<'_, Option<ClientPlace>> {
+        self.place.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Keeps `place` until the session ends.
+    pub(super) fn hold(&self, place: ClientPlace) {
+        *self.place() = Some(place);
+        if self.end().is_some() {
+            self.place().take();
+        }
     }
 
     /// Releases the objects of the character and the session's place in its scene.
@@ -318,6 +338,10 @@ impl SessionCell {
     pub fn gone(&self, field: &dyn Fn() -> String) -> Option<SessionError> {
         match self.end()? {
             End::Expired => Some(SessionError::Expired {
+                id: self.id.to_string(),
+                field: field(),
+            }),
+            End::MadeRoom => Some(SessionError::MadeRoom {
                 id: self.id.to_string(),
                 field: field(),
             }),

@@ -33,6 +33,16 @@ pub enum SessionError {
         /// The field of the request that has the id.
         field: String,
     },
+    /// The session was closed to make room for a new one.
+    #[error(
+        "session {id:?} has made room: no call had used it for a while, and the server had no room for a new session"
+    )]
+    MadeRoom {
+        /// The session's id, or the start of what the request gave as one.
+        id: String,
+        /// The field of the request that has the id.
+        field: String,
+    },
     /// A session that is not open.
     #[error("no session has the id {id:?}")]
     Unknown {

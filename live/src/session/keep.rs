@@ -1,10 +1,10 @@
 //! Saves sessions and the objects of scenes, so that they survive a restart.
 //!
-//! A round collects everything that has changed since the last round and writes it in one
-//! transaction, so the file always has one consistent state. A session is locked only while it is
-//! copied, for a few microseconds.
+//! A round writes changed sessions in one transaction, those with the oldest unkept change first,
+//! until it has enough bytes. A scene and its sessions are written together, so the file always has
+//! one consistent state. A session is locked only while it is copied, for a few microseconds.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,20 +14,17 @@ use troupe_motion::conventions::Convention;
 use troupe_motion::model::Capability;
 
 use super::LivePacks;
+use super::backlog::Backlog;
 use super::cell::{SessionCell, SessionParts};
-use super::space::{Spaces, of_record};
+use super::space::{Space, Spaces, of_record};
 use crate::records::{Changes, Kind, Records, RecordsError};
 use crate::world::Store;
-use troupe_base::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
+use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 use troupe_character::Path;
 use troupe_character::live::World;
 use troupe_character::saved::{self, Surroundings};
-use troupe_character::scene::Holder;
+use troupe_character::scene::{Holder, SceneCell};
 
-const AGE: Metric = Metric::new(
-    "troupe_store_age_seconds",
-    "Time since the state of sessions and scenes was last written",
-);
 const BYTES: Metric = Metric::new("troupe_store_written_bytes_total", "Bytes of records written");
 const FAILURES: Metric = Metric::new(
     "troupe_store_failures_total",
@@ -42,8 +39,11 @@ const RESTORED: Metric = Metric::new(
 const FORMAT: u32 = 2;
 /// Number of sessions that are read from the registry under one lock.
 const PAGE: usize = 256;
-/// Rounds take at most one part in this many of one core's time.
-const SHARE: u32 = 10;
+/// Bytes after which a round ends: about 600 walking people, which take a tenth of a core's time at
+/// four rounds a second. A larger scene makes a larger round, and the next one waits longer.
+const ROUND_BYTES: usize = 16 << 20;
+/// A round is followed by a pause of at least one part in this many of its time.
+const PAUSE: u32 = 4;
 
 /// A saved session. The name of the record has its tenant and id.
 #[derive(Debug, Serialize, Deserialize)]
@@ -73,13 +73,34 @@ struct Stamp {
 /// By the names of the records.
 type Stamps = HashMap<String, Stamp>;
 
+/// The records with changes that are not in the store, by name: the latest time before the first
+/// of these changes.
+type Unkept = HashMap<String, Instant>;
+
+/// Sessions, and perhaps a scene, that must be written together.
+struct Unit {
+    scene: Option<ChangedScene>,
+    cells: Vec<(String, Stamp, Arc<SessionCell>)>,
+    /// The oldest of its unkept changes.
+    since: Instant,
+}
+
+/// A scene whose objects have changed.
+struct ChangedScene {
+    /// Of its record.
+    name: String,
+    scene: String,
+    cell: Arc<SceneCell>,
+    store: Arc<Store>,
+}
+
 /// The result of a round.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Round {
-    /// Records of sessions and scenes that were written or removed.
-    pub records: usize,
     /// Total size of the written records, bytes.
     pub bytes: usize,
+    /// Whether changed sessions were left to the next round.
+    pub is_partial: bool,
 }
 
 /// Saves and restores the sessions of a server.
@@ -87,16 +108,18 @@ pub struct Round {
 pub struct Keeper {
     spaces: Arc<Spaces>,
     records: Records,
+    /// As they are in the store.
     sessions: Stamps,
     /// Saved revisions, by the names of the records.
     scenes: HashMap<String, u64>,
+    unkept_sessions: Unkept,
+    unkept_scenes: Unkept,
+    /// When the last round looked for changes. What is new since then has changed later.
+    looked: Instant,
     buffer: Vec<u8>,
-    age: Gauge,
+    backlog: Arc<Backlog>,
     bytes: Counter,
     failures: Counter,
-    /// Limits how often a failure is logged.
-    reported: Seldom,
-    written: Instant,
 }
 
 impl Keeper {
@@ -135,13 +158,19 @@ impl Keeper {
             records,
             sessions,
             scenes,
+            unkept_sessions: Unkept::new(),
+            unkept_scenes: Unkept::new(),
+            looked: Instant::now(),
             buffer: Vec::new(),
-            age: telemetry.gauge(&AGE, &labels),
+            backlog: Arc::new(Backlog::new(telemetry)),
             bytes: telemetry.counter(&BYTES, &labels),
             failures: telemetry.counter(&FAILURES, &labels),
-            reported: Seldom::default(),
-            written: Instant::now(),
         })
+    }
+
+    /// How far the store is behind. Others read it while this keeper writes.
+    pub fn backlog(&self) -> &Arc<Backlog> {
+        &self.backlog
     }
 }
 
@@ -267,67 +296,188 @@ fn restore_scenes(spaces: &Spaces, records: &mut Records) -> Result<HashMap<Stri
 }
 
 impl Keeper {
-    /// Writes what has changed since the last round. This blocks.
+    /// Writes what changed first, about `max_bytes` of it. This blocks.
     ///
     /// # Errors
-    /// [`RecordsError`]. The next round then writes the same changes.
-    pub fn round(&mut self) -> Result<Round, RecordsError> {
+    /// [`RecordsError`]. Later rounds then write the same changes.
+    pub fn round(&mut self, max_bytes: usize) -> Result<Round, RecordsError> {
         let mut changes = Changes::default();
-        let sessions = self.note_sessions(&mut changes);
-        let scenes = self.note_scenes(&mut changes);
-        let round = Round {
-            records: changes.len(),
-            bytes: changes.bytes(),
-        };
-        if !changes.is_empty() {
-            self.records.write(&changes)?;
+        let looked = Instant::now();
+        let mut units = self.look(&mut changes);
+        self.looked = looked;
+        self.show();
+        units.sort_by_key(|unit| unit.since);
+        let (mut sessions, mut scenes) = (Vec::new(), Vec::new());
+        let mut is_partial = false;
+        for unit in units {
+            if changes.bytes() >= max_bytes.max(1) {
+                is_partial = true;
+                break;
+            }
+            for (name, stamp, cell) in unit.cells {
+                changes.put(Kind::Session, &*name, self.record(&cell));
+                sessions.push((name, stamp));
+            }
+            if let Some(changed) = unit.scene {
+                let snapshot = changed.cell.snapshot();
+                // A scene without a file has no record.
+                if let Some(record) = changed.store.record_of(&changed.scene, &snapshot) {
+                    changes.put(Kind::Scene, &*changed.name, record);
+                }
+                scenes.push((changed.name, snapshot.revision()));
+            }
         }
-        self.sessions = sessions;
-        self.scenes = scenes;
-        self.bytes.increment(round.bytes as u64);
-        self.written = Instant::now();
-        Ok(round)
+        if !changes.is_empty()
+            && let Err(error) = self.records.write(&changes)
+        {
+            // A failed write may have gone through. These records must be written again or removed.
+            let written = sessions.into_iter().map(|(name, _)| (name, Stamp::NONE));
+            self.sessions.extend(written);
+            self.scenes
+                .extend(scenes.into_iter().map(|(name, _)| (name, u64::MAX)));
+            return Err(error);
+        }
+        for (kind, name) in changes.removed() {
+            match kind {
+                Kind::Session => {
+                    self.sessions.remove(name);
+                    self.unkept_sessions.remove(name);
+                }
+                Kind::Scene => {
+                    self.scenes.remove(name);
+                    self.unkept_scenes.remove(name);
+                }
+            }
+        }
+        for (name, stamp) in sessions {
+            self.unkept_sessions.remove(&name);
+            self.sessions.insert(name, stamp);
+        }
+        for (name, revision) in scenes {
+            self.unkept_scenes.remove(&name);
+            self.scenes.insert(name, revision);
+        }
+        self.show();
+        self.bytes.increment(changes.bytes() as u64);
+        Ok(Round {
+            bytes: changes.bytes(),
+            is_partial,
+        })
     }
 
     /// Does a round and returns the time to wait until the next. Rounds start every `interval`, or
-    /// less often if they take long. A failure is logged at most once a minute.
-    pub fn go_on(&mut self, interval: Duration) -> Duration {
+    /// less often if they write much or take long.
+    ///
+    /// # Errors
+    /// [`RecordsError`], with the time to wait.
+    pub fn go_on(&mut self, interval: Duration) -> (Duration, Result<(), RecordsError>) {
         let begun = Instant::now();
-        if let Err(error) = self.round() {
-            self.failures.increment(1);
-            if let Some(held_back) = self.reported.next(begun.into_std()) {
-                tracing::error!(%error, held_back, "the state of sessions cannot be saved");
-            }
-        }
-        self.age.set(self.written.elapsed().as_secs_f64());
+        let result = self.counted(ROUND_BYTES);
+        let bytes = result.as_ref().map_or(0, |round| round.bytes);
+        let intervals = u32::try_from(bytes / ROUND_BYTES).unwrap_or(u32::MAX).max(1);
         let took = begun.elapsed();
-        interval.saturating_sub(took).max(took * (SHARE - 1))
+        let wait = interval.saturating_mul(intervals).saturating_sub(took);
+        (wait.max(took / PAUSE), result.map(|_| ()))
     }
 
-    /// Adds changed and ended sessions to `changes`. Returns the stamps of all open sessions.
-    fn note_sessions(&mut self, changes: &mut Changes) -> Stamps {
-        let mut now = Stamps::with_capacity(self.sessions.len());
+    /// Writes everything that has changed. This blocks.
+    ///
+    /// # Errors
+    /// [`RecordsError`]. [`Keeper::backlog`] says how many sessions are not in the store.
+    pub fn finish(&mut self) -> Result<(), RecordsError> {
+        while self.counted(ROUND_BYTES)?.is_partial {}
+        Ok(())
+    }
+
+    fn counted(&mut self, max_bytes: usize) -> Result<Round, RecordsError> {
+        let result = self.round(max_bytes);
+        self.failures.increment(u64::from(result.is_err()));
+        self.backlog
+            .set_error(result.as_ref().err().map(ToString::to_string));
+        result
+    }
+
+    fn show(&self) {
+        let since = self.unkept_sessions.values().chain(self.unkept_scenes.values());
+        let kept_until = since.min().copied().unwrap_or(self.looked);
+        self.backlog.set(kept_until, self.unkept_sessions.len());
+    }
+
+    /// Finds all changes. Adds the removed records to `changes`, because they are small.
+    fn look(&mut self, changes: &mut Changes) -> Vec<Unit> {
+        let (mut units, mut sessions, mut scenes) = (Vec::new(), Unkept::new(), Unkept::new());
+        let (mut open, mut there) = (HashSet::new(), HashSet::new());
         for space in self.spaces.all() {
+            let mut of_scene = self.changed_scenes(&space, &mut scenes, &mut there);
             let mut after: Option<Arc<str>> = None;
             loop {
                 let (page, _) = space.sessions.registry().page(after.as_deref(), PAGE);
-                for cell in &page {
-                    let (name, stamp) = (space.record_name(cell.id()), stamp(cell));
-                    if self.sessions.get(&name) != Some(&stamp) && cell.end().is_none() {
-                        changes.put(Kind::Session, &*name, self.record(cell));
+                after = (page.len() == PAGE).then(|| page[PAGE - 1].id().clone());
+                for cell in page.into_iter().filter(|cell| cell.end().is_none()) {
+                    let (name, stamp) = (space.record_name(cell.id()), stamp(&cell));
+                    open.insert(name.clone());
+                    if self.sessions.get(&name) == Some(&stamp) {
+                        continue;
                     }
-                    now.insert(name, stamp);
+                    let since = *self.unkept_sessions.get(&name).unwrap_or(&self.looked);
+                    sessions.insert(name.clone(), since);
+                    let fresh = || Unit::new(since);
+                    let mut alone = None;
+                    let unit = match cell.scene() {
+                        Some(scene) => of_scene.entry(scene.to_string()).or_insert_with(fresh),
+                        None => alone.insert(fresh()),
+                    };
+                    unit.since = unit.since.min(since);
+                    unit.cells.push((name, stamp, cell));
+                    units.extend(alone);
                 }
-                match page.last() {
-                    Some(last) if page.len() == PAGE => after = Some(last.id().clone()),
-                    _ => break,
+                if after.is_none() {
+                    break;
                 }
             }
+            units.extend(of_scene.into_values());
         }
-        for name in self.sessions.keys().filter(|name| !now.contains_key(*name)) {
+        for name in self.sessions.keys().filter(|name| !open.contains(*name)) {
             changes.remove(Kind::Session, &**name);
+            let since = *self.unkept_sessions.get(name).unwrap_or(&self.looked);
+            sessions.insert(name.clone(), since);
         }
-        now
+        for name in self.scenes.keys().filter(|name| !there.contains(*name)) {
+            changes.remove(Kind::Scene, &**name);
+            let since = *self.unkept_scenes.get(name).unwrap_or(&self.looked);
+            scenes.insert(name.clone(), since);
+        }
+        (self.unkept_sessions, self.unkept_scenes) = (sessions, scenes);
+        units
+    }
+
+    /// The changed scenes of a space by name. Adds them to `unkept`, and all of its scenes to
+    /// `there`.
+    fn changed_scenes(
+        &self,
+        space: &Arc<Space>,
+        unkept: &mut Unkept,
+        there: &mut HashSet<String>,
+    ) -> HashMap<String, Unit> {
+        let mut units = HashMap::new();
+        for (scene, cell) in space.store.scenes().all().iter() {
+            let name = space.record_name(scene);
+            there.insert(name.clone());
+            if self.scenes.get(&name) == Some(&cell.snapshot().revision()) {
+                continue;
+            }
+            let since = *self.unkept_scenes.get(&name).unwrap_or(&self.looked);
+            unkept.insert(name.clone(), since);
+            let mut unit = Unit::new(since);
+            unit.scene = Some(ChangedScene {
+                name,
+                scene: scene.clone(),
+                cell: cell.clone(),
+                store: space.store.clone(),
+            });
+            units.insert(scene.clone(), unit);
+        }
+        units
     }
 
     fn record(&mut self, cell: &SessionCell) -> Vec<u8> {
@@ -352,24 +502,18 @@ impl Keeper {
         // Writing to a vector does not fail.
         postcard::to_allocvec(&record).unwrap_or_default()
     }
+}
 
-    /// Adds changed and deleted scenes to `changes`. Returns the revisions of all scenes.
-    fn note_scenes(&self, changes: &mut Changes) -> HashMap<String, u64> {
-        let mut now = HashMap::new();
-        for space in self.spaces.all() {
-            for (scene, cell) in space.store.scenes().all().iter() {
-                let (name, snapshot) = (space.record_name(scene), cell.snapshot());
-                if self.scenes.get(&name) != Some(&snapshot.revision())
-                    && let Some(record) = space.store.record_of(scene, &snapshot)
-                {
-                    changes.put(Kind::Scene, &*name, record);
-                }
-                now.insert(name, snapshot.revision());
-            }
+impl Unit {
+    fn new(since: Instant) -> Self {
+        Self {
+            scene: None,
+            cells: Vec::new(),
+            since,
         }
-        for name in self.scenes.keys().filter(|name| !now.contains_key(*name)) {
-            changes.remove(Kind::Scene, name.as_str());
-        }
-        now
     }
 }
+
+#[cfg(test)]
+#[path = "keep_tests.rs"]
+mod tests;

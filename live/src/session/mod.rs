@@ -13,8 +13,9 @@
 //! | `planner`, `performer` | requests for plans and for words through the batcher |
 //! | `options`, `commands`, `describe`, `peek`, `step`, [`styles`] | the parts of calls |
 //! | `sessions`, `calls`, `resume`, `drive` | the calls, and the task behind a stream |
-//! | `space`, `keep` | the data of each tenant, and the state that survives a restart |
+//! | `space`, `keep`, `backlog` | the data of each tenant, and the state that survives a restart |
 
+mod backlog;
 mod calls;
 mod cell;
 mod commands;
@@ -46,6 +47,7 @@ mod time;
 mod wants;
 mod words;
 
+pub use backlog::{Backlog, MAX_STORE_AGE, StoreBehind};
 pub use commands::MAX_COMMANDS;
 pub use drive::StreamPermit;
 pub use encode::{BlockWriter, Form};

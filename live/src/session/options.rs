@@ -13,6 +13,7 @@ use super::id::{self, MAX_ID_CHARS};
 use super::{LivePacks, SessionError, SessionLimits};
 use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context, to_native, units};
 use crate::world::{Store, WorldError};
+use troupe_character::live::budget::MIDDLE_PRIORITY;
 use troupe_character::live::{Character, CharacterOptions, Start, World};
 use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::{Holder, Resident};
@@ -26,8 +27,6 @@ pub const TTL_RANGE_MS: RangeInclusive<u32> = 1000..=86_400_000;
 const LOOK_AHEAD: (u32, u32, u32) = (2, 12, 4);
 /// Frames between plans: minimum and maximum.
 const INTERVAL: (u32, u32) = (3, 30);
-/// Default priority of a session.
-const DEFAULT_PRIORITY: f32 = 0.5;
 /// Maximum root interpolation ratio.
 const MAX_ROOT_RATIO: f32 = 1.2;
 
@@ -46,7 +45,7 @@ pub(super) fn parts(
     let convention = units::convention(&path.field("convention"), options.convention)?;
     let start = start(path, options, convention, pack.rig())?;
     let ttl = ttl(path, options, limits)?;
-    let priority = options.priority.unwrap_or(DEFAULT_PRIORITY);
+    let priority = options.priority.unwrap_or(MIDDLE_PRIORITY);
     let priority = units::priority(&path.field("priority"), priority)?;
     let character = character_options(path, options)?;
     let resident = resident(&path.field("scene"), &options.scene, store)?;

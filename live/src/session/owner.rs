@@ -42,4 +42,6 @@ pub enum End {
     Closed = 1,
     /// Its time to live ran out.
     Expired = 2,
+    /// It was idle when the server had no room for a new session.
+    MadeRoom = 3,
 }

@@ -41,9 +41,9 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
         ));
     };
     let (batcher, reader) = (words.loaded.batcher.clone(), words.reader.clone());
-    let order = order(cell, &request, patience);
-    let task = task(&request.command, request.past, request.seed);
     let turns = Turns::current();
+    let order = order(cell, &request, patience).of(turns.client());
+    let task = task(&request.command, request.past, request.seed);
     // On a stream, words enter the queue now instead of when their task first runs.
     let entered = match patience {
         Patience::Fails => Ok(batcher.stream(task, order)),

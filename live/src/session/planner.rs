@@ -50,7 +50,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     // later.
     let entered = match patience {
         Patience::Fails => {
-            let order = Order::live(cell.owner_id(), deadline);
+            let order = Order::live(cell.owner_id(), deadline).of(turns.client());
             Ok((cell.pack().loaded.batcher).enqueue(vec![task], order))
         }
         Patience::Waits => Err((task, turns.clone())),
@@ -88,7 +88,7 @@ async fn step_plan(
     // Limits the plans that one client has in the queue, so that other clients do not wait for a
     // large step.
     let _place = turns.plan().await;
-    let order = Order::step(cell.owner_id(), deadline);
+    let order = Order::step(cell.owner_id(), deadline).of(turns.client());
     loop {
         let result = (cell.pack().loaded.batcher)
             .submit(vec![task.clone()], order)

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 use std::time::{Duration, Instant};
 
 use super::SessionError;
-use super::cell::SessionCell;
+use super::cell::{ClientPlace, SessionCell};
 use super::id::MAX_ID_CHARS;
 use super::metrics::Eviction;
 use super::owner::End;
@@ -84,10 +84,10 @@ impl All {
         self.expired.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Removes an expired session and remembers its id as expired.
-    fn bury(&self, tenant: &Tenant, cell: &SessionCell) {
+    /// Removes a session that a client did not close, and remembers how it ended.
+    fn bury(&self, tenant: &Tenant, cell: &SessionCell, end: End) {
         // In this order, so that at every moment the id is open or expired.
-        self.tombstones().add((tenant.clone(), cell.id().clone()));
+        self.tombstones().add((tenant.clone(), cell.id().clone()), end);
         let removed = self.write().remove(tenant, cell.id());
         cell.pack().metrics.ended(Eviction::Expired);
         drop(removed);
@@ -121,8 +121,9 @@ impl Registry {
     }
 
     /// Checks that `more` sessions may be opened, before the work of creating them. To make room,
-    /// this ends sessions that are expired at `now`. If that is not enough, it also ends sessions
-    /// that were not used for `usual_ttl`, even if their own time to live is longer.
+    /// this ends sessions that are expired at `now`. If that is not enough, it also ends idle
+    /// sessions: no step or stream advances them, and no command came for `usual_ttl`, even if
+    /// their own time to live is longer.
     ///
     /// # Errors
     /// [`SessionError::TooMany`] if there is not enough room.
@@ -152,8 +153,8 @@ impl Registry {
         }
         idle.sort_by_key(|(time, ..)| std::cmp::Reverse(*time));
         for (_, tenant, cell) in idle.into_iter().take(missing) {
-            if cell.expire_after(usual_ttl, now) {
-                self.all.bury(&tenant, &cell);
+            if cell.end_if_idle(usual_ttl, now, End::MadeRoom) {
+                self.all.bury(&tenant, &cell, End::MadeRoom);
             }
         }
     }
@@ -214,7 +215,7 @@ impl Registry {
         };
         for cell in named {
             if cell.expire(now) {
-                self.all.bury(&self.tenant, &cell);
+                self.all.bury(&self.tenant, &cell, End::Expired);
             }
         }
     }
@@ -237,18 +238,29 @@ impl Registry {
         match self.find(id) {
             Some(cell) => {
                 if cell.expire(now) {
-                    self.all.bury(&self.tenant, &cell);
+                    self.all.bury(&self.tenant, &cell, End::Expired);
                 }
                 cell.gone(field).map_or(Ok(cell), Err)
             }
-            None if self.all.tombstones().knows(&self.tenant, id) => Err(SessionError::Expired {
-                id: id.to_owned(),
-                field: field(),
-            }),
-            None => Err(SessionError::Unknown {
-                id: id.chars().take(MAX_ID_CHARS).collect(),
-                field: field(),
-            }),
+            None => Err(self.missing(id, field())),
+        }
+    }
+
+    /// The error for an id that no open session has.
+    fn missing(&self, id: &str, field: String) -> SessionError {
+        let ended = self.all.tombstones().end_of(&self.tenant, id);
+        let id = id.chars().take(MAX_ID_CHARS).collect();
+        match ended {
+            Some(End::MadeRoom) => SessionError::MadeRoom { id, field },
+            Some(_) => SessionError::Expired { id, field },
+            None => SessionError::Unknown { id, field },
+        }
+    }
+
+    /// Has an open session keep `place` until it ends.
+    pub fn hold(&self, id: &str, place: ClientPlace) {
+        if let Some(cell) = self.find(id) {
+            cell.hold(place);
         }
     }
 
@@ -297,7 +309,7 @@ impl Registry {
         let mut ended = 0;
         for (tenant, cell) in due {
             if cell.expire(now) {
-                self.all.bury(&tenant, &cell);
+                self.all.bury(&tenant, &cell, End::Expired);
                 ended += 1;
             }
         }
@@ -308,12 +320,12 @@ impl Registry {
 /// A session's tenant and id.
 type Name = (Tenant, Arc<str>);
 
-/// The ids of recently expired sessions. Beyond `limit`, the oldest are forgotten.
+/// The ids of sessions that expired or made room lately. Beyond `limit`, the oldest are forgotten.
 #[derive(Debug)]
 struct Tombstones {
     /// Oldest first. An entry is valid only while `by_id` has the same number for its id.
     by_age: VecDeque<(u64, Name)>,
-    by_id: HashMap<Name, u64>,
+    by_id: HashMap<Name, (u64, End)>,
     next: u64,
     limit: usize,
 }
@@ -328,13 +340,13 @@ impl Tombstones {
         }
     }
 
-    fn add(&mut self, id: Name) {
+    fn add(&mut self, id: Name, end: End) {
         self.next += 1;
-        self.by_id.insert(id.clone(), self.next);
+        self.by_id.insert(id.clone(), (self.next, end));
         self.by_age.push_back((self.next, id));
         if self.by_age.len() > self.limit
             && let Some((number, id)) = self.by_age.pop_front()
-            && self.by_id.get(&id) == Some(&number)
+            && self.by_id.get(&id).is_some_and(|(newest, _)| *newest == number)
         {
             self.by_id.remove(&id);
         }
@@ -344,8 +356,9 @@ impl Tombstones {
         self.by_id.remove(id);
     }
 
-    fn knows(&self, tenant: &Tenant, id: &str) -> bool {
-        self.by_id.contains_key(&(tenant.clone(), Arc::from(id)))
+    fn end_of(&self, tenant: &Tenant, id: &str) -> Option<End> {
+        let (_, end) = self.by_id.get(&(tenant.clone(), Arc::from(id)))?;
+        Some(*end)
     }
 }
 

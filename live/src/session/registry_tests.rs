@@ -28,6 +28,7 @@ const TTL: Duration = Duration::from_secs(10);
 fn kind(error: &SessionError) -> &'static str {
     match error {
         SessionError::Expired { .. } => "SESSION_EXPIRED",
+        SessionError::MadeRoom { .. } => "made room",
         SessionError::Unknown { .. } => "UNKNOWN_SESSION",
         SessionError::Exists { .. } => "SESSION_EXISTS",
         SessionError::Busy { .. } => "SESSION_BUSY",
@@ -221,8 +222,26 @@ async fn idle_sessions_with_a_long_time_to_live_make_room_if_needed() {
     assert_eq!(setup.registry.len(), 2);
     let held = setup.take("old", Owner::Step).unwrap();
     setup.registry.room_for(1, usual, setup.now()).unwrap();
-    assert_eq!(setup.get("new").unwrap_err(), "SESSION_EXPIRED");
+    assert_eq!(setup.get("new").unwrap_err(), "made room");
     assert!(held.cell().end().is_none(), "somebody advances it");
+}
+
+#[tokio::test]
+async fn a_place_is_kept_until_its_session_ends() {
+    let setup = Setup::new(2).await;
+    let place = Arc::new(());
+    let used = || Arc::strong_count(&place) - 1;
+    for id in ["closed", "expired"] {
+        setup.open(id).unwrap();
+        setup.registry.hold(id, Box::new(place.clone()));
+    }
+    setup.registry.hold("unknown", Box::new(place.clone()));
+    assert_eq!(used(), 2);
+    setup.registry.close("closed", setup.now());
+    assert_eq!(used(), 1);
+    setup.pass(2 * TTL);
+    setup.registry.sweep(setup.now());
+    assert_eq!(used(), 0);
 }
 
 /// What may happen to a few sessions.
@@ -396,28 +415,34 @@ async fn threads_that_race_for_a_session_take_it_one_at_a_time_and_not_after_its
     }
 }
 
+fn knows(tombstones: &Tombstones, tenant: &Tenant, id: &str) -> bool {
+    tombstones.end_of(tenant, id).is_some()
+}
+
 #[test]
 fn tombstones_are_few_and_the_newest() {
     let mut tombstones = Tombstones::new(3);
     for index in 0..10 {
-        tombstones.add((None, format!("{index}").into()));
+        tombstones.add((None, format!("{index}").into()), End::Expired);
     }
     assert_eq!((tombstones.by_age.len(), tombstones.by_id.len()), (3, 3));
-    assert!(tombstones.knows(&None, "9") && tombstones.knows(&None, "7"));
-    assert!(!tombstones.knows(&None, "6") && !tombstones.knows(&Some("a".into()), "9"));
+    assert!(knows(&tombstones, &None, "9") && knows(&tombstones, &None, "7"));
+    assert!(!knows(&tombstones, &None, "6") && !knows(&tombstones, &Some("a".into()), "9"));
 }
 
 #[test]
 fn an_id_that_is_used_again_is_not_forgotten_early() {
     let mut tombstones = Tombstones::new(3);
-    tombstones.add((None, "a".into()));
+    tombstones.add((None, "a".into()), End::Expired);
     tombstones.forget(&(None, "a".into()));
-    assert!(!tombstones.knows(&None, "a"));
-    tombstones.add((None, "b".into()));
-    tombstones.add((None, "a".into()));
+    assert!(!knows(&tombstones, &None, "a"));
+    tombstones.add((None, "b".into()), End::Expired);
+    tombstones.add((None, "a".into()), End::Expired);
     // The first "a" makes room, which must not take the second with it.
-    tombstones.add((None, "c".into()));
-    assert!(tombstones.knows(&None, "a") && tombstones.knows(&None, "b") && tombstones.knows(&None, "c"));
+    tombstones.add((None, "c".into()), End::MadeRoom);
+    assert!(
+        knows(&tombstones, &None, "a") && knows(&tombstones, &None, "b") && knows(&tombstones, &None, "c")
+    );
 }
 
 #[tokio::test]

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use tokio::sync::{Semaphore, watch};
 use troupe_proto::v1;
 
+use super::cell::ClientPlace;
 use super::results::CommandResult;
 use super::{Executor, Registry, SessionLimits, TimeSource, commands, metrics};
 use troupe_base::telemetry::{Gauge, Telemetry};
@@ -108,6 +109,12 @@ impl Sessions {
         self.common
             .streams
             .set(self.common.limits.streams.saturating_sub(free) as f64);
+    }
+
+    /// Has an open session keep `place` until it ends. Without such a session the place is free at
+    /// once.
+    pub fn hold(&self, id: &str, place: ClientPlace) {
+        self.registry.hold(id, place);
     }
 
     pub(super) async fn apply(&self, commands: &[v1::Command]) -> Vec<CommandResult> {

@@ -3,11 +3,13 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard};
 
 use super::{LivePacks, Sessions};
 use crate::world::{Folders, Store};
 use troupe_base::tenant::Tenant;
+use troupe_character::style::StyleTable;
 
 /// Separates tenant and name in the name of a record. It cannot occur in either.
 const BETWEEN: char = '/';
@@ -23,6 +25,8 @@ pub struct Space {
     pub store: Arc<Store>,
     /// The tenant's open sessions.
     pub sessions: Arc<Sessions>,
+    /// Rises with every use of any space, so the space with the lowest number is idle for longest.
+    used: AtomicU64,
 }
 
 impl Space {
@@ -32,6 +36,27 @@ impl Space {
             Some(tenant) => format!("{tenant}{BETWEEN}{name}"),
             None => name.to_owned(),
         }
+    }
+
+    /// Whether the tenant has no sessions, scenes, uploads, calls and streams. `self` is the only
+    /// handle then.
+    fn is_empty(self: &Arc<Self>) -> bool {
+        let handles = [
+            Arc::strong_count(self),
+            Arc::strong_count(&self.sessions),
+            Arc::strong_count(&self.store),
+        ];
+        handles == [1; 3]
+            && self.sessions.registry().page(None, 1).1 == 0
+            && self.store.scenes().all().is_empty()
+            && self.store.definitions().snapshot().iter().len() == 0
+            && self.added_styles() == 0
+    }
+
+    fn added_styles(&self) -> usize {
+        let tables = self.packs.table().all().flat_map(|loaded| &loaded.styles);
+        let added = |table: &Arc<StyleTable>| table.list().iter().filter(|style| !style.built_in).count();
+        tables.map(added).sum()
     }
 }
 
@@ -48,7 +73,8 @@ pub(super) fn of_record(name: &str) -> (Tenant, &str) {
 pub struct TenantOptions {
     /// Has a subfolder for each tenant. `None`: uploads are lost when the server stops.
     pub folder: Option<PathBuf>,
-    /// Maximum number of tenants that the server keeps in memory.
+    /// Maximum number of tenants at the same time. One without sessions, scenes, uploads, calls and
+    /// streams makes room for another.
     pub most: usize,
 }
 
@@ -56,7 +82,10 @@ pub struct TenantOptions {
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum SpaceError {
     /// The server has no room for another tenant.
-    #[error("the server has no room for another tenant; allowed: at most {most}")]
+    #[error(
+        "the server has no room for another tenant; allowed: at most {most} that have sessions, scenes, uploads, \
+         calls or streams"
+    )]
     TooMany {
         /// Maximum number of tenants.
         most: usize,
@@ -85,6 +114,7 @@ pub struct Spaces {
     tenants: RwLock<ByTenant>,
     /// Held while a space is made, so that only one is made at a time.
     making: Mutex<()>,
+    uses: AtomicU64,
     options: TenantOptions,
 }
 
@@ -100,9 +130,11 @@ impl Spaces {
                 packs,
                 store,
                 sessions,
+                used: AtomicU64::default(),
             }),
             tenants: RwLock::default(),
             making: Mutex::default(),
+            uses: AtomicU64::default(),
             options,
         }
     }
@@ -120,11 +152,17 @@ impl Spaces {
     pub fn known(&self, tenant: &Tenant) -> Option<Arc<Space>> {
         match tenant {
             None => Some(self.common.clone()),
-            Some(tenant) => self.read().get(tenant).cloned(),
+            Some(tenant) => {
+                let space = self.read().get(tenant).cloned()?;
+                let use_number = self.uses.fetch_add(1, Ordering::Relaxed);
+                space.used.store(use_number, Ordering::Relaxed);
+                Some(space)
+            }
         }
     }
 
-    /// The space of `tenant`. The first call for a tenant reads its files, which blocks.
+    /// The space of `tenant`. The first call for a tenant reads its files, which blocks. If there
+    /// are too many tenants, the one makes room that has nothing and is idle for longest.
     ///
     /// # Errors
     /// [`SpaceError`] if there are too many tenants, or a file cannot be read.
@@ -140,15 +178,29 @@ impl Spaces {
         if let Some(space) = self.known(tenant) {
             return Ok(space);
         }
-        let most = self.options.most;
-        if self.read().len() >= most {
-            return Err(SpaceError::TooMany { most });
-        }
+        self.make_room()?;
         let space = Arc::new(self.make(name)?);
         let mut tenants = self.tenants.write().unwrap_or_else(PoisonError::into_inner);
         tenants.insert(name.clone(), space.clone());
         drop(making);
         Ok(space)
+    }
+
+    fn make_room(&self) -> Result<(), SpaceError> {
+        // Handles are only made under the lock, so an empty space stays empty.
+        let mut tenants = self.tenants.write().unwrap_or_else(PoisonError::into_inner);
+        let most = self.options.most;
+        if tenants.len() < most {
+            return Ok(());
+        }
+        let empty = tenants.iter().filter(|(_, space)| space.is_empty());
+        let idle = empty.min_by_key(|(_, space)| space.used.load(Ordering::Relaxed));
+        let name = idle
+            .map(|(name, _)| name.clone())
+            .ok_or(SpaceError::TooMany { most })?;
+        tenants.remove(&name);
+        tracing::debug!(tenant = %name, "an idle tenant makes room for another");
+        Ok(())
     }
 
     fn make(&self, tenant: &Arc<str>) -> Result<Space, SpaceError> {
@@ -177,14 +229,16 @@ impl Spaces {
             tenant,
             packs,
             store: Arc::new(store),
+            used: AtomicU64::new(self.uses.fetch_add(1, Ordering::Relaxed)),
         })
     }
 
-    /// All spaces that were made.
-    pub fn all(&self) -> Vec<Arc<Space>> {
-        let tenants = self.read();
-        let all = std::iter::once(&self.common).chain(tenants.values());
-        all.cloned().collect()
+    /// All spaces. The iterator holds one at a time: a space that is held cannot make room.
+    pub fn all(&self) -> impl Iterator<Item = Arc<Space>> {
+        let tenants: Vec<_> = self.read().keys().cloned().collect();
+        let others = tenants.into_iter();
+        let others = others.filter_map(|tenant| self.read().get(&tenant).cloned());
+        std::iter::once(self.common.clone()).chain(others)
     }
 }
 

@@ -22,5 +22,5 @@ pub use rig::{ByPath, Rig};
 pub use root_override::{RootKey, RootOverride};
 pub use task::{
     AgentTask, Audio, DescribeTask, GapPose, KeyTensors, KeyframeTask, PathTask, PromptTask, RootGuide,
-    SamplingTask, Sound, Task, Telling,
+    SamplingTask, Sound, Task, Telling, USUAL_WORK, work_of,
 };

@@ -252,6 +252,24 @@ pub enum Task {
 }
 
 impl Task {
+    /// How much work the task is for its pack, relative to other tasks: frames times passes of the
+    /// networks. At least 1.
+    pub fn work(&self) -> u32 {
+        let (frames, passes) = match self {
+            // Root stage and decoder run once each.
+            Self::Keyframes(task) => (task.frames.unwrap_or(SOME_FRAMES), task.pose_steps.max(1) + 2),
+            // With guidance each step runs without the style too.
+            Self::Path(task) if task.guidance != 1.0 => (task.path.len(), 2 * task.steps),
+            Self::Path(task) => (task.path.len(), task.steps),
+            Self::Prompt(task) => {
+                let frames = task.frames.unwrap_or(SOME_FRAMES);
+                (frames * (1 + task.others.len()), 1 + task.flow_steps)
+            }
+            Self::Describe(task) => (task.frames.len() * (1 + task.others.len()), 1),
+        };
+        work_of(frames, passes)
+    }
+
     /// The capability that a pack needs for this task.
     pub fn needs(&self) -> super::Capability {
         match self {
@@ -261,6 +279,17 @@ impl Task {
             Self::Describe(_) => super::Capability::Describe,
         }
     }
+}
+
+/// Assumed if the network chooses.
+const SOME_FRAMES: usize = 64;
+
+/// The [work](Task::work) of a task that is not known yet: one pass of each of three stages.
+pub const USUAL_WORK: u32 = 3 * SOME_FRAMES as u32;
+
+/// The [work](Task::work) of so many passes over so many frames.
+pub fn work_of(frames: usize, passes: u32) -> u32 {
+    u32::try_from(frames.max(1)).map_or(u32::MAX, |frames| frames.saturating_mul(passes.max(1)))
 }
 
 impl From<KeyframeTask> for Task {
@@ -284,5 +313,42 @@ impl From<PromptTask> for Task {
 impl From<DescribeTask> for Task {
     fn from(task: DescribeTask) -> Self {
         Self::Describe(task)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_is_frames_times_passes() {
+        let keyframes = |pose_steps| KeyframeTask {
+            context: Vec::new(),
+            targets: Vec::new(),
+            frames: Some(50),
+            allowed_counts: Vec::new(),
+            seed: 0,
+            temperature: 0.0,
+            pose_steps,
+            root_guide: None,
+            root_override: None,
+            gap_poses: Vec::new(),
+        };
+        let [one, ten] = [1, 10].map(|steps| Task::from(keyframes(steps)).work());
+        assert_eq!((one, ten), (150, 600));
+        let prompt = |frames, flow_steps| PromptTask {
+            frames,
+            flow_steps,
+            ..PromptTask::default()
+        };
+        assert_eq!(Task::from(prompt(Some(40), 0)).work(), 40);
+        assert_eq!(Task::from(prompt(Some(40), 3)).work(), 160);
+        assert_eq!(Task::from(prompt(None, 0)).work(), 64);
+        let two = PromptTask {
+            others: vec![AgentTask::default()],
+            ..prompt(Some(40), 0)
+        };
+        assert_eq!(Task::from(two).work(), 80);
+        assert_eq!(Task::from(DescribeTask::default()).work(), 1);
     }
 }

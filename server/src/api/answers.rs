@@ -111,6 +111,10 @@ fn departure(left: Departure) -> v1::SessionProblem {
             id: id.clone(),
             field: String::new(),
         }),
+        Some(End::MadeRoom) => problem(SessionError::MadeRoom {
+            id: id.clone(),
+            field: String::new(),
+        }),
     };
     v1::SessionProblem {
         slot: left.slot,

@@ -135,6 +135,7 @@ impl Tabled for ServiceError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::Starting => UNAVAILABLE.because("NOT_READY"),
+            Self::Store(_) => UNAVAILABLE.because("STORE_BEHIND"),
             Self::Space(error) => error.row(),
             Self::Field(error) => error.row(),
             Self::NotFeasible(error) => Row {
@@ -200,12 +201,30 @@ fn in_time(limit: &Duration) -> String {
 
 #[cfg(test)]
 mod tests {
+    use axum::response::IntoResponse as _;
+    use http::StatusCode;
+    use troupe_live::session::StoreBehind;
+
     use super::*;
 
     impl From<SubmitError> for ApiError {
         fn from(error: SubmitError) -> Self {
             ServiceError::from(error).into()
         }
+    }
+
+    #[test]
+    fn a_store_that_is_behind_makes_the_server_unavailable_and_says_why() {
+        let behind = StoreBehind {
+            age: Duration::from_secs(7),
+            reason: "the disk is full".to_owned(),
+        };
+        let error = ApiError::from(ServiceError::from(behind));
+        assert_eq!(
+            error.to_string(),
+            "the store of sessions is 7 s behind, allowed: at most 5 s; the disk is full"
+        );
+        assert_eq!(error.into_response().status(), StatusCode::SERVICE_UNAVAILABLE);
     }
 
     #[test]

@@ -8,6 +8,8 @@ use troupe_edge::{EdgeError, Front};
 
 /// Paths of live streams, over HTTP and gRPC.
 const STREAMS: [&str; 2] = ["/v1/drive", "/troupe.v1.Sessions/Drive"];
+/// The last part of paths with answers in parts, over HTTP and gRPC.
+const PARTS: [&str; 4] = ["generate", "describe", "Generate", "Describe"];
 /// Prefixes of remote procedures' paths.
 const RPCS: [&str; 3] = ["/v1/", "/troupe.v1.", "/generate"];
 /// Paths for operators and their tools.
@@ -20,6 +22,7 @@ pub(super) const FRONT: Front = Front {
     needed: roles::needed,
     is_rpc: |path| RPCS.iter().any(|start| path.starts_with(start)),
     is_stream: |path| STREAMS.contains(&path),
+    is_lasting: |path| STREAMS.contains(&path) || PARTS.iter().any(|end| path.ends_with(end)),
     is_health: |path| HEALTH.contains(&path) || path.starts_with(GRPC_HEALTH),
     ticketed: STREAMS[0],
     answer,

@@ -25,7 +25,8 @@ use self::scenes::ScenesApi;
 use self::sessions::SessionsApi;
 use super::ours::ours;
 use super::track::{self, Tracker};
-use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES};
+use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES, early};
+use troupe_edge::clients::Client;
 use troupe_service::{Service, ServiceError, Streamed};
 
 /// Sets the state that gRPC health checks report, for each service and for the server as a whole.
@@ -75,12 +76,9 @@ impl Motion for MotionApi {
         &self,
         request: Request<v1::InBetweenRequest>,
     ) -> Result<Response<v1::InBetweenResponse>, Status> {
-        answer(
-            ours(&self.0, &request)
-                .await?
-                .in_between(request.into_inner())
-                .await,
-        )
+        let service = ours(&self.0, &request).await?;
+        let client = request.extensions().get::<Arc<Client>>().cloned();
+        answer(early::in_between(&service, client.as_ref(), request.into_inner()).await)
     }
 
     type GenerateStream = PartStream<v1::GenerateResponse>;
@@ -111,6 +109,12 @@ impl Motion for MotionApi {
     async fn get_pack(&self, request: Request<v1::GetPackRequest>) -> Result<Response<v1::Pack>, Status> {
         answer(self.0.get_pack(&request.into_inner().name))
     }
+}
+
+/// The routes of gRPC's health service.
+pub(super) fn health(health: &HealthReporter) -> Router {
+    let service = HealthService::from_health_reporter(health.clone());
+    mount(Router::new(), HealthServer::new(service))
 }
 
 /// The routes of all gRPC services.
@@ -145,10 +149,7 @@ pub(super) fn router(
     let router = mount(router, scenes);
     let router = mount(router, sessions(limits.message_bytes))
         .layer(middleware::from_fn_with_state(tracker, track::grpc));
-    let router = mount(
-        router,
-        HealthServer::new(HealthService::from_health_reporter(health.clone())),
-    );
+    let router = router.merge(self::health(health));
     let router = mount(router, reflection().build_v1()?);
     // Older tools use only the alpha version.
     Ok(mount(router, reflection().build_v1alpha()?))

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::response::{IntoResponse, Response};
-use axum::{Json, Router, middleware};
+use axum::{Extension, Json, Router, middleware};
 use http::{HeaderMap, header};
 use serde::de::DeserializeOwned;
 use troupe_proto::v1;
@@ -31,9 +31,10 @@ use super::error::ApiError;
 use super::ours::Ours;
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
-use super::{ApiLimits, openapi, ws};
+use super::{ApiLimits, early, openapi, ws};
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
+use troupe_edge::clients::Client;
 use troupe_service::Service;
 
 /// The routes of remote procedures, with their documentation.
@@ -78,6 +79,16 @@ fn operations() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(tickets::create))
 }
 
+/// The routes of health checks alone.
+pub(super) fn health(service: &Arc<Service>) -> Router {
+    let routes = OpenApiRouter::new()
+        .routes(routes!(healthz))
+        .routes(routes!(readyz));
+    Router::from(routes)
+        .method_not_allowed_fallback(wrong_method)
+        .with_state(service.clone())
+}
+
 /// The OpenAPI document.
 pub fn document() -> OpenApi {
     let mut document = rpcs().merge(operations()).into_openapi();
@@ -98,7 +109,7 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits, site: &std::pat
         .method_not_allowed_fallback(wrong_method)
         .layer(middleware::from_fn_with_state((tracker, routes), track::http))
         .layer(DefaultBodyLimit::max(limits.message_bytes))
-        .layer(axum::Extension(body))
+        .layer(Extension(body))
         .with_state(service.clone());
     let operations = Router::from(operations())
         .method_not_allowed_fallback(wrong_method)
@@ -132,9 +143,10 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits, site: &std::pat
 )]
 pub(super) async fn in_between(
     Ours(service): Ours,
+    Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::InBetweenRequest>,
 ) -> Result<Response, ApiError> {
-    let answer = service.in_between(request).await?;
+    let answer = early::in_between(&service, Some(&client), request).await?;
     json::written(move || answer).await
 }
 
@@ -205,7 +217,7 @@ pub(super) async fn healthz() -> &'static str {
     tag = "operations",
     responses(
         (status = 200, description = "Ready", body = String, content_type = "text/plain"),
-        (status = 503, description = "Starting, draining, or an engine has stopped"),
+        (status = 503, description = "Starting, draining, an engine has stopped, or the store is behind"),
     )
 )]
 pub(super) async fn readyz(State(service): State<Arc<Service>>) -> Result<&'static str, ApiError> {

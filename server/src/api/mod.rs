@@ -5,6 +5,7 @@
 //! [`Service`] with the same time limit and metrics.
 
 mod answers;
+mod early;
 mod error;
 mod front;
 mod grpc;
@@ -25,6 +26,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::Router;
 use tonic_health::server::HealthReporter;
 
 use front::FRONT;
@@ -57,6 +59,15 @@ pub struct ApiLimits {
     pub sessions: usize,
 }
 
+/// The routes of a listener for health checks: `/healthz`, `/readyz` and gRPC's health service.
+/// They need no key. `guard` is that of the listener's address.
+pub fn health_routes(service: &Arc<Service>, health: &HealthReporter, guard: Guard) -> Router {
+    let router = grpc::health(health).merge(http::health(service));
+    let router = router.fallback(http::unknown_route);
+    let guarded = head::limited(guard::guarded(router, FRONT, guard), FRONT);
+    observe::observed(guarded, FRONT, service.telemetry())
+}
+
 /// All routes of the server: gRPC services, HTTP, documentation. `health` reports the state that
 /// [`set_serving`] sets. `guard` limits which web pages may use the routes, and `credentials` which
 /// callers; without credentials every caller may. The router also has the routes for connections
@@ -87,6 +98,7 @@ pub fn routes(
     let guarded = head::limited(guard::guarded(router, FRONT, guard), FRONT);
     let all = observe::observed(mmcp::enveloped(guarded), FRONT, telemetry);
     Ok(Routes {
+        early: Some(early::refusals(service)),
         reserve: mmcp::enveloped(reserve::reserve(all.clone(), FRONT)),
         all,
     })

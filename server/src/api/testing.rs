@@ -62,7 +62,8 @@ impl Reader {
             asks: messages.into(),
             says: said.clone(),
         };
-        ws::serve(socket, permit, self.0.clone().of_stream(), Turns::endless()).await;
+        let limits = self.0.clone().of_stream();
+        ws::serve(socket, permit, limits, Turns::endless(), std::future::pending()).await;
         Ok(std::mem::take(
             &mut *said.lock().unwrap_or_else(PoisonError::into_inner),
         ))

@@ -24,6 +24,7 @@ use super::http::json::{self, BodyLimits};
 use super::ours::Ours;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_base::turns::Turns;
+use troupe_edge::Lease;
 use troupe_edge::clients::Client;
 use troupe_live::session::StreamPermit;
 use troupe_live::session::stream::{Outgoing, Outlet, outbox};
@@ -64,6 +65,7 @@ pub(super) async fn drive(
     Ours(service): Ours,
     Extension(limits): Extension<BodyLimits>,
     Extension(client): Extension<Arc<Client>>,
+    lease: Option<Extension<Lease>>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, ApiError> {
     let upgrade = upgrade.map_err(|rejection| ApiError::Malformed {
@@ -79,7 +81,13 @@ pub(super) async fn drive(
     Ok(upgrade
         .on_upgrade(move |socket| {
             let serving = async move {
-                serve(socket, permit, limits, turns).await;
+                let revoked = async {
+                    match lease {
+                        Some(Extension(lease)) => ApiError::from(lease.ended().await).problem(),
+                        None => std::future::pending().await,
+                    }
+                };
+                serve(socket, permit, limits, turns, revoked).await;
                 drop(of_client);
             };
             serving.instrument(span)
@@ -115,9 +123,15 @@ impl Form {
     }
 }
 
-/// Serves a stream to its end. `socket` is a WebSocket, or a substitute in fuzz targets.
-pub(super) async fn serve<S>(socket: S, permit: StreamPermit, limits: BodyLimits, turns: Turns)
-where
+/// Serves a stream to its end. `socket` is a WebSocket, or a substitute in fuzz targets. `revoked`
+/// completes if the client's credential ends, with the reason.
+pub(super) async fn serve<S>(
+    socket: S,
+    permit: StreamPermit,
+    limits: BodyLimits,
+    turns: Turns,
+    revoked: impl Future<Output = v1::Problem>,
+) where
     S: Stream<Item = Result<Message, axum::Error>> + Sink<Message, Error = axum::Error> + Send + 'static,
 {
     let form = Arc::new(Form::default());
@@ -137,14 +151,28 @@ where
         // Sending fails only if the connection is already gone.
         let _ = ended.send((inbound, permit));
     });
-    let (rest, written) = {
+    tokio::pin!(conversation);
+    let ended = {
         let writing = write(outlet, &mut sink, &form);
-        tokio::pin!(conversation, writing);
+        tokio::pin!(writing);
         tokio::select! {
-            rest = &mut conversation => (rest, timeout(FAREWELL, writing).await.is_ok()),
-            // The client stopped reading. The outlet is dropped with the writer, which ends the
-            // conversation.
-            () = &mut writing => (conversation.await, true),
+            rest = &mut conversation => Ok((rest, timeout(FAREWELL, writing).await.is_ok())),
+            // The client stopped reading.
+            () = &mut writing => Err(None),
+            reason = revoked => Err(Some(reason)),
+        }
+    };
+    let (rest, written) = match ended {
+        Ok(ended) => ended,
+        // The outlet was dropped with the writer, which ends the conversation.
+        Err(reason) => {
+            let rest = conversation.await;
+            if let Some(reason) = reason {
+                let close = sink.send(Message::Close(Some(close_frame(&reason))));
+                // A client that does not read gets no reason.
+                let _ = timeout(FAREWELL, close).await;
+            }
+            (rest, true)
         }
     };
     // Keeps the stream's place until the connection ends.
@@ -206,7 +234,9 @@ fn close_frame(problem: &v1::Problem) -> CloseFrame {
         _ => close_code::POLICY,
     };
     let text = match problem.reason.as_str() {
-        "INVALID_REQUEST" => format!("INVALID_REQUEST: {}", problem.message),
+        reason @ ("INVALID_REQUEST" | "KEY_REMOVED" | "TOKEN_EXPIRED") => {
+            format!("{reason}: {}", problem.message)
+        }
         reason => reason.to_owned(),
     };
     let mut end = text.len().min(MAX_REASON_BYTES);

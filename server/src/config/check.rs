@@ -66,6 +66,13 @@ impl Config {
                 allowed: "http://HOST:PORT".to_owned(),
             });
         }
+        if self.health_listen == Some(self.listen) && self.listen.port() != 0 {
+            return Err(ConfigError::Value {
+                option: "health_listen",
+                found: self.listen.to_string(),
+                allowed: "an address other than listen".to_owned(),
+            });
+        }
         self.tls_is_whole()?;
         self.tokens_are_whole()?;
         Ok(self)

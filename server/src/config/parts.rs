@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::Config;
+use super::{Config, WithoutKeys};
 use crate::api::ApiLimits;
 use crate::traces::TraceOptions;
 use troupe_batch::scheduler::Limits;
@@ -66,6 +66,7 @@ impl Config {
             max_batch,
             call_rows: 0,
             max_batch_time: self.fixed.max_batch_time,
+            shared_batch_time: self.fixed.shared_batch_time,
             max_queued: self.max_queued_characters(),
             max_live: self.max_sessions,
             max_wait: Duration::from_millis(self.max_queue_ms),
@@ -104,22 +105,49 @@ impl Config {
         }
     }
 
-    /// The shares of memory and streams that one client, all clients of an address, and all clients
-    /// may take: a quarter, a half and the whole.
+    /// Whether callers need a key or token.
+    fn asks_for_keys(&self) -> bool {
+        self.keys.is_some() || self.jwks.is_some() || self.without_keys == WithoutKeys::OneTimeKey
+    }
+
+    /// The shares that one client, all clients of an address, and all clients may take. With keys
+    /// a key gets a quarter of memory and streams, and an address half. Without keys an address
+    /// gets [`Fixed::keyless_share`](super::Fixed::keyless_share) of these and of sessions.
     pub fn shares(&self) -> Shares {
         let bytes = match self.transfer_memory_mib {
             0 => (Machine::detect().memory_bytes / 8).clamp(LEAST_TRANSFER_BYTES, MOST_TRANSFER_BYTES),
             mib => mib << 20,
         };
         let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
-        let share = |bytes, streams| Share { bytes, streams };
-        let quarter = (self.max_streams / 4).max(1);
-        let streams = self.fixed.max_streams_per_client.unwrap_or(quarter);
+        let share = |bytes, streams, sessions| Share {
+            bytes,
+            streams,
+            sessions,
+        };
+        let streams_of = |part: usize| {
+            let streams = self.fixed.max_streams_per_client;
+            streams.unwrap_or((self.max_streams / part).max(1))
+        };
+        // The limits of sessions count the streams and sessions of all clients.
+        let all = share(bytes, usize::MAX, usize::MAX);
+        if self.asks_for_keys() {
+            let streams = streams_of(4);
+            return Shares {
+                client: share(bytes / 4, streams, usize::MAX),
+                address: share(bytes / 2, streams.saturating_mul(2), usize::MAX),
+                all,
+            };
+        }
+        let part = self.fixed.keyless_share;
+        let sessions = match part {
+            1 => usize::MAX,
+            part => (self.max_sessions / part).max(1),
+        };
+        let address = share(bytes / part, streams_of(part), sessions);
         Shares {
-            client: share(bytes / 4, streams),
-            address: share(bytes / 2, streams.saturating_mul(2)),
-            // The session limits count streams of all clients.
-            all: share(bytes, usize::MAX),
+            client: address,
+            address,
+            all,
         }
     }
 

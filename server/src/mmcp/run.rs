@@ -251,7 +251,7 @@ async fn make(
     own: &[usize],
     (samples, arrived): (usize, Instant),
 ) -> Result<Vec<Job>, Failure> {
-    if let Some(error) = loaded.batcher.refuse(samples) {
+    if let Some(error) = loaded.batcher.refuse(&service.order(arrived), samples) {
         return Err(ServiceError::from(error).into());
     }
     let (shared, own) = (takes.clone(), own.to_vec());

@@ -88,3 +88,52 @@ impl Access {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+    use std::path::Path;
+    use std::sync::Mutex;
+
+    use super::*;
+
+    /// What was logged.
+    #[derive(Clone, Default)]
+    struct Log(Arc<Mutex<Vec<u8>>>);
+
+    impl io::Write for Log {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn keys_that_travel_in_plain_text_cause_one_warning() {
+        let log = Log::default();
+        let writer = log.clone();
+        let logging = tracing_subscriber::fmt()
+            .with_ansi(false)
+            .with_writer(move || writer.clone());
+        let _logging = tracing::subscriber::set_default(logging.finish());
+        let mut config = Config::local(Path::new("unused")).unwrap();
+        config.without_keys = WithoutKeys::OneTimeKey;
+        let warnings = |config: &Config, ip: [u8; 4]| {
+            log.0.lock().unwrap().clear();
+            Access::new(config, SocketAddr::from((ip, 8080))).unwrap();
+            let text = String::from_utf8(log.0.lock().unwrap().clone()).unwrap();
+            text.matches("keys travel in plain text").count()
+        };
+        assert_eq!(warnings(&config, [0, 0, 0, 0]), 1);
+        assert_eq!(warnings(&config, [127, 0, 0, 1]), 0);
+        config.tls_certificate = Some("server.pem".into());
+        assert_eq!(warnings(&config, [0, 0, 0, 0]), 0);
+        config.tls_certificate = None;
+        config.without_keys = WithoutKeys::Anyone;
+        assert_eq!(warnings(&config, [0, 0, 0, 0]), 0);
+    }
+}

@@ -6,6 +6,7 @@
 mod clients;
 mod engine;
 mod net;
+mod store_tests;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -21,7 +22,7 @@ use super::*;
 use clients::{Caller, Known, Log, World, stream};
 use engine::{Gate, source};
 use net::{Answer, Dial, Http, port, request};
-use troupe_live::records::disk::{Shared, on};
+use troupe_live::records::disk::{Fault, Shared, on};
 use troupe_live::session::{Keeper, Spaces, TenantOptions};
 
 const SEEDS: u64 = 1000;
@@ -39,8 +40,8 @@ struct Plan {
     stop: Duration,
     /// The second signal, after the first.
     again: Option<Duration>,
-    /// When the disk is full.
-    full: Option<(Duration, Duration)>,
+    /// When the disk does not work, from and to. Without an end: also after the stop.
+    fault: Option<(Fault, Duration, Option<Duration>)>,
     /// When the engine does not work.
     closed: Vec<(Duration, Duration)>,
     power_fails: bool,
@@ -52,7 +53,7 @@ impl Plan {
         let stop = random.random_range(1..2000);
         let (delay, timeout) = (random.random_range(0..1500), random.random_range(100..3000));
         let end = stop + delay + timeout;
-        let full = random.random_range(0..stop);
+        let fault = random.random_range(0..stop);
         let mut closed: Vec<_> = (0..random.random_range(0..4))
             .map(|_| {
                 let from = random.random_range(0..end);
@@ -70,20 +71,24 @@ impl Plan {
             again: random
                 .random_bool(0.3)
                 .then(|| ms(random.random_range(0..delay + timeout))),
-            full: random
-                .random_bool(0.3)
-                .then(|| (ms(full), ms(random.random_range(full..=stop)))),
+            fault: random.random_bool(0.3).then(|| {
+                let kind = [Fault::Full, Fault::ReadOnly, Fault::Torn][random.random_range(0..3)];
+                let end = random.random_range(fault..=stop);
+                (kind, ms(fault), random.random_bool(0.6).then(|| ms(end)))
+            }),
             closed,
             power_fails: random.random_bool(0.5),
         }
     }
 
-    /// Latest time at which the store has what a client learned at `at`. All times of the plan
-    /// count from `begun`.
-    fn kept_by(&self, begun: Instant, at: Instant) -> Instant {
-        match self.full {
-            Some((from, to)) if at + self.interval >= begun + from => at.max(begun + to) + self.interval,
-            _ => at + self.interval,
+    /// Latest time at which the store has what a client learned at `at`. `None`: perhaps never. All
+    /// times of the plan count from `begun`.
+    fn kept_by(&self, begun: Instant, at: Instant) -> Option<Instant> {
+        match self.fault {
+            Some((_, from, to)) if at + self.interval >= begun + from => {
+                to.map(|to| at.max(begun + to) + self.interval)
+            }
+            _ => Some(at + self.interval),
         }
     }
 }
@@ -108,7 +113,8 @@ struct Sum {
     halves: usize,
     explained: usize,
     kept: usize,
-    full: u32,
+    faults: u32,
+    unkept: u32,
 }
 
 #[test]
@@ -141,7 +147,7 @@ fn a_thousand_stops_answer_tell_and_keep() {
             sum.answered > 5000 && sum.halves > 500 && sum.explained > 500,
             "{sum:?}"
         );
-        assert!(sum.kept > 1000 && sum.full > 100, "{sum:?}");
+        assert!(sum.kept > 1000 && sum.faults > 100 && sum.unkept > 30, "{sum:?}");
     }
 }
 
@@ -167,8 +173,9 @@ fn run(seed: u64, sum: &Mutex<Sum>) {
     let mut sum = sum.lock().unwrap();
     check_answers(&plan, &end, &log, &mut sum);
     check_streams(&plan, &end, &log, &mut sum);
-    if end.stopped == Stopped::Forced && plan.power_fails {
-        disk.0.lock().unwrap().pull(&mut random);
+    disk.set_fault(None);
+    if matches!(end.stopped, Stopped::Forced | Stopped::Unkept) && plan.power_fails {
+        disk.pull(&mut random);
     }
     runtime().block_on(check_kept(&plan, &end, &log, &disk, &mut sum));
 }
@@ -191,6 +198,8 @@ async fn live(
     config.drain_delay_ms = plan.delay.as_millis() as u64;
     config.drain_timeout_ms = plan.timeout.as_millis() as u64;
     config.fixed.snapshot_interval = plan.interval;
+    // Real time: the engine may be closed.
+    config.fixed.last_step = Duration::from_millis(20);
     let (dial, listener) = port();
     let (records, packs) = (disk.clone(), source(gate));
     let around = Around {
@@ -218,13 +227,15 @@ async fn live(
         tokio::spawn(stream(world.clone(), fork(random), format!("s{nth}")));
     }
     tokio::spawn(close_gate(gate.clone(), plan.closed.clone(), begun));
-    if let Some((from, to)) = plan.full {
+    if let Some((fault, from, to)) = plan.fault {
         let (disk, operations) = (disk.clone(), random.random_range(0..8));
         tokio::spawn(async move {
             sleep_until(begun + from).await;
-            disk.0.lock().unwrap().fails_in = Some(operations);
-            sleep_until(begun + to).await;
-            disk.0.lock().unwrap().fails_in = None;
+            disk.set_fault(Some((operations, fault)));
+            if let Some(to) = to {
+                sleep_until(begun + to).await;
+                disk.set_fault(None);
+            }
         });
     }
 
@@ -323,12 +334,17 @@ fn check_answers(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
             assert!(unanswered || deaf, "nothing was lost: {plan:?}\n{log:?}");
             sum.lost += 1;
         }
+        Stopped::Unkept => {
+            let stays = plan.fault.is_some_and(|(_, _, to)| to.is_none());
+            assert!(stays, "the disk worked: {plan:?}");
+            sum.unkept += 1;
+        }
         Stopped::Forced => sum.forced += 1,
     }
     sum.cut += cut;
     sum.halves += log.halves;
     sum.answered += log.asked.iter().filter(|asked| asked.answered.is_some()).count();
-    sum.full += u32::from(plan.full.is_some());
+    sum.faults += u32::from(plan.fault.is_some());
 }
 
 /// Every stream that was open when the server stopped got the reason and advice.
@@ -351,8 +367,8 @@ fn check_streams(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
     }
 }
 
-/// The next server has what clients have learned: all of it after a stop, and after a forced stop
-/// what is older than a snapshot.
+/// The next server has what clients have learned: all of it after a stop. After a forced stop, or
+/// one that says that it lost changes, it has what is older than a snapshot and the disk's fault.
 async fn check_kept(plan: &Plan, end: &End, log: &Log, disk: &Shared, sum: &mut Sum) {
     let service = &end.service;
     let telemetry = service.telemetry();
@@ -368,8 +384,9 @@ async fn check_kept(plan: &Plan, end: &End, log: &Log, disk: &Shared, sum: &mut 
     let spaces = Spaces::new(packs, store, sessions.clone(), TenantOptions::default());
     let keeper = Keeper::new(&Arc::new(spaces), on(disk).unwrap(), telemetry);
     drop(keeper.unwrap());
-    let forced = end.stopped == Stopped::Forced;
-    let must = |at: Instant| !forced || plan.kept_by(end.begun, at) < end.at;
+    let has_lost = matches!(end.stopped, Stopped::Forced | Stopped::Unkept);
+    let kept_by = |at: Instant| plan.kept_by(end.begun, at);
+    let must = |at: Instant| !has_lost || kept_by(at).is_some_and(|kept| kept < end.at);
     let last = |learned: &[(u64, Instant)]| {
         let kept = learned.iter().filter(|(_, at)| must(*at));
         kept.map(|(number, _)| *number).max().unwrap_or(0)

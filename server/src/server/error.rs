@@ -73,6 +73,14 @@ pub enum StartError {
     /// The port cannot be used.
     #[error("cannot listen: {0}")]
     Listen(std::io::Error),
+    /// The port for health checks cannot be used.
+    #[error("health_listen: cannot listen on {address}: {error}")]
+    HealthListen {
+        /// The option's address.
+        address: SocketAddr,
+        /// What went wrong.
+        error: std::io::Error,
+    },
     /// A part of the server failed to start: a bug.
     #[error("internal: {0}")]
     Internal(String),

@@ -10,6 +10,7 @@ use tonic_health::server::HealthReporter;
 use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
 use super::access::Access;
+use super::health_port::HealthPort;
 use super::keeping::Keeping;
 use super::{FAREWELL, StartError};
 use crate::api;
@@ -22,6 +23,8 @@ pub enum Stopped {
     Clean,
     /// Some requests or streams were cut when their time was over.
     Lost,
+    /// The store could not take the last changes of sessions. Requests may be cut, too.
+    Unkept,
     /// A second signal ended the wait for requests and streams.
     Forced,
 }
@@ -35,6 +38,7 @@ pub struct ServerHandle {
     pub(super) starting: Option<JoinHandle<Result<Option<Keeping>, StartError>>>,
     pub(super) keeping: Option<Keeping>,
     pub(super) connections: JoinHandle<bool>,
+    pub(super) health_port: Option<HealthPort>,
     pub(super) upkeep: JoinHandle<()>,
     pub(super) reloading: JoinHandle<()>,
     pub(super) reload: Arc<Notify>,
@@ -43,12 +47,18 @@ pub struct ServerHandle {
     pub(super) access: Access,
     pub(super) drain_delay: Duration,
     pub(super) drain_timeout: Duration,
+    pub(super) last_step: Duration,
 }
 
 impl ServerHandle {
     /// The address that the server listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// The address of the second port, which only answers health checks.
+    pub fn health_address(&self) -> Option<SocketAddr> {
+        self.health_port.as_ref().map(|port| port.address)
     }
 
     /// Whether calls need a key.
@@ -98,9 +108,31 @@ impl ServerHandle {
     }
 
     /// Reports that the server is not ready, and keeps serving for the configured delay. Then stops
-    /// accepting connections, gives requests the configured time to finish, and cuts the rest.
-    /// Returns whether everything finished.
-    pub async fn shut_down(mut self) -> bool {
+    /// accepting connections, gives requests the configured time to finish, cuts the rest, and ends
+    /// the workers. Returns whether everything finished.
+    pub async fn shut_down(self) -> bool {
+        self.shut_down_unless(std::future::pending()).await == Stopped::Clean
+    }
+
+    /// [`shut_down`](Self::shut_down), which gives up when `again` completes. Even then it waits
+    /// for the running steps of the workers.
+    pub async fn shut_down_unless(self, again: impl Future<Output = ()>) -> Stopped {
+        let (service, last_step) = (self.service.clone(), self.last_step);
+        let stopped = tokio::select! {
+            biased;
+            stopped = self.stop() => stopped,
+            () = again => Stopped::Forced,
+        };
+        // The process must not unload the networks' library while a network runs.
+        let deadline = std::time::Instant::now() + last_step;
+        let ended = tokio::task::spawn_blocking(move || service.end_workers(deadline)).await;
+        if !matches!(ended, Ok(true)) {
+            tracing::warn!("a worker has not ended its last step within {last_step:?}");
+        }
+        stopped
+    }
+
+    async fn stop(mut self) -> Stopped {
         self.service.announce_stop();
         if let Some(starting) = self.starting.take() {
             starting.abort();
@@ -131,27 +163,27 @@ impl ServerHandle {
                 false
             }
         };
+        if let Some(port) = self.health_port {
+            // Half a health check is no loss.
+            let _ = port.connections.await;
+        }
         self.upkeep.abort();
         self.reloading.abort();
         // Connections that became WebSockets are not among those above.
         let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
         let ended = streams.await.is_ok();
-        if let Some(keeping) = self.keeping {
-            keeping.finish().await;
-        }
+        let is_kept = match self.keeping {
+            Some(keeping) => keeping.finish(self.drain_timeout).await,
+            None => true,
+        };
         if let Some(traces) = self.service.telemetry().traces().cloned() {
             // The exporter reports its own errors.
             let _ = tokio::task::spawn_blocking(move || traces.shut_down()).await;
         }
-        clean && ended
-    }
-
-    /// [`shut_down`](Self::shut_down), which gives up when `again` completes.
-    pub async fn shut_down_unless(self, again: impl Future<Output = ()>) -> Stopped {
-        tokio::select! {
-            biased;
-            clean = self.shut_down() => if clean { Stopped::Clean } else { Stopped::Lost },
-            () = again => Stopped::Forced,
+        match (is_kept, clean && ended) {
+            (false, _) => Stopped::Unkept,
+            (true, true) => Stopped::Clean,
+            (true, false) => Stopped::Lost,
         }
     }
 }

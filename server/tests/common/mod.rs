@@ -41,6 +41,7 @@ struct Door {
     opened: Condvar,
     broken: AtomicBool,
     row_us: AtomicU64,
+    running: AtomicU64,
 }
 
 impl Gate {
@@ -63,7 +64,19 @@ impl Gate {
         self.0.row_us.store(time.as_micros() as u64, Ordering::Relaxed);
     }
 
+    /// Number of batches that run at the moment.
+    pub fn running(&self) -> u64 {
+        self.0.running.load(Ordering::SeqCst)
+    }
+
     fn pass(&self, rows: usize) -> Result<(), EngineError> {
+        self.0.running.fetch_add(1, Ordering::SeqCst);
+        let passed = self.pass_now(rows);
+        self.0.running.fetch_sub(1, Ordering::SeqCst);
+        passed
+    }
+
+    fn pass_now(&self, rows: usize) -> Result<(), EngineError> {
         let mut closed = self.0.closed.lock().unwrap();
         while *closed {
             closed = self.0.opened.wait(closed).unwrap();

@@ -149,6 +149,15 @@ fn a_missing_pack_is_named() {
 }
 
 #[test]
+fn a_mistake_on_the_command_line_has_an_exit_code_of_its_own() {
+    let mut child = server(&["--max-bach", "1"])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    assert_eq!(exit(&mut child).code(), Some(2));
+}
+
+#[test]
 fn a_port_in_use_is_named() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -262,6 +271,30 @@ fn it_says_where_it_listens_and_stops_on_sigterm() {
     assert!(rest[1].starts_with("  pack human "), "{rest:?}");
 }
 
+#[cfg(unix)]
+#[test]
+fn at_a_hangup_it_reads_its_keys_again() {
+    let keys = std::env::temp_dir().join(format!("troupe-hangup-{}.toml", std::process::id()));
+    let entry = troupe_edge::keys::entry("game", troupe_edge::clients::Role::Drive, "secret");
+    std::fs::write(&keys, entry).unwrap();
+    let mut command = server(&["--keys", keys.to_str().unwrap()]);
+    let (mut child, _, _lines) = serving(command.stderr(Stdio::piped()));
+    // It listens for the signal once it has greeted.
+    std::thread::sleep(Duration::from_millis(300));
+    let signalled = Command::new("kill")
+        .args(["-HUP", &child.id().to_string()])
+        .status();
+    assert!(signalled.unwrap().success());
+    std::thread::sleep(Duration::from_millis(300));
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    let mut text = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+    // The file has not changed, so only the signal makes it read.
+    assert!(text.contains("keys read again"), "{text}");
+    std::fs::remove_file(&keys).unwrap();
+}
+
 /// The exit code of the health check, and what it says.
 fn health(args: &[&str]) -> (Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
@@ -290,6 +323,23 @@ fn the_health_check_says_whether_a_server_is_ready() {
         text.contains(&format!("http://{address}/readyz: no answer")),
         "{text}"
     );
+}
+
+#[cfg(unix)]
+#[test]
+fn the_health_check_asks_the_second_port() {
+    // It was free a moment ago.
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let second = free.local_addr().unwrap().to_string();
+    drop(free);
+    let config = std::env::temp_dir().join(format!("troupe-second-port-{}.toml", std::process::id()));
+    std::fs::write(&config, format!("health_listen = \"{second}\"\n")).unwrap();
+    let (mut child, _, _lines) = serving(server(&["--health-listen", &second]).stderr(Stdio::null()));
+    let (code, text) = health(&["--config", config.to_str().unwrap()]);
+    assert_eq!((code, text), (Some(0), format!("http://{second}/readyz: ok\n")));
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    std::fs::remove_file(&config).unwrap();
 }
 
 #[test]
@@ -437,4 +487,76 @@ fn a_server_that_is_killed_goes_on_where_it_was() {
     terminate(&child.0);
     assert_eq!(exit(&mut child.0).code(), Some(0));
     std::fs::remove_dir_all(&store).unwrap();
+}
+
+/// A store in a folder of its own, and a server that uses it.
+fn server_with_store(name: &str) -> (std::path::PathBuf, Command) {
+    let folder = std::env::temp_dir().join(format!("troupe-program-{name}-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&folder);
+    let command = server(&["--store", folder.to_str().unwrap()]);
+    (folder, command)
+}
+
+#[test]
+fn a_damaged_store_ends_the_start_with_advice() {
+    let (folder, mut command) = server_with_store("damaged");
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("troupe.redb");
+    std::fs::write(&file, vec![7; 100_000]).unwrap();
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    assert_eq!(exit(&mut child).code(), Some(5));
+    let mut text = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+    assert!(
+        text.contains(&format!("store: {} is damaged", file.display())),
+        "{text}"
+    );
+    assert!(
+        text.contains("put a copy of it in its place, or move it away"),
+        "{text}"
+    );
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// The shell ignores the signal of the limit of file sizes, and the server inherits that. With a
+/// limit of nothing every write fails, as on a full disk.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stop_on_a_full_disk_has_an_exit_code_of_its_own() {
+    for full in [false, true] {
+        let (folder, command) = server_with_store("full");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "trap '' XFSZ; exec \"$@\"", "sh"]);
+        shell.arg(command.get_program()).args(command.get_args());
+        shell
+            .env("TROUPE_ENGINE", "cpu")
+            .current_dir(std::env::temp_dir());
+        let (mut child, address, _lines) = serving(shell.stderr(Stdio::piped()));
+        if full {
+            let pid = child.id().to_string();
+            let limited = Command::new("prlimit")
+                .args(["--fsize=0", "--pid", &pid])
+                .status();
+            assert!(limited.unwrap().success());
+        }
+        let body = r#"{"sessions": [{"id": "a"}, {"id": "b"}]}"#;
+        let mut stream = TcpStream::connect(&address).unwrap();
+        let length = body.len();
+        let head = format!(
+            "POST /v1/sessions HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-type: application/json\r\n\
+             content-length: {length}\r\n\r\n{body}"
+        );
+        stream.write_all(head.as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        terminate(&child);
+        let expected = if full { 4 } else { 0 };
+        assert_eq!(exit(&mut child).code(), Some(expected));
+        let mut text = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+        let says = "sessions are lost: the store does not have their last changes";
+        assert_eq!(text.contains(says) && text.contains("sessions=2"), full, "{text}");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use futures_util::StreamExt as _;
 use http::StatusCode;
 use serde_json::{Value, json};
 use tokio_tungstenite::connect_async;
@@ -17,10 +18,12 @@ use troupe_server::config::WithoutKeys;
 use crate::common::calls::options;
 use crate::common::{TestServer, request};
 
+type Socket = tokio_tungstenite::WebSocketStream<tokio_tungstenite::MaybeTlsStream<tokio::net::TcpStream>>;
+
 /// A server with a file of keys, and what it takes to ask it.
 struct Keyed {
     server: TestServer,
-    _folder: tempfile::TempDir,
+    folder: tempfile::TempDir,
 }
 
 impl Keyed {
@@ -37,13 +40,7 @@ impl Keyed {
         let made = made.collect();
         std::fs::write(&path, text).unwrap();
         let server = TestServer::start_with(|config| config.keys = Some(path)).await;
-        (
-            Self {
-                server,
-                _folder: folder,
-            },
-            made,
-        )
+        (Self { server, folder }, made)
     }
 
     async fn post(&self, path: &str, key: &str, body: Option<Value>) -> (StatusCode, Value) {
@@ -65,7 +62,7 @@ impl Keyed {
     }
 
     /// Begins a stream; an error is the server's answer.
-    async fn stream(&self, query: &str, headers: &[(&'static str, &str)]) -> Result<impl Sized + use<>, u16> {
+    async fn stream(&self, query: &str, headers: &[(&'static str, &str)]) -> Result<Socket, u16> {
         let url = self.server.url("/v1/drive").replace("http", "ws") + query;
         let mut request = url.into_client_request().unwrap();
         for (name, value) in headers {
@@ -173,6 +170,79 @@ async fn a_key_has_streams_and_memory_by_its_quota() {
         "{}",
         error.message
     );
+}
+
+#[tokio::test]
+async fn a_removed_key_ends_its_streams() {
+    let (gone, stays) = (("gone", Role::Drive, ""), ("stays", Role::Drive, ""));
+    let (keyed, keys) = Keyed::start(&[gone, stays]).await;
+    let bearers: Vec<String> = keys.iter().map(|key| format!("Bearer {key}")).collect();
+    let open = async |bearer: &str| {
+        let headers = [("authorization", bearer)];
+        let stream = keyed.stream("", &headers).await;
+        stream.unwrap_or_else(|status| panic!("{status}"))
+    };
+    let (mut socket, mut other) = (open(&bearers[0]).await, open(&bearers[1]).await);
+    assert_eq!(keyed.create(&keys[0], &["a"]).await.0, StatusCode::OK);
+    let mut client = keyed.server.sessions().await;
+    let (ask, asked) = tokio::sync::mpsc::channel(8);
+    let mut call = tonic::Request::new(tokio_stream::wrappers::ReceiverStream::new(asked));
+    call.metadata_mut()
+        .insert("authorization", bearers[0].parse().unwrap());
+    for message in [
+        v1::drive_request::Message::Open(v1::DriveOpen::default()),
+        v1::drive_request::Message::Attach(v1::DriveAttach {
+            session_ids: vec!["a".to_owned()],
+        }),
+    ] {
+        let message = Some(message);
+        ask.send(v1::DriveRequest { message }).await.unwrap();
+    }
+    let mut answers = client.drive(call).await.unwrap().into_inner();
+    assert!(answers.message().await.unwrap().is_some());
+
+    std::fs::write(
+        keyed.folder.path().join("keys.toml"),
+        keys::entry("stays", Role::Drive, &keys[1]),
+    )
+    .unwrap();
+    let removed = std::time::Instant::now();
+    let status = async {
+        loop {
+            match answers.message().await {
+                Ok(Some(_)) => {}
+                Ok(None) => panic!("the stream ended without a status"),
+                Err(status) => return status,
+            }
+        }
+    };
+    let status = tokio::time::timeout(Duration::from_secs(5), status)
+        .await
+        .unwrap();
+    // Half a second to the next look at the file, and what a busy machine adds.
+    let took = removed.elapsed();
+    assert!(took < Duration::from_millis(1500), "{took:?}");
+    assert_eq!(status.code(), Code::Unauthenticated, "{status}");
+    assert!(status.message().contains("the key was removed"), "{status}");
+    let closed = async {
+        loop {
+            if let tungstenite::Message::Close(frame) = socket.next().await.unwrap().unwrap() {
+                return frame.unwrap();
+            }
+        }
+    };
+    let frame = tokio::time::timeout(Duration::from_secs(5), closed)
+        .await
+        .unwrap();
+    assert_eq!(u16::from(frame.code), 1008);
+    assert!(
+        frame.reason.starts_with("KEY_REMOVED: the key was removed"),
+        "{frame}"
+    );
+    // The session is free, and the other key's stream goes on.
+    drop(ask);
+    let quiet = tokio::time::timeout(Duration::from_millis(300), other.next()).await;
+    assert!(quiet.is_err(), "{quiet:?}");
 }
 
 #[tokio::test]

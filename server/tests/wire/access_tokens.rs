@@ -5,16 +5,22 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
+use futures_util::StreamExt as _;
 use http::StatusCode;
 use ring::rand::SystemRandom;
 use ring::signature::{ECDSA_P256_SHA256_FIXED_SIGNING, EcdsaKeyPair, Ed25519KeyPair, KeyPair as _};
 use serde_json::{Value, json};
 use tokio::time::timeout;
+use tokio_tungstenite::connect_async;
+use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use troupe_edge::clients::Role;
 use troupe_edge::keys;
+use troupe_proto::v1;
 use troupe_server::api::ErrorBody;
 
 use crate::common::TestServer;
+use crate::common::calls::Client;
 
 fn base64(bytes: impl AsRef<[u8]>) -> String {
     URL_SAFE_NO_PAD.encode(bytes)
@@ -133,6 +139,80 @@ async fn tokens_of_the_provider_let_in_by_their_role() {
         let token = provider.signed(&json!({ "alg": algorithm }), &plain);
         assert_eq!(get(&server, "/v1/packs", &token).await.0, StatusCode::OK);
     }
+}
+
+type Asked = tokio::sync::mpsc::Sender<v1::DriveRequest>;
+
+/// A stream of the token's holder. It ends once the sender is dropped.
+async fn open_stream(client: &mut Client, token: &str) -> (Asked, tonic::Streaming<v1::DriveResponse>) {
+    let (ask, asked) = tokio::sync::mpsc::channel(1);
+    let mut call = tonic::Request::new(tokio_stream::wrappers::ReceiverStream::new(asked));
+    let bearer = format!("Bearer {token}").parse().unwrap();
+    call.metadata_mut().insert("authorization", bearer);
+    let answers = client.drive(call).await.unwrap().into_inner();
+    (ask, answers)
+}
+
+#[tokio::test]
+async fn the_end_of_a_token_ends_its_streams() {
+    let provider = Provider::new();
+    let server = start(&provider).await;
+    // Tokens are accepted for 30 s longer, because clocks may differ.
+    let token = provider.token("EdDSA", &claims("drive", -27));
+    let url = server.url("/v1/drive").replace("http", "ws");
+    let mut request = url.into_client_request().unwrap();
+    let bearer = format!("Bearer {token}").parse().unwrap();
+    request.headers_mut().insert("authorization", bearer);
+    let (mut socket, _) = connect_async(request).await.unwrap();
+    let mut client = server.sessions().await;
+    let (_ask, mut answers) = open_stream(&mut client, &token).await;
+    assert!(
+        timeout(Duration::from_secs(1), answers.message()).await.is_err(),
+        "it goes on"
+    );
+    let ended = timeout(Duration::from_secs(4), answers.message()).await;
+    let status = ended.expect("an end in time").unwrap_err();
+    assert_eq!(status.code(), tonic::Code::Unauthenticated, "{status}");
+    assert!(status.message().contains("the token has expired"), "{status}");
+    let closed = async {
+        loop {
+            if let Message::Close(frame) = socket.next().await.unwrap().unwrap() {
+                return frame.unwrap();
+            }
+        }
+    };
+    let frame = timeout(Duration::from_secs(4), closed)
+        .await
+        .expect("an end in time");
+    assert_eq!(u16::from(frame.code), 1008);
+    assert!(frame.reason.starts_with("TOKEN_EXPIRED: "), "{frame}");
+}
+
+#[tokio::test]
+async fn a_provider_that_drops_its_keys_ends_streams() {
+    let (provider, next) = (Provider::new(), Provider::new());
+    let server = start(&provider).await;
+    let token = provider.token("EdDSA", &claims("drive", 60));
+    let mut client = server.sessions().await;
+    let (_ask, mut answers) = open_stream(&mut client, &token).await;
+    std::fs::write(provider.jwks(), next.public().to_string()).unwrap();
+    let ended = timeout(Duration::from_millis(1500), answers.message()).await;
+    let status = ended.expect("an end in time").unwrap_err();
+    assert_eq!(status.code(), tonic::Code::Unauthenticated, "{status}");
+    assert!(status.message().contains("the key was removed"), "{status}");
+}
+
+#[tokio::test]
+async fn a_tenants_admin_does_not_read_the_metrics_of_all() {
+    let provider = Provider::new();
+    let server = start(&provider).await;
+    let of_tenant = provider.token("EdDSA", &claims("admin", 60));
+    let (status, message) = get(&server, "/metrics", &of_tenant).await;
+    assert_eq!(status, StatusCode::FORBIDDEN, "{message}");
+    assert!(message.contains("a key of the role metrics"), "{message}");
+    assert_eq!(get(&server, "/v1/packs", &of_tenant).await.0, StatusCode::OK);
+    let of_all = provider.token("EdDSA", &with(claims("admin", 60), "tenant", Value::Null));
+    assert_eq!(get(&server, "/metrics", &of_all).await.0, StatusCode::OK);
 }
 
 #[tokio::test]

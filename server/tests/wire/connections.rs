@@ -1,7 +1,7 @@
 //! Connections: how many there may be, and how long they last.
 
 use std::net::SocketAddr;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
@@ -99,6 +99,34 @@ async fn past_the_limit_only_health_is_answered() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn past_the_limit_a_connection_ends_after_seconds_although_it_is_busy() {
+    let server = TestServer::start_with(|config| {
+        config.max_connections = 1;
+        config.fixed.max_connections_per_address = Some(100);
+    })
+    .await;
+    let _first = server.tcp().await;
+    server.metric("troupe_connections_active", "1").await;
+    let (client, connection) = h2::client::handshake(server.tcp().await).await.unwrap();
+    let connected = Instant::now();
+    let closed = tokio::spawn(connection);
+    let mut client = client.ready().await.unwrap();
+    let mut answered = 0;
+    while !closed.is_finished() && connected.elapsed() < Duration::from_secs(10) {
+        let call = http::Request::get(server.url("/healthz")).body(()).unwrap();
+        if let Ok((answer, _)) = client.send_request(call, true) {
+            answered += u32::from(answer.await.is_ok_and(|answer| answer.status() == 200));
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        let Ok(ready) = client.ready().await else { break };
+        client = ready;
+    }
+    let lasted = connected.elapsed();
+    assert!((4.0..7.0).contains(&lasted.as_secs_f64()), "{lasted:?}");
+    assert!(answered > 10, "{answered}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn past_the_reserve_connections_are_closed_at_once() {
     let server = TestServer::start_with(|config| {
         config.max_connections = 1;
@@ -165,4 +193,93 @@ async fn a_socket_keeps_its_place() {
     server.metric("troupe_connections_active", "1").await;
     drop(socket);
     server.metric("troupe_connections_active", "0").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn connections_that_only_idle_make_room() {
+    let server = TestServer::start_with(|config| {
+        config.max_connections = 4;
+        config.fixed.max_connections_per_address = Some(100);
+        config.fixed.spare_idle = Duration::from_millis(300);
+    })
+    .await;
+    let address = server.handle.address();
+    let mut idle = Vec::new();
+    for _ in 0..4 {
+        idle.push(TcpStream::connect(address).await.unwrap());
+    }
+    server.metric("troupe_connections_active", "4").await;
+    tokio::time::sleep(Duration::from_millis(400)).await;
+    let answer = get(address, "/v1/packs").await;
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    assert!(closes(&mut idle[0]).await, "the oldest makes room");
+    server.metric("troupe_connections_made_room_total", "1").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_connection_that_only_resets_is_closed() {
+    let server = TestServer::start().await;
+    let stream = server.tcp().await;
+    let (client, connection) = h2::client::handshake(stream).await.unwrap();
+    let closed = tokio::spawn(connection);
+    let mut client = client.ready().await.unwrap();
+    server.gate.close();
+    let flood = async {
+        loop {
+            let request = http::Request::post(server.url("/v1/inbetween")).body(()).unwrap();
+            let Ok((answer, _body)) = client.send_request(request, false) else {
+                return;
+            };
+            // The server has the head before the reset.
+            tokio::task::yield_now().await;
+            drop(answer);
+            let Ok(ready) = client.clone().ready().await else {
+                return;
+            };
+            client = ready;
+        }
+    };
+    timeout(Duration::from_secs(20), flood)
+        .await
+        .expect("the server ends it");
+    let _ = timeout(Duration::from_secs(5), closed)
+        .await
+        .expect("it is closed");
+    server.metric("troupe_connections_active", "0").await;
+    server.gate.open();
+    // Others, and the same client later, are served.
+    assert!(
+        get(server.handle.address(), "/healthz")
+            .await
+            .starts_with("HTTP/1.1 200")
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_second_port_answers_health_checks_alone() {
+    let server = TestServer::start_with(|config| {
+        config.max_connections = 1;
+        config.health_listen = Some(SocketAddr::from(([127, 0, 0, 1], 0)));
+        config.without_keys = troupe_server::config::WithoutKeys::OneTimeKey;
+    })
+    .await;
+    let health = server.handle.health_address().unwrap();
+    let mut taken = Vec::new();
+    for _ in 0..17 {
+        taken.push(server.tcp().await);
+    }
+    for path in ["/healthz", "/readyz"] {
+        let answer = get(health, path).await;
+        assert!(answer.starts_with("HTTP/1.1 200"), "{path}: {answer}");
+    }
+    for path in ["/metrics", "/v1/packs", "/docs"] {
+        let answer = get(health, path).await;
+        assert!(answer.starts_with("HTTP/1.1 404"), "{path}: {answer}");
+    }
+    let channel = tonic::transport::Channel::from_shared(format!("http://{health}"));
+    let mut client = HealthClient::new(channel.unwrap().connect().await.unwrap());
+    client.check(HealthCheckRequest::default()).await.unwrap();
+    drop(client);
+    assert!(server.handle.shut_down().await);
+    assert!(TcpStream::connect(health).await.is_err());
 }

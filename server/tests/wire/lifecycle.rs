@@ -10,6 +10,7 @@ use tonic::Code;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
+use troupe_server::server::Stopped;
 
 use crate::common::{TestServer, request};
 use crate::connections::get;
@@ -224,7 +225,11 @@ async fn half_requests_get_a_short_grace_when_the_server_stops() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_request_that_does_not_finish_in_time_is_lost_and_reported() {
-    let server = TestServer::start_with(|config| config.drain_timeout_ms = 300).await;
+    let server = TestServer::start_with(|config| {
+        config.drain_timeout_ms = 300;
+        config.fixed.last_step = Duration::from_millis(100);
+    })
+    .await;
     server.gate.close();
     let mut client = server.grpc().await;
     let call = tokio::spawn(async move { client.in_between(request(1)).await });
@@ -233,4 +238,36 @@ async fn a_request_that_does_not_finish_in_time_is_lost_and_reported() {
     assert!(!handle.shut_down().await);
     assert!(call.await.unwrap().is_err());
     gate.open();
+}
+
+/// The process unloads the networks' library after a stop: no network may run then.
+#[tokio::test(flavor = "multi_thread")]
+async fn no_network_runs_after_a_stop() {
+    for second_signal in [false, true] {
+        let server = TestServer::start_with(|config| {
+            config.drain_timeout_ms = 50;
+            config.max_batch = 1;
+        })
+        .await;
+        server.gate.set_row_time(Duration::from_millis(1500));
+        let mut client = server.grpc().await;
+        let call = tokio::spawn(async move { client.in_between(request(1)).await });
+        while server.gate.running() == 0 {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        let again = async {
+            if !second_signal {
+                std::future::pending::<()>().await;
+            }
+        };
+        let stopped = server.handle.shut_down_unless(again).await;
+        assert_eq!(server.gate.running(), 0, "a network still runs after {stopped:?}");
+        let expected = if second_signal {
+            Stopped::Forced
+        } else {
+            Stopped::Lost
+        };
+        assert_eq!(stopped, expected);
+        assert!(call.await.unwrap().is_err());
+    }
 }

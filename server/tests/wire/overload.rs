@@ -6,14 +6,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use futures_util::future::join_all;
+use prost::Message as _;
 use reqwest::StatusCode;
+use tokio::io::AsyncWriteExt as _;
 use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 use tonic::Code;
 use tonic_types::StatusExt as _;
 
+use crate::common::attacks::{answer, begin};
 use crate::common::calls::{ids, open, step, stepped, walk};
-use crate::common::{TestServer, request};
+use crate::common::{TestServer, framed, request};
 
 /// Time of a row in the engine.
 const ROW: Duration = Duration::from_millis(10);
@@ -87,11 +90,10 @@ async fn a_flood_is_refused_at_once_and_gone_when_it_stops() {
     let server = slow_server().await;
     let stop = Arc::new(AtomicBool::new(false));
     let over_http = async {
-        // Past the first wave, the other front refuses as well. All come at once: one that came
-        // with the answer to the one before would come just when a batch has left the queue, and
-        // always find a place.
+        // Past the first wave, the other front refuses as well: each of these alone would wait for
+        // longer than a call may.
         tokio::time::sleep(Duration::from_millis(700)).await;
-        let body = serde_json::to_vec(&request(1)).unwrap();
+        let body = serde_json::to_vec(&request(60)).unwrap();
         let mut refused = 0;
         for response in join_all((0..20).map(|_| server.post(body.clone()))).await {
             if response.status() == StatusCode::TOO_MANY_REQUESTS {
@@ -212,7 +214,7 @@ async fn a_full_queue_of_calls_has_room_for_plans() {
             }
         }
     }
-    let status = server.grpc().await.in_between(request(1)).await.unwrap_err();
+    let status = server.grpc().await.in_between(request(4)).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted);
     let walking = tokio::spawn(async move { stepped(&mut client, step(&ids, 10, Vec::new())).await });
     server
@@ -223,4 +225,247 @@ async fn a_full_queue_of_calls_has_room_for_plans() {
     while let Some(call) = calls.join_next().await {
         call.unwrap().unwrap();
     }
+}
+
+/// A call of one character from another address than that of all other clients here.
+#[cfg(target_os = "linux")]
+async fn from_another_address(url: String) -> StatusCode {
+    let client = reqwest::Client::builder()
+        .local_address(std::net::IpAddr::from([127, 0, 0, 2]))
+        .build()
+        .unwrap();
+    let call = client
+        .post(url)
+        .header("content-type", "application/json")
+        .body(serde_json::to_vec(&request(1)).unwrap());
+    call.send().await.unwrap().status()
+}
+
+// Other systems have only one loopback address.
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn large_calls_of_one_client_do_not_keep_others_out() {
+    let server = slow_server().await;
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut attackers = JoinSet::new();
+    for _ in 0..8 {
+        let (mut client, stop) = (server.grpc().await, stop.clone());
+        attackers.spawn(async move {
+            let mut served = 0;
+            while !stop.load(Ordering::Relaxed) {
+                match client.in_between(request(64)).await {
+                    Ok(_) => served += 1,
+                    Err(_) => tokio::time::sleep(Duration::from_millis(5)).await,
+                }
+            }
+            served
+        });
+    }
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let mut longest = Duration::ZERO;
+    for _ in 0..20 {
+        let sent = Instant::now();
+        let status = from_another_address(server.url("/v1/inbetween")).await;
+        assert_eq!(status, StatusCode::OK);
+        longest = longest.max(sent.elapsed());
+    }
+    stop.store(true, Ordering::Relaxed);
+    // Before it, both workers end the batches that they have: 40 ms.
+    assert!(longest < MAX_QUEUE * 4, "{longest:?}");
+    let mut served = 0;
+    while let Some(of_one) = attackers.join_next().await {
+        served += of_one.unwrap();
+    }
+    assert!(served > 1, "{served} large calls were served");
+}
+
+// Other systems have only one loopback address.
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn a_call_of_the_client_with_most_leaves_a_full_queue_for_another() {
+    let server = TestServer::start_with(|config| {
+        config.max_batch = 1;
+        config.fixed.max_queued_characters = Some(4);
+    })
+    .await;
+    server.gate.close();
+    let mut calls = Vec::new();
+    for characters in [1, 4] {
+        let mut client = server.grpc().await;
+        calls.push(tokio::spawn(async move {
+            client.in_between(request(characters)).await.map(drop)
+        }));
+        // The worker takes the first one meanwhile.
+        tokio::time::sleep(Duration::from_millis(500)).await;
+    }
+    server
+        .metric("troupe_pending_characters{model=\"toy\"", "4")
+        .await;
+    let other = tokio::spawn(from_another_address(server.url("/v1/inbetween")));
+    let status = calls.pop().unwrap().await.unwrap().unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
+    assert!(status.get_details_retry_info().is_some());
+    let name = r#"troupe_rejections_total{model="toy",version="1.2.3",reason="pushed_out"}"#;
+    server.metric(name, "1").await;
+    server.gate.open();
+    assert_eq!(other.await.unwrap(), StatusCode::OK);
+    calls.pop().unwrap().await.unwrap().unwrap();
+}
+
+/// A server whose queue is full: one call is in the engine, and one waits.
+async fn full_server() -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
+    let server = TestServer::start_with(|config| {
+        config.max_batch = 1;
+        config.fixed.max_queued_characters = Some(1);
+    })
+    .await;
+    server.gate.close();
+    let mut waiting = Vec::new();
+    for _ in 0..2 {
+        let mut client = server.grpc().await;
+        waiting.push(tokio::spawn(async move {
+            client.in_between(request(1)).await.unwrap();
+        }));
+        // The worker takes the first one meanwhile.
+        tokio::time::sleep(Duration::from_millis(500)).await;
+    }
+    server
+        .metric("troupe_pending_characters{model=\"toy\"", "1")
+        .await;
+    (server, waiting)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_with_a_debt_is_refused_before_its_call_is_read() {
+    let (server, waiting) = full_server().await;
+    let path = "/v1/inbetween";
+    // A whole call first: its client gets a hint, and so a debt.
+    let body = serde_json::to_vec(&request(1)).unwrap();
+    let mut stream = begin(&server, path, body.len(), &body).await;
+    let refused = answer(&mut stream).await;
+    assert!(
+        refused.starts_with("HTTP/1.1 429 ") && refused.contains("QUEUE_FULL"),
+        "{refused}"
+    );
+    // On the same connection, only the head of a call is needed.
+    let head = format!(
+        "POST {path} HTTP/1.1\r\nhost: localhost\r\nx-request-id: again\r\ncontent-type: application/json\r\ncontent-length: 1000\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes()).await.unwrap();
+    let again = answer(&mut stream).await;
+    assert!(
+        again.starts_with("HTTP/1.1 429 ") && again.contains("QUEUE_FULL"),
+        "{again}"
+    );
+    for header in ["x-request-id: again", "retry-after: "] {
+        assert!(again.contains(header), "{again}");
+    }
+    // A client without a debt is heard out.
+    let mut other = begin(&server, path, 1000, b"").await;
+    let silent = tokio::time::timeout(Duration::from_millis(200), answer(&mut other)).await;
+    assert!(silent.is_err(), "{silent:?}");
+
+    // Over gRPC the details are the same, and the client is served when the queue has room.
+    let mut client = server.grpc().await;
+    for _ in 0..3 {
+        let status = client.in_between(request(1)).await.unwrap_err();
+        assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
+        assert!(status.get_details_retry_info().is_some());
+        assert_eq!(status.get_details_error_info().unwrap().reason, "QUEUE_FULL");
+    }
+    // Thousands of them do not end the connection.
+    for _ in 0..15 {
+        let calls = (0..100).map(|_| {
+            let mut client = client.clone();
+            async move { client.in_between(request(1)).await.unwrap_err().code() }
+        });
+        let codes = join_all(calls).await;
+        assert!(
+            codes.iter().all(|code| *code == Code::ResourceExhausted),
+            "{codes:?}"
+        );
+    }
+    server.gate.open();
+    for call in waiting {
+        call.await.unwrap();
+    }
+    client.in_between(request(1)).await.unwrap();
+}
+
+/// Time that this process's threads named `name` have run.
+#[cfg(target_os = "linux")]
+fn thread_time(name: &str) -> Duration {
+    let mut ticks_ns = 0;
+    for task in std::fs::read_dir("/proc/self/task").unwrap() {
+        let folder = task.unwrap().path();
+        if std::fs::read_to_string(folder.join("comm")).unwrap().trim() == name {
+            let stat = std::fs::read_to_string(folder.join("schedstat")).unwrap();
+            ticks_ns += stat.split(' ').next().unwrap().parse::<u64>().unwrap();
+        }
+    }
+    Duration::from_nanos(ticks_ns)
+}
+
+/// Prints what a refusal at the head costs the server's thread, HTTP library included, beside a
+/// call that is read and then refused.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "a measurement, for builds with optimisation"]
+fn cost_of_a_refusal() {
+    const CALLS: usize = 20_000;
+    let serving = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .thread_name("serving")
+        .enable_all()
+        .build()
+        .unwrap();
+    let (server, _waiting) = serving.block_on(serving.spawn(full_server())).unwrap();
+    let address = server.handle.address();
+    let asking = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
+    let cost = |path: &'static str, body: &'static [u8], status: &'static str| {
+        asking.block_on(async move {
+            let stream = tokio::net::TcpStream::connect(address).await.unwrap();
+            let (client, connection) = h2::client::handshake(stream).await.unwrap();
+            let connection = tokio::spawn(connection);
+            let mut client = client.ready().await.unwrap();
+            let mut begun = Duration::ZERO;
+            for call in 0..CALLS / 100 {
+                // The first calls have no debt yet.
+                if call == 2 {
+                    begun = thread_time("serving");
+                }
+                let mut answers = Vec::new();
+                for _ in 0..100 {
+                    client = client.ready().await.unwrap();
+                    let head = http::Request::post(format!("http://{address}{path}"))
+                        .header("content-type", "application/grpc")
+                        .header("te", "trailers")
+                        .body(())
+                        .unwrap();
+                    let (answer, mut sending) = client.send_request(head, false).unwrap();
+                    sending.send_data(bytes::Bytes::from_static(body), true).unwrap();
+                    answers.push(answer);
+                }
+                for answer in join_all(answers).await {
+                    let headers = answer.unwrap().headers().clone();
+                    assert_eq!(headers["grpc-status"], status, "{headers:?}");
+                }
+            }
+            connection.abort();
+            (thread_time("serving") - begun) / (CALLS as u32 - 200)
+        })
+    };
+    let body: &[u8] = framed(&request(1).encode_to_vec()).leak();
+    println!(
+        "at the head: {:?}",
+        cost("/troupe.v1.Motion/InBetween", body, "8")
+    );
+    println!(
+        "a call that is read: {:?}",
+        cost("/troupe.v1.Motion/GetPack", b"\0\0\0\0\x03\x0a\x01x", "5")
+    );
+    server.gate.open();
 }

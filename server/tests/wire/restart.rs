@@ -8,8 +8,9 @@ use reqwest::StatusCode;
 use troupe_proto::v1;
 use troupe_server::api::ErrorBody;
 
+use crate::common::attacks::create;
 use crate::common::calls::{frames_of, ids, open, options, step, stepped, walk};
-use crate::common::scenes::{STOOL, YARD, scenes};
+use crate::common::scenes::{STOOL, YARD, put_scene, put_stool, scenes};
 use crate::common::{JOINTS, TestServer};
 
 /// A folder that goes with its test.
@@ -352,6 +353,30 @@ async fn sessions_that_are_gone_stay_gone() {
     assert_eq!(server.get("/v1/sessions/b").await.status(), StatusCode::OK);
     server.clock.pass(Duration::from_millis(61_000));
     assert_eq!(server.get("/v1/sessions/b").await.status(), StatusCode::GONE);
+}
+
+#[tokio::test]
+async fn a_session_whose_scene_is_gone_is_left_out() {
+    let folder = Folder::new("no-scene");
+    let server = folder.server().await;
+    let mut world = scenes(&server).await;
+    put_stool(&mut world, STOOL).await.unwrap();
+    put_scene(&mut world, YARD).await.unwrap();
+    let mut client = server.sessions().await;
+    let inside = v1::SessionOptions {
+        scene: "yard".into(),
+        ..options("inside")
+    };
+    create(&mut client, vec![inside, options("outside")]).await;
+    assert!(server.handle.shut_down().await);
+    std::fs::remove_file(folder.path().join("scenes/yard.toml")).unwrap();
+
+    let server = folder.server().await;
+    for (result, count) in [("restored", "1"), ("left_out", "1")] {
+        let name = format!("troupe_store_sessions_total{{result=\"{result}\"}}");
+        server.metric(&name, count).await;
+    }
+    assert_eq!(server.get("/v1/sessions/outside").await.status(), StatusCode::OK);
 }
 
 #[tokio::test]

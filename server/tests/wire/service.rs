@@ -242,7 +242,8 @@ async fn a_full_queue_refuses_with_a_retry_hint() {
     let hint = status.get_details_retry_info().unwrap().retry_delay.unwrap();
     assert!(hint >= Duration::from_millis(10));
 
-    let response = server.post(serde_json::to_vec(&request(1)).unwrap()).await;
+    // Another client has as much waiting, so nothing makes room for it.
+    let response = server.post(serde_json::to_vec(&request(4)).unwrap()).await;
     assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
     assert_eq!(response.headers()["retry-after"], "1");
     let body: ErrorBody = response.json().await.unwrap();
@@ -257,6 +258,40 @@ async fn a_full_queue_refuses_with_a_retry_hint() {
         .metric(
             "troupe_rejections_total{model=\"toy\",version=\"1.2.3\",reason=\"queue_full\"}",
             "2",
+        )
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_full_queue_makes_room_for_a_client_with_less_waiting() {
+    let server = TestServer::start_with(|config| {
+        config.fixed.max_characters_per_request = 4;
+        config.fixed.max_queued_characters = Some(4);
+    })
+    .await;
+    server.gate.close();
+    let large = server.grpc().await;
+    let call = || {
+        let mut client = large.clone();
+        tokio::spawn(async move { client.in_between(request(4)).await })
+    };
+    let running = call();
+    server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
+    let waiting = call();
+    server
+        .metric("troupe_pending_characters{model=\"toy\"", "4")
+        .await;
+    let mut small = server.grpc().await;
+    let small = tokio::spawn(async move { small.in_between(request(1)).await });
+    let status = waiting.await.unwrap().unwrap_err();
+    assert_eq!(status.get_details_error_info().unwrap().reason, "QUEUE_FULL");
+    server.gate.open();
+    small.await.unwrap().unwrap();
+    running.await.unwrap().unwrap();
+    server
+        .metric(
+            "troupe_rejections_total{model=\"toy\",version=\"1.2.3\",reason=\"pushed_out\"}",
+            "1",
         )
         .await;
 }

@@ -127,7 +127,8 @@ async fn sessions_expire_and_say_so() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn ten_thousand_sessions_that_are_left_expire_cleanly() {
-    let server = TestServer::start().await;
+    // One address stands for many clients.
+    let server = TestServer::start_with(|config| config.fixed.keyless_share = 1).await;
     let mut client = server.sessions().await;
     let names = ids("left", 10_000);
     let before = resident_bytes();

@@ -82,7 +82,11 @@ async fn a_session_is_opened_described_listed_and_closed() {
 
 #[tokio::test]
 async fn sessions_are_opened_all_or_none() {
-    let server = TestServer::start_with(|config| config.max_sessions = 5).await;
+    let server = TestServer::start_with(|config| {
+        config.max_sessions = 5;
+        config.fixed.keyless_share = 1;
+    })
+    .await;
     let mut client = server.sessions().await;
     open(&mut client, &["a", "b"]).await;
     let mut try_to_open = async |ids: &[&str]| {

@@ -268,6 +268,40 @@ async fn tenants_share_the_limits() {
 }
 
 #[tokio::test]
+async fn an_idle_tenant_makes_room_for_another() {
+    let folder = Folder::new("tenants-room");
+    let house = House::start(folder.path(), |config| config.fixed.max_tenants = 1).await;
+    let comes = async |who: usize| {
+        // The call before ends a moment after its answer.
+        for _ in 0..500 {
+            if house.get(who, "/v1/sessions").await.0 == StatusCode::OK {
+                return true;
+            }
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+        false
+    };
+    for _ in 0..3 {
+        assert!(comes(ALPHA).await && comes(BETA).await);
+    }
+    assert!(comes(ALPHA).await);
+    house.open(ALPHA, json!({"id": "a"})).await;
+    let reason = house
+        .refused(BETA, Method::GET, "/v1/sessions", Value::Null)
+        .await;
+    assert_eq!(reason, "TOO_MANY_TENANTS");
+    house
+        .done(ALPHA, Method::DELETE, "/v1/sessions/a", Value::Null)
+        .await;
+    assert!(comes(BETA).await);
+    house.put_yard(BETA).await;
+    let reason = house
+        .refused(ALPHA, Method::GET, "/v1/sessions", Value::Null)
+        .await;
+    assert_eq!(reason, "TOO_MANY_TENANTS");
+}
+
+#[tokio::test]
 async fn what_tenants_have_outlives_the_server() {
     let folder = Folder::new("tenants-store");
     let start = || {

@@ -38,10 +38,10 @@ pub async fn hulls(server: TestServer, time: Duration) -> String {
     crowd(server, time, 2, 256).await
 }
 
-/// 200 streams of 4 sessions in the same scene.
+/// 128 streams of 4 sessions in the same scene, all of an address.
 pub async fn streams(server: TestServer, time: Duration) -> String {
     put_pile(&server, 512, 0).await;
-    crowd(server, time, 200, 4).await
+    crowd(server, time, 128, 4).await
 }
 
 async fn crowd(server: TestServer, time: Duration, streams: usize, sessions: usize) -> String {

@@ -68,7 +68,7 @@ const ATTACKS: [(&str, &str, Attack); 13] = [
     ),
     attack!(
         "streams",
-        "200 streams of 4 sessions in the same scene",
+        "128 streams of 4 sessions in the same scene, all of an address",
         attackers::streams
     ),
     attack!(

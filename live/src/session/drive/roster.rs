@@ -17,7 +17,7 @@ use crate::session::wants::Patience;
 use crate::session::{Registry, TimeSource, events};
 use crate::session::{SessionError, SessionProblem};
 use troupe_character::Path;
-use troupe_character::live::budget;
+use troupe_character::live::budget::{self, MIDDLE_PRIORITY};
 use troupe_character::live::{Clock, FrameOut, Strain};
 
 /// A session on the stream, which owns it.
@@ -44,6 +44,8 @@ pub struct Roster {
     /// The watchers of the stream.
     audience: Weak<Audience>,
     out: FrameOut,
+    /// Mean priority of the members at the last tick.
+    mean_priority: f32,
 }
 
 impl Roster {
@@ -65,6 +67,7 @@ impl Roster {
             packs: Vec::new(),
             audience: Arc::downgrade(audience),
             out: FrameOut::default(),
+            mean_priority: MIDDLE_PRIORITY,
         }
     }
 
@@ -162,6 +165,7 @@ impl Roster {
             .collect();
         let mut underruns = 0;
         let mut in_hands = Vec::new();
+        let mut priorities = 0.0;
         self.read_load();
         let mut turn = Turn::begin();
         for member in &self.members {
@@ -169,7 +173,8 @@ impl Roster {
             let pack = cell.pack();
             let wants = {
                 let mut live = cell.live();
-                let strain = strain(pack, live.priority);
+                priorities += live.priority;
+                let strain = strain(pack, budget::own_priority(live.priority, self.mean_priority));
                 live.character.under_load(strain);
                 live.character.advance(sub_frames, Clock::Runs);
                 live.character.sample(&mut self.out);
@@ -195,6 +200,7 @@ impl Roster {
             *place += 1;
             turn.pause().await;
         }
+        self.mean_priority = priorities / self.members.len().max(1) as f32;
         let blocks = writers.into_iter().filter(|(_, count)| *count > 0);
         let frames = v1::DriveFrames {
             blocks: blocks.map(|(writer, _)| writer.finish(|_| true)).collect(),

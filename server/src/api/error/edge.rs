@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::row::{FORBIDDEN, FULL, HEADERS, NOT_NOW, Row, Tabled, UNAUTHENTICATED, UNAVAILABLE};
-use troupe_edge::{BEARER, EdgeError, MAX_HEAD_BYTES};
+use troupe_edge::{BEARER, EdgeError, MAX_HEAD_BYTES, METRICS_KEYS};
 
 /// Retry hint if a connection or transfer memory may become free at any time.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
@@ -39,6 +39,12 @@ impl Tabled for EdgeError {
                 .because("TOKEN_INVALID")
                 .field("Authorization")
                 .allowed(BEARER),
+            Self::KeyRemoved => UNAUTHENTICATED.because("KEY_REMOVED"),
+            Self::TokenExpired => UNAUTHENTICATED.because("TOKEN_EXPIRED"),
+            Self::OfTenant => FORBIDDEN
+                .because("ROLE_TOO_LOW")
+                .field("Authorization")
+                .allowed(METRICS_KEYS),
             Self::UnknownTicket => UNAUTHENTICATED
                 .because("TICKET_UNKNOWN")
                 .field("ticket")

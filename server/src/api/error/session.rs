@@ -19,7 +19,10 @@ impl Tabled for SessionError {
             Self::UnknownBody(error) => error.row(),
             Self::CannotDo(error) => error.row(),
             Self::World(error) => error.row(),
-            Self::Expired { field, .. } => GONE.because("SESSION_EXPIRED").field(field),
+            // One reason for both, because a client does the same: it opens another session.
+            Self::Expired { field, .. } | Self::MadeRoom { field, .. } => {
+                GONE.because("SESSION_EXPIRED").field(field)
+            }
             Self::Unknown { field, .. } => NOT_FOUND.because("UNKNOWN_SESSION").field(field),
             Self::Exists { field, .. } => EXISTS
                 .because("SESSION_EXISTS")

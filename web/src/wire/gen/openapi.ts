@@ -3428,7 +3428,7 @@ export interface components {
             position?: components["schemas"]["Vec3"];
             /**
              * Format: float
-             * @description Share of plans that this character gets if the networks cannot serve all: 0 for one far from the camera, 1 for the hero. 0 to 1, default 0.5. Without such a shortage it has no effect.
+             * @description Share of its stream's plans that this character gets if the networks cannot serve all: 0 for one far from the camera, 1 for the hero. 0 to 1, default 0.5. Without such a shortage it has no effect.
              */
             priority?: number;
             /**
@@ -4092,7 +4092,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description Starting, draining, or an engine has stopped */
+            /** @description Starting, draining, an engine has stopped, or the store is behind */
             503: {
                 headers: {
                     [name: string]: unknown;

@@ -134,8 +134,9 @@ export type SessionOptions = Message<"troupe.v1.SessionOptions"> & {
   temperature: number;
 
   /**
-   * Share of plans that this character gets if the networks cannot serve all: 0 for one far from
-   * the camera, 1 for the hero. 0 to 1, default 0.5. Without such a shortage it has no effect.
+   * Share of its stream's plans that this character gets if the networks cannot serve all: 0 for
+   * one far from the camera, 1 for the hero. 0 to 1, default 0.5. Without such a shortage it has no
+   * effect.
    *
    * @generated from field: optional float priority = 14;
    */

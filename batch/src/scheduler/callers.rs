@@ -1,0 +1,83 @@
+//! Notes whether calls come from one client or from several. While a client among several calls for
+//! little, each may have only a part of a batch, so that this client waits for a short time. If all
+//! call for much, they wait for each other anyway, and whole batches serve them faster.
+
+use troupe_base::turns::ClientId;
+
+/// Weight of the latest call in the measured shares.
+const WEIGHT: f32 = 1.0 / 32.0;
+/// Share of small calls from which on they count. A client that asks for much, and again when it is
+/// answered, has little waiting now and then.
+const MIN_SHARE: f32 = 1.0 / 16.0;
+
+/// The clients of the latest calls.
+#[derive(Debug, Default)]
+pub(super) struct Callers {
+    /// The client of the latest call that was not small.
+    large: Option<ClientId>,
+    /// Share of small calls of other clients among the latest calls.
+    of_clients: f32,
+    /// The same for other groups.
+    of_groups: f32,
+}
+
+impl Callers {
+    /// A call came. It is small if its client has little waiting.
+    pub(super) fn came(&mut self, client: ClientId, is_small: bool) {
+        if !is_small {
+            self.large = Some(client);
+        }
+        let differs = |differ: fn(&ClientId, &ClientId) -> bool| {
+            let differs = self.large.is_some_and(|large| differ(&large, &client));
+            f32::from(u8::from(is_small && differs))
+        };
+        let (other, other_group) = (differs(|a, b| a != b), differs(|a, b| a.group != b.group));
+        self.of_clients += (other - self.of_clients) * WEIGHT;
+        self.of_groups += (other_group - self.of_groups) * WEIGHT;
+    }
+
+    /// The parts of the next batch, of at most so much work each.
+    pub(super) fn shares(&self, work: u64) -> Shares {
+        let is_shared = self.of_clients > MIN_SHARE;
+        Shares {
+            work: if is_shared { work } else { u64::MAX },
+            of_groups: self.of_groups > MIN_SHARE,
+            taken: Vec::new(),
+        }
+    }
+}
+
+/// What clients, or groups if several call, have of a batch.
+#[derive(Debug)]
+pub(super) struct Shares {
+    work: u64,
+    of_groups: bool,
+    taken: Vec<(u64, u64)>,
+}
+
+impl Shares {
+    fn key(&self, client: ClientId) -> u64 {
+        match self.of_groups {
+            true => client.group,
+            false => client.own,
+        }
+    }
+
+    /// The work that a client may still have.
+    pub(super) fn left(&self, client: ClientId) -> u64 {
+        let key = self.key(client);
+        let taken = self.taken.iter().find(|(of, _)| *of == key);
+        self.work - taken.map_or(0, |(_, taken)| (*taken).min(self.work))
+    }
+
+    pub(super) fn take(&mut self, client: ClientId, work: u64) {
+        if self.work == u64::MAX {
+            return;
+        }
+        let key = self.key(client);
+        match self.taken.iter_mut().find(|(of, _)| *of == key) {
+            Some((_, taken)) => *taken += work,
+            None => self.taken.push((key, work)),
+        }
+    }
+}
