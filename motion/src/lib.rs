@@ -32,6 +32,8 @@ pub mod metrics;
 pub mod model;
 pub mod path;
 pub mod pin;
+#[cfg(feature = "files")]
+pub mod read;
 pub mod robot;
 pub mod root;
 pub mod rotation;

@@ -179,6 +179,15 @@ impl Source for BvhFile {
         self.fps()
     }
 
+    fn rest(&self, out: &mut [Transform]) {
+        for (joint, local) in self.joints().iter().zip(out) {
+            *local = Transform {
+                place: joint.offset,
+                turn: DQuat::IDENTITY,
+            };
+        }
+    }
+
     fn locals(&self, frame: usize, out: &mut [Transform]) {
         let mut values = self.row(frame).iter();
         for (joint, local) in self.joints().iter().zip(out) {

@@ -32,7 +32,7 @@ impl EulerOrder {
     ///
     /// The product equals `q` for every rotation. At gimbal lock the first angle is arbitrary. The
     /// others come from what is left after it is undone, so they stay exact.
-    pub(super) fn angles(self, q: DQuat) -> [f64; 3] {
+    pub(crate) fn angles(self, q: DQuat) -> [f64; 3] {
         let m = DMat3::from_quat(q.normalize());
         let [i, j, k] = self.axes();
         let at = |m: &DMat3, row: usize, col: usize| m.col(col)[row];

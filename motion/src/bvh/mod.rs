@@ -11,14 +11,16 @@
 //! frame, but a rotation in a clip's.
 
 mod convert;
+mod error;
 mod euler;
 mod parse;
 mod write;
 
 pub use crate::convert::ConvertError;
 pub use convert::{BvhOptions, BvhWriteOptions};
+pub use error::{BvhError, BvhErrorKind};
 pub use euler::EulerOrder;
-pub use parse::{BvhError, BvhErrorKind, parse, parse_bytes};
+pub use parse::{MiscountedFrames, parse, parse_bytes, parse_tolerant};
 pub use write::write;
 
 use glam::DVec3;

@@ -2,114 +2,45 @@
 
 use glam::DVec3;
 
+use super::error::FoundFrames;
 use super::{
-    BvhFile, BvhJoint, Channel, MAX_DEPTH, MAX_FRAMES, MAX_JOINTS, MAX_NAME_BYTES, name_is_writable,
+    BvhError, BvhErrorKind, BvhFile, BvhJoint, Channel, MAX_DEPTH, MAX_FRAMES, MAX_JOINTS, name_is_writable,
 };
-
-/// An error in a BVH text, with its line.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("line {line}: {kind}")]
-pub struct BvhError {
-    /// Line, counted from 1.
-    pub line: usize,
-    /// The error in that line.
-    pub kind: BvhErrorKind,
-}
-
-/// Errors of a BVH text.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BvhErrorKind {
-    /// Bytes that are not UTF-8.
-    #[error("the text is not UTF-8")]
-    NotUtf8,
-    /// Something else stands where `expected` should stand.
-    #[error("expected {expected}, found {found:?}")]
-    Expected {
-        /// What should stand there.
-        expected: &'static str,
-        /// What stands there, cut to a few characters; empty at the end of the text.
-        found: String,
-    },
-    /// The text ends too early.
-    #[error("the text ends where {0} should stand")]
-    UnexpectedEnd(&'static str),
-    /// A joint name that is empty, or longer than [`MAX_NAME_BYTES`].
-    #[error("a joint name must have 1 to {MAX_NAME_BYTES} bytes")]
-    Name,
-    /// OFFSET or CHANNELS stands twice in a joint, or after its children.
-    #[error("{0} may stand once in a joint, before its children")]
-    Repeated(&'static str),
-    /// A joint or End Site has no OFFSET.
-    #[error("{0:?} has no OFFSET")]
-    NoOffset(String),
-    /// The number of channels is not 0 to 6.
-    #[error("the number of channels must be 0 to 6, not {0:?}")]
-    ChannelCount(String),
-    /// A joint has a channel twice.
-    #[error("channel {0} stands twice in one joint")]
-    DuplicateChannel(&'static str),
-    /// No joint has channels, so there can be no motion.
-    #[error("no joint has channels")]
-    NoChannels,
-    /// Something exceeds a limit.
-    #[error("more than {limit} {what}")]
-    TooMany {
-        /// What there is too much of.
-        what: &'static str,
-        /// The most that is allowed.
-        limit: usize,
-    },
-    /// NaN, infinity, or a number too large for double precision.
-    #[error("{0:?} is not a finite number")]
-    NotFinite(String),
-    /// A frame time that is not positive.
-    #[error("the frame time must be positive, not {0}")]
-    FrameTime(f64),
-    /// A row has too few or too many numbers.
-    #[error("frame {frame} has {found} values for {expected} channels")]
-    RowLength {
-        /// Index of the frame, from 0.
-        frame: usize,
-        /// Numbers in the row; counting stops at one more than `expected`.
-        found: usize,
-        /// Channels of the hierarchy.
-        expected: usize,
-    },
-    /// There are more or fewer rows than declared.
-    #[error("{declared} frames are declared, but there {found}")]
-    FrameCount {
-        /// The number after `Frames:`.
-        declared: usize,
-        /// The rows that there are.
-        found: FoundFrames,
-    },
-}
-
-/// Number of rows, compared with the declared number.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum FoundFrames {
-    /// Fewer rows: this many.
-    #[error("are {0}")]
-    Only(usize),
-    /// At least one more.
-    #[error("are more")]
-    More,
-}
 
 /// Reads a BVH text.
 ///
 /// # Errors
 /// [`BvhError`] with the line. No text makes it panic.
 pub fn parse(text: &str) -> Result<BvhFile, BvhError> {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let mut reader = Reader {
-        text,
-        pos: 0,
-        line: 1,
+    Ok(Reader::new(text, None).file()?.0)
+}
+
+/// A mistake of a BVH text that leaves no doubt about its motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MiscountedFrames {
+    /// The number after `Frames:`.
+    pub declared: usize,
+    /// The rows that follow, one more or fewer.
+    pub found: usize,
+}
+
+/// As [`parse`], but the number after `Frames:` may be one off, as some programs write it, and
+/// `fps` replaces the file's rate.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_tolerant(text: &str, fps: Option<f32>) -> Result<(BvhFile, Option<MiscountedFrames>), BvhError> {
+    let tolerance = Tolerance {
+        frame_time_s: fps.map(|fps| 1.0 / f64::from(fps)),
     };
-    let joints = reader.hierarchy()?;
-    reader.motion(joints)
+    Reader::new(text, Some(tolerance)).file()
+}
+
+/// What a tolerant reader knows better than the text.
+#[derive(Clone, Copy)]
+struct Tolerance {
+    /// Replaces the text's frame time.
+    frame_time_s: Option<f64>,
 }
 
 /// [`parse`] for bytes, which must be UTF-8.
@@ -144,9 +75,24 @@ struct Reader<'a> {
     text: &'a str,
     pos: usize,
     line: usize,
+    tolerance: Option<Tolerance>,
 }
 
 impl<'a> Reader<'a> {
+    fn new(text: &'a str, tolerance: Option<Tolerance>) -> Self {
+        Self {
+            text: text.strip_prefix('\u{feff}').unwrap_or(text),
+            pos: 0,
+            line: 1,
+            tolerance,
+        }
+    }
+
+    fn file(mut self) -> Result<(BvhFile, Option<MiscountedFrames>), BvhError> {
+        let joints = self.hierarchy()?;
+        self.motion(joints)
+    }
+
     fn error(&self, kind: BvhErrorKind) -> BvhError {
         BvhError {
             line: self.line,
@@ -348,7 +294,7 @@ impl<'a> Reader<'a> {
         Ok(offset)
     }
 
-    fn motion(&mut self, joints: Vec<BvhJoint>) -> Result<BvhFile, BvhError> {
+    fn motion(&mut self, joints: Vec<BvhJoint>) -> Result<(BvhFile, Option<MiscountedFrames>), BvhError> {
         let channels: usize = joints.iter().map(|j| j.channels.len()).sum();
         if channels == 0 {
             return Err(self.error(BvhErrorKind::NoChannels));
@@ -369,21 +315,28 @@ impl<'a> Reader<'a> {
         self.expect("Time")?;
         self.expect(":")?;
         let frame_time_s = self.number()?;
-        if frame_time_s <= 0.0 {
+        let known = self.tolerance.and_then(|tolerance| tolerance.frame_time_s);
+        let frame_time_s = known.unwrap_or(frame_time_s);
+        // NaN too.
+        if !(frame_time_s.is_finite() && frame_time_s > 0.0) {
             return Err(self.error(BvhErrorKind::FrameTime(frame_time_s)));
         }
         let values = self.rows(declared, channels)?;
-        Ok(BvhFile {
+        let found = values.len() / channels;
+        let file = BvhFile {
             joints,
             frame_time_s,
             channels,
             values,
-        })
+        };
+        let miscounted = (found != declared).then_some(MiscountedFrames { declared, found });
+        Ok((file, miscounted))
     }
 
     /// The rows of numbers, from after the frame time to the end of the text.
     fn rows(&mut self, declared: usize, channels: usize) -> Result<Vec<f64>, BvhError> {
         let rest = &self.text[self.pos..];
+        let miscount = usize::from(self.tolerance.is_some());
         // Every value takes at least two bytes of text, so the text limits the memory.
         let mut values = Vec::with_capacity(declared.saturating_mul(channels).min(rest.len() / 2 + 1));
         let mut frames = 0;
@@ -404,7 +357,7 @@ impl<'a> Reader<'a> {
                         };
                         return Err(self.error(kind));
                     }
-                    if frames == declared {
+                    if frames == declared + miscount {
                         let kind = BvhErrorKind::FrameCount {
                             declared,
                             found: FoundFrames::More,
@@ -427,7 +380,7 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        if frames != declared {
+        if frames.abs_diff(declared) > miscount || (frames == 0 && declared > 0) {
             let kind = BvhErrorKind::FrameCount {
                 declared,
                 found: FoundFrames::Only(frames),

@@ -7,9 +7,18 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 
-use self::sides::left_axis_of;
+use self::sides::{left_axis_in, left_axis_of};
 use crate::clip::{Clip, ClipError, MAX_ROTATIONS};
 use crate::skeleton::{Joint, MAX_JOINTS, Skeleton, SkeletonError};
+
+/// Bones that are shorter have no direction that matters, metres.
+const MIN_BONE_M: f32 = 0.03;
+/// How far a bone may point from the skeleton's if it is the only one of its joint, degrees. Bodies
+/// of one rig differ by a few degrees; a T-pose and an A-pose by 45.
+const MAX_BONE_ANGLE_DEG: f32 = 20.0;
+/// As [`MAX_BONE_ANGLE_DEG`], where a joint has several bones: the places of hips and shoulders in
+/// their parents differ more from body to body.
+const MAX_FORK_ANGLE_DEG: f32 = 40.0;
 
 /// A hierarchy of moving joints as a file has it, in the file's units.
 pub(crate) trait Source {
@@ -27,8 +36,24 @@ pub(crate) trait Source {
     fn frames(&self) -> usize;
     /// Frames a second.
     fn fps(&self) -> f32;
+    /// Transforms of all joints in their parents at rest.
+    #[cfg_attr(
+        not(feature = "files"),
+        expect(dead_code, reason = "only the reader of files compares rest poses")
+    )]
+    fn rest(&self, out: &mut [Transform]);
     /// Transforms of all joints in their parents in one frame.
     fn locals(&self, frame: usize, out: &mut [Transform]);
+}
+
+/// Which joints of a file become a clip.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Selection<'a> {
+    /// The joint that becomes the clip's root. `None`: the first from the file's root on that does
+    /// more than place its only child.
+    pub(crate) root: Option<usize>,
+    /// For each joint of the file, whether it and all below it are left out; empty: none.
+    pub(crate) left_out: &'a [bool],
 }
 
 /// The options of all formats; [`BvhOptions`](crate::bvh::BvhOptions) documents them.
@@ -74,6 +99,21 @@ pub enum ConvertError {
         /// Largest distance, metres.
         error_m: f32,
     },
+    /// A bone points elsewhere at rest than the skeleton's, so that its rotations do not fit.
+    #[error(
+        "the bone from {parent:?} to {joint:?} points {angle_deg:.0}° away from the skeleton's at rest; \
+         allowed: {allowed_deg:.0}°. The file's rest pose differs from the skeleton's: its rotations mean another pose"
+    )]
+    OtherRest {
+        /// Name of the joint at the bone's end.
+        joint: String,
+        /// Name of the joint at its beginning.
+        parent: String,
+        /// Angle between the two bones, degrees.
+        angle_deg: f32,
+        /// Largest angle that is read, degrees.
+        allowed_deg: f32,
+    },
     /// The scale is not finite and positive.
     #[error("the scale must be finite and positive, not {0}")]
     Scale(f32),
@@ -111,15 +151,24 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
     if roots != 1 {
         return Err(ConvertError::SeveralRoots(roots));
     }
+    Ok(to_clip_of(source, rules, Selection::default())?.0)
+}
+
+/// As [`to_clip`], for a selection of the joints. Returns also the index in the file of each joint
+/// of the clip.
+pub(crate) fn to_clip_of(
+    source: &(impl Source + ?Sized),
+    rules: &Rules,
+    selection: Selection<'_>,
+) -> Result<(Clip, Vec<usize>), ConvertError> {
     // A file that is too long is not played to find its root, but too many joints are reported
     // first.
-    let checked = check(source, rules);
-    let root = if checked.is_ok() {
-        character_root(source, rules)
-    } else {
-        0
+    let root = match (selection.root, check(source, rules)) {
+        (Some(root), _) => root,
+        (None, Ok(())) => character_root(source, rules),
+        (None, Err(_)) => 0,
     };
-    let taken = subtree(source, root);
+    let taken = subtree(source, root, selection.left_out);
     if taken.len() > MAX_JOINTS {
         return Err(SkeletonError::TooManyJoints(taken.len()).into());
     }
@@ -146,20 +195,25 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
             offset_m,
         });
     }
-    let left_axis = rules.left_axis.unwrap_or_else(|| left_axis_of(&joints));
+    let left_axis = rules
+        .left_axis
+        .or_else(|| left_axis_of(&joints))
+        .or_else(|| left_axis_in(&joints, &played.rotations))
+        .unwrap_or(Vec3::X);
     let skeleton = Skeleton::new(joints, left_axis, 0.0, None)?;
-    Ok(Clip::new(
+    let clip = Clip::new(
         Arc::new(skeleton),
         source.fps(),
         played.root_positions,
         played.rotations,
-    )?)
+    )?;
+    Ok((clip, taken.into_iter().map(|(index, _)| index).collect()))
 }
 
 /// A clip on a given skeleton; joints are matched by name. Joints of the file that the skeleton
 /// lacks are folded into their descendants.
 pub(crate) fn to_clip_on(
-    source: &impl Source,
+    source: &(impl Source + ?Sized),
     skeleton: &Arc<Skeleton>,
     rules: &Rules,
 ) -> Result<Clip, ConvertError> {
@@ -188,6 +242,7 @@ pub(crate) fn to_clip_on(
             });
         }
     }
+    check_directions(skeleton, &played.places, source.frames())?;
     Ok(Clip::new(
         Arc::clone(skeleton),
         source.fps(),
@@ -196,8 +251,37 @@ pub(crate) fn to_clip_on(
     )?)
 }
 
+/// Refuses bones that point elsewhere than the skeleton's: rotations then mean another pose. The
+/// worst bone is named.
+fn check_directions(skeleton: &Skeleton, places: &[JointOffset], frames: usize) -> Result<(), ConvertError> {
+    let mut children = vec![0; skeleton.joint_count()];
+    for parent in skeleton.joints.iter().filter_map(|joint| joint.parent) {
+        children[parent] += 1;
+    }
+    let angles = skeleton.joints.iter().zip(places).filter_map(|(joint, place)| {
+        let (ours, theirs) = (joint.offset_m, place.mean(frames));
+        let is_long = ours.length().min(theirs.length()) >= MIN_BONE_M;
+        let parent = joint.parent.filter(|_| is_long)?;
+        let allowed_deg = match children[parent] {
+            1 => MAX_BONE_ANGLE_DEG,
+            _ => MAX_FORK_ANGLE_DEG,
+        };
+        let angle_deg = ours.angle_between(theirs).to_degrees();
+        (angle_deg > allowed_deg).then_some((angle_deg, allowed_deg, joint, parent))
+    });
+    match angles.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        None => Ok(()),
+        Some((angle_deg, allowed_deg, joint, parent)) => Err(ConvertError::OtherRest {
+            joint: joint.name.clone(),
+            parent: skeleton.joints[parent].name.clone(),
+            angle_deg,
+            allowed_deg,
+        }),
+    }
+}
+
 /// Refuses what would take too much to play, before anything is played.
-fn check(source: &impl Source, rules: &Rules) -> Result<(), ConvertError> {
+fn check(source: &(impl Source + ?Sized), rules: &Rules) -> Result<(), ConvertError> {
     let (frames, joints) = (source.frames(), source.joint_count());
     if frames.saturating_mul(joints) > MAX_ROTATIONS {
         return Err(ConvertError::TooLong { frames, joints });
@@ -210,7 +294,7 @@ fn check(source: &impl Source, rules: &Rules) -> Result<(), ConvertError> {
 }
 
 /// The first joint from the root on that does more than place its only child.
-fn character_root(source: &impl Source, rules: &Rules) -> usize {
+pub(crate) fn character_root(source: &(impl Source + ?Sized), rules: &Rules) -> usize {
     let far = f64::from(rules.max_offset_variation_m) / f64::from(rules.scale_to_metres);
     let mut root = 0;
     loop {
@@ -228,7 +312,7 @@ fn character_root(source: &impl Source, rules: &Rules) -> usize {
 }
 
 /// Whether a root never moves, or its child moves in it farther than `far`, in the file's units.
-fn places_only(source: &impl Source, root: usize, child: usize, far: f64) -> bool {
+fn places_only(source: &(impl Source + ?Sized), root: usize, child: usize, far: f64) -> bool {
     let mut locals = vec![Transform::default(); source.joint_count()];
     let (mut first, mut still, mut way) = (None, true, 0.0_f64);
     for frame in 0..source.frames() {
@@ -240,12 +324,15 @@ fn places_only(source: &impl Source, root: usize, child: usize, far: f64) -> boo
     still || way > far
 }
 
-/// `root` and everything below it, in the file's order.
-fn subtree(source: &impl Source, root: usize) -> Taken {
+/// `root` and everything below it that is not left out, in the file's order.
+fn subtree(source: &(impl Source + ?Sized), root: usize, left_out: &[bool]) -> Taken {
     let mut place = vec![None; source.joint_count()];
     let mut taken = Taken::new();
     for index in 0..source.joint_count() {
         let parent = source.parent(index).and_then(|p| place[p]);
+        if left_out.get(index) == Some(&true) {
+            continue;
+        }
         if index == root || parent.is_some() {
             place[index] = Some(taken.len());
             taken.push((index, parent));
@@ -257,7 +344,7 @@ fn subtree(source: &impl Source, root: usize) -> Taken {
 /// Plays every frame of the file and collects what the clip needs. The joints' places are compared
 /// with the offsets of `skeleton`, whose joints are `taken`, or with those of the first frame.
 fn play(
-    source: &impl Source,
+    source: &(impl Source + ?Sized),
     taken: &Taken,
     skeleton: Option<&Skeleton>,
     rules: &Rules,
@@ -313,7 +400,7 @@ pub(crate) struct Transform {
 
 impl Transform {
     /// The world transform of a child whose transform in this joint is `child`.
-    fn to_world(self, child: &Self) -> Self {
+    pub(crate) fn to_world(self, child: &Self) -> Self {
         Self {
             place: self.place + self.turn * child.place,
             turn: self.turn * child.turn,
@@ -321,7 +408,7 @@ impl Transform {
     }
 
     /// The transform in this joint of something whose world transform is `other`.
-    fn to_local(self, other: &Self) -> Self {
+    pub(crate) fn to_local(self, other: &Self) -> Self {
         let back = self.turn.inverse();
         Self {
             place: back * (other.place - self.place),

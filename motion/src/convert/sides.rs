@@ -1,12 +1,19 @@
 //! Finds left and right by the joints' names.
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use crate::skeleton::Joint;
 
+/// Least distance of a left joint from its counterpart, metres.
+const MIN_WIDTH_M: f32 = 1e-3;
+/// Cosine of 10°: an axis this near to +X is +X.
+const MIN_ALONG_X: f32 = 0.985;
+/// Most frames that [`left_axis_in`] looks at.
+const LOOKED_AT: usize = 64;
+
 /// The direction from right to left between the two children of the root whose names differ only in
-/// left and right; +X without such a pair.
-pub(super) fn left_axis_of(joints: &[Joint]) -> Vec3 {
+/// left and right; none without such a pair.
+pub(super) fn left_axis_of(joints: &[Joint]) -> Option<Vec3> {
     let children = || joints.iter().filter(|j| j.parent == Some(0));
     for left in children() {
         let Some(mirrored) = mirrored_name(&left.name) else {
@@ -15,11 +22,45 @@ pub(super) fn left_axis_of(joints: &[Joint]) -> Vec3 {
         let axis = children()
             .find(|right| right.name == mirrored)
             .and_then(|right| (left.offset_m - right.offset_m).try_normalize());
-        if let Some(axis) = axis {
+        if axis.is_some() {
             return axis;
         }
     }
-    Vec3::X
+    None
+}
+
+/// The mean direction from right to left in the root's frame of reference, between the joints
+/// nearest to the root whose names differ only in left and right and that are not in one place.
+/// CMU's hips have no length, so that the next joints show it.
+pub(super) fn left_axis_in(joints: &[Joint], rotations: &[Quat]) -> Option<Vec3> {
+    let depth = |joint: usize| std::iter::successors(joints[joint].parent, |&j| joints[j].parent).count();
+    let mut pairs: Vec<(usize, usize)> = (0..joints.len())
+        .filter_map(|left| {
+            let mirrored = mirrored_name(&joints[left].name)?;
+            let right = joints.iter().position(|joint| joint.name == mirrored)?;
+            Some((left, right))
+        })
+        .collect();
+    pairs.sort_by_key(|&(left, right)| depth(left).max(depth(right)));
+    let frames = rotations.len() / joints.len().max(1);
+    let step = frames.div_ceil(LOOKED_AT).max(1);
+    let mut places = vec![Vec3::ZERO; joints.len()];
+    let mut turns = vec![Quat::IDENTITY; joints.len()];
+    let mut sums = vec![Vec3::ZERO; pairs.len()];
+    for pose in rotations.chunks_exact(joints.len()).step_by(step) {
+        for (nth, joint) in joints.iter().enumerate().skip(1) {
+            let parent = joint.parent.unwrap_or(0);
+            places[nth] = places[parent] + turns[parent] * joint.offset_m;
+            turns[nth] = turns[parent] * pose[nth];
+        }
+        for (sum, &(left, right)) in sums.iter_mut().zip(&pairs) {
+            *sum += places[left] - places[right];
+        }
+    }
+    let least = MIN_WIDTH_M * frames.div_ceil(step) as f32;
+    let axis = sums.iter().find(|sum| sum.length() > least)?.try_normalize()?;
+    // Without a reason to do otherwise, left is exactly +X.
+    Some(if axis.x > MIN_ALONG_X { Vec3::X } else { axis })
 }
 
 /// The name of the right-hand counterpart of a left-hand joint: `LeftUpLeg`, `left_hip`,
@@ -87,19 +128,36 @@ mod tests {
             ("Spine", [0.16, 0.0, 0.0]),
             ("UpperLeg_R", [-0.022, 0.065, 0.0]),
         ]);
-        assert!(left_axis_of(&hips).abs_diff_eq(Vec3::NEG_Y, 1e-6));
+        assert!(left_axis_of(&hips).unwrap().abs_diff_eq(Vec3::NEG_Y, 1e-6));
     }
 
     #[test]
-    fn without_a_pair_left_is_x() {
+    fn without_a_pair_there_is_no_left() {
         assert_eq!(
             left_axis_of(&joints(&[("Spine", [0.0, 1.0, 0.0]), ("Leg_L", [0.1, 0.0, 0.0])])),
-            Vec3::X
+            None
         );
         assert_eq!(
             left_axis_of(&joints(&[("Leg_L", [0.1; 3]), ("Leg_R", [0.1; 3])])),
-            Vec3::X,
+            None,
             "in one place"
         );
+    }
+
+    #[test]
+    fn hips_without_length_leave_it_to_the_legs() {
+        // CMU's: LHipJoint and RHipJoint stand in the pelvis.
+        let mut cmu = joints(&[("LHipJoint", [0.0; 3]), ("RHipJoint", [0.0; 3])]);
+        for (name, parent, x) in [("LeftUpLeg", 1, -0.1), ("RightUpLeg", 2, 0.1)] {
+            cmu.push(Joint {
+                name: name.to_owned(),
+                parent: Some(parent),
+                offset_m: Vec3::new(x, -0.05, 0.0),
+            });
+        }
+        assert_eq!(left_axis_of(&cmu), None);
+        let still = [Quat::IDENTITY; 10];
+        assert_eq!(left_axis_in(&cmu, &still), Some(Vec3::NEG_X));
+        assert_eq!(left_axis_in(&cmu[..3], &still[..6]), None);
     }
 }

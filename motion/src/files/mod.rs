@@ -1,6 +1,7 @@
 //! Reads files of motion in every format that Troupe supports, NumPy's included.
 
-mod npz;
+mod beyond_mimic;
+pub(crate) mod npz;
 #[cfg(test)]
 mod tests;
 
@@ -14,6 +15,7 @@ use crate::glb::{self, GlbOptions, GlbReadError};
 use crate::robot::{CsvError, read_csv};
 use crate::skeleton::Skeleton;
 
+pub use beyond_mimic::write_beyond_mimic;
 pub use npz::{NumpyError, read_npz, read_qpos, write_npz, write_qpos};
 
 /// Rate of files without one (a robot's CSV and `qpos`), Hz.

@@ -50,7 +50,7 @@ pub enum NumpyError {
 }
 
 impl NumpyError {
-    fn array(name: &str, reason: impl std::fmt::Display) -> Self {
+    pub(crate) fn array(name: &str, reason: impl std::fmt::Display) -> Self {
         Self::Array {
             name: name.to_owned(),
             reason: reason.to_string(),
@@ -81,7 +81,7 @@ pub fn write_npz(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
     let skeleton = &*clip.skeleton;
     let (frames, joints) = (clip.frames(), skeleton.joint_count());
     let world = WorldMotion::from_clip(clip);
-    let mut archive = Archive(ZipWriter::new(Cursor::new(Vec::new())));
+    let mut archive = Archive::new();
     let floats = |vectors: &[Vec3]| -> Vec<f32> { vectors.iter().flat_map(|v| v.to_array()).collect() };
     archive.add("positions", &[frames, joints, 3], &floats(&world.positions))?;
     archive.add("quaternions", &[frames, joints, 4], &quaternions(clip))?;
@@ -103,11 +103,7 @@ pub fn write_npz(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
     if let Some(robot) = &skeleton.robot {
         archive.add("qpos", &[frames, robot.qpos_len()], &qpos(clip, robot))?;
     }
-    let whole = archive
-        .0
-        .finish()
-        .map_err(|e| NumpyError::Archive(e.to_string()))?;
-    Ok(whole.into_inner())
+    archive.finish()
 }
 
 /// Rotations of all frames, w x y z, without a change of sign between frames.
@@ -279,10 +275,20 @@ fn rows_of(name: &str, shape: &[u64], rest: &[usize]) -> Result<usize, NumpyErro
 }
 
 /// A growing archive. Nothing is compressed, and no time is stored.
-struct Archive(ZipWriter<Cursor<Vec<u8>>>);
+pub(crate) struct Archive(ZipWriter<Cursor<Vec<u8>>>);
 
 impl Archive {
-    fn add<T: AutoSerialize + Serialize>(
+    pub(crate) fn new() -> Self {
+        Self(ZipWriter::new(Cursor::new(Vec::new())))
+    }
+
+    /// The bytes of the archive.
+    pub(crate) fn finish(self) -> Result<Vec<u8>, NumpyError> {
+        let whole = self.0.finish().map_err(|e| NumpyError::Archive(e.to_string()))?;
+        Ok(whole.into_inner())
+    }
+
+    pub(crate) fn add<T: AutoSerialize + Serialize>(
         &mut self,
         name: &str,
         shape: &[usize],
@@ -293,7 +299,7 @@ impl Archive {
         self.store(name, &bytes)
     }
 
-    fn add_names(&mut self, name: &str, names: &[&str]) -> Result<(), NumpyError> {
+    pub(crate) fn add_names(&mut self, name: &str, names: &[&str]) -> Result<(), NumpyError> {
         let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(1);
         let text = format!("<U{longest}").parse::<TypeStr>();
         let text = text.map_err(|e| NumpyError::array(name, e))?;
@@ -324,7 +330,7 @@ impl Archive {
     }
 }
 
-pub(super) fn write_array<T: AutoSerialize + Serialize>(
+pub(crate) fn write_array<T: AutoSerialize + Serialize>(
     out: &mut Vec<u8>,
     shape: &[usize],
     values: &[T],
@@ -337,6 +343,53 @@ pub(super) fn write_array<T: AutoSerialize + Serialize>(
         .begin_nd()?;
     writer.extend(values)?;
     writer.finish()
+}
+
+/// An archive that is being read.
+pub(crate) struct Unpacked<'a>(ZipArchive<Cursor<&'a [u8]>>);
+
+impl<'a> Unpacked<'a> {
+    pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, NumpyError> {
+        let archive = ZipArchive::new(Cursor::new(bytes));
+        Ok(Self(archive.map_err(|e| NumpyError::Archive(e.to_string()))?))
+    }
+
+    /// Names of its arrays.
+    pub(crate) fn names(&self) -> Vec<String> {
+        let names = self.0.file_names();
+        names
+            .flatten()
+            .map(|name| name.trim_end_matches(".npy").to_owned())
+            .collect()
+    }
+
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.0.index_for_name(&format!("{name}.npy")).is_some()
+    }
+
+    /// Shape and numbers of an array.
+    pub(crate) fn floats(&mut self, name: &str) -> Result<(Vec<u64>, Vec<f32>), NumpyError> {
+        let bytes = unpack(&mut self.0, name)?;
+        read_array(&bytes).map_err(|reason| NumpyError::array(name, reason))
+    }
+
+    /// The numbers of an array of frames, whose other sizes are `rest`.
+    pub(crate) fn rows(&mut self, name: &str, rest: &[usize]) -> Result<(usize, Vec<f32>), NumpyError> {
+        let (shape, numbers) = self.floats(name)?;
+        let rows = rows_of(name, &shape, rest)?;
+        match numbers.iter().position(|n| !n.is_finite()) {
+            None => Ok((rows, numbers)),
+            Some(at) => {
+                let row = at / rest.iter().product::<usize>().max(1);
+                Err(NumpyError::array(name, format_args!("row {row} is not finite")))
+            }
+        }
+    }
+
+    pub(crate) fn texts(&mut self, name: &str) -> Result<Vec<String>, NumpyError> {
+        let bytes = unpack(&mut self.0, name)?;
+        read_names(&bytes).map_err(|reason| NumpyError::array(name, reason))
+    }
 }
 
 /// The bytes of one array of an archive.
@@ -353,25 +406,27 @@ fn unpack(archive: &mut ZipArchive<Cursor<&[u8]>>, name: &str) -> Result<Vec<u8>
 }
 
 /// Shape and numbers of an array of floats of any size, as float32.
-pub(super) fn read_array(bytes: &[u8]) -> Result<(Vec<u64>, Vec<f32>), String> {
+pub(crate) fn read_array(bytes: &[u8]) -> Result<(Vec<u64>, Vec<f32>), String> {
     let file = open(bytes)?;
     let shape = file.shape().to_vec();
-    let numbers = match file.try_data::<f32>() {
-        Ok(numbers) => numbers.collect::<Result<Vec<_>, _>>(),
-        Err(file) => match file.try_data::<f64>() {
-            Ok(numbers) => numbers.map(|n| n.map(|n| n as f32)).collect(),
-            Err(file) => match file.try_data::<i64>() {
-                Ok(numbers) => numbers.map(|n| n.map(|n| n as f32)).collect(),
-                Err(file) => {
-                    return Err(format!(
-                        "its type is {}; it must be float32 or float64",
-                        file.dtype().descr()
-                    ));
-                }
-            },
-        },
-    };
+    let numbers = numbers_of::<f32>(file, |n| n)
+        .or_else(|file| numbers_of::<f64>(file, |n| n as f32))
+        .or_else(|file| numbers_of::<i64>(file, |n| n as f32))
+        .or_else(|file| numbers_of::<i32>(file, |n| n as f32));
+    let numbers = numbers.map_err(|file| {
+        let kind = file.dtype().descr();
+        format!("its type is {kind}; it must be float32 or float64")
+    })?;
     Ok((shape, numbers.map_err(|e| e.to_string())?))
+}
+
+/// The numbers of an array of one type; the file itself if it is of another.
+fn numbers_of<T: Deserialize>(
+    file: NpyFile<&[u8]>,
+    number: impl Fn(T) -> f32,
+) -> Result<std::io::Result<Vec<f32>>, NpyFile<&[u8]>> {
+    let numbers = file.try_data::<T>()?;
+    Ok(numbers.map(|n| n.map(&number)).collect())
 }
 
 fn read_names(bytes: &[u8]) -> Result<Vec<String>, String> {

@@ -5,9 +5,15 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::animation::Interpolation;
 use gltf::animation::util::ReadOutputs;
 
+use super::document::Buffers;
+use crate::clip::MAX_FRAMES;
+
 /// Tolerance of a key's time, seconds: times in files are rounded, and a step that is due must not
 /// be missed.
 const ROUNDING_S: f64 = 1e-5;
+
+/// Most values of a sparse accessor: three a key, as cubic splines have.
+const MAX_SPARSE_KEYS: usize = 3 * MAX_FRAMES;
 
 /// Something that glTF interpolates.
 pub(super) trait Value: Copy {
@@ -123,7 +129,10 @@ pub(super) enum Track {
 }
 
 /// Reads the keys of a channel. The error is the end of a sentence about the channel.
-pub(super) fn read_track(channel: &gltf::animation::Channel<'_>, bytes: &[u8]) -> Result<Track, String> {
+pub(super) fn read_track(
+    channel: &gltf::animation::Channel<'_>,
+    buffers: &Buffers<'_>,
+) -> Result<Track, String> {
     use gltf::animation::Property;
 
     let sampler = channel.sampler();
@@ -146,8 +155,8 @@ pub(super) fn read_track(channel: &gltf::animation::Channel<'_>, bytes: &[u8]) -
             output.dimensions()
         ));
     }
-    check_extent(&input, bytes)?;
-    check_extent(&output, bytes)?;
+    check_extent(&input, buffers)?;
+    check_extent(&output, buffers)?;
     let a_key = match sampler.interpolation() {
         Interpolation::CubicSpline => 3,
         _ => 1,
@@ -159,7 +168,7 @@ pub(super) fn read_track(channel: &gltf::animation::Channel<'_>, bytes: &[u8]) -
             input.count()
         ));
     }
-    let reader = channel.reader(|_| Some(bytes));
+    let reader = channel.reader(|buffer| buffers.bytes(buffer.index()).ok());
     let missing = || "its bytes are missing".to_owned();
     let times: Vec<f32> = reader.read_inputs().ok_or_else(missing)?.collect();
     if let Some(key) = times.iter().position(|t| !t.is_finite()) {
@@ -205,23 +214,48 @@ fn keys<T>(
 
 /// Checks that an accessor lies completely within the file's bytes, which the library takes for
 /// granted.
-fn check_extent(accessor: &gltf::Accessor<'_>, bytes: &[u8]) -> Result<(), String> {
-    if accessor.sparse().is_some() {
-        return Err("sparse keys are not supported".to_owned());
-    }
-    let Some(view) = accessor.view() else {
-        return Err("its bytes are missing".to_owned());
-    };
-    if !matches!(view.buffer().source(), gltf::buffer::Source::Bin) {
-        return Err("its bytes are in another file; all must be in the one .glb".to_owned());
-    }
-    let size = accessor.size();
-    let stride = view.stride().unwrap_or(size);
+fn check_extent(accessor: &gltf::Accessor<'_>, buffers: &Buffers<'_>) -> Result<(), String> {
     let last = accessor.count().checked_sub(1).ok_or("it has no keys")?;
+    let size = accessor.size();
+    if let Some(view) = accessor.view() {
+        check_view(&view, accessor.offset(), last, size, buffers)?;
+    }
+    let Some(sparse) = accessor.sparse() else {
+        return match accessor.view() {
+            Some(_) => Ok(()),
+            None => Err("its bytes are missing".to_owned()),
+        };
+    };
+    // Without a view all values are zero, so that only the count limits the memory.
+    if accessor.count() > MAX_SPARSE_KEYS {
+        return Err(format!("more than {MAX_SPARSE_KEYS} sparse keys"));
+    }
+    let last = sparse.count().checked_sub(1).ok_or("it has no sparse keys")?;
+    let (indices, values) = (sparse.indices(), sparse.values());
+    check_view(
+        &indices.view(),
+        indices.offset(),
+        last,
+        indices.index_type().size(),
+        buffers,
+    )?;
+    check_view(&values.view(), values.offset(), last, size, buffers)
+}
+
+/// Checks that a view holds items of `size` bytes from 0 to `last`.
+fn check_view(
+    view: &gltf::buffer::View<'_>,
+    offset: usize,
+    last: usize,
+    size: usize,
+    buffers: &Buffers<'_>,
+) -> Result<(), String> {
+    let bytes = buffers.bytes(view.buffer().index())?;
+    let stride = view.stride().unwrap_or(size);
     let end = stride
         .checked_mul(last)
         .and_then(|n| n.checked_add(size))
-        .and_then(|n| n.checked_add(accessor.offset()));
+        .and_then(|n| n.checked_add(offset));
     let view_end = view.offset().checked_add(view.length());
     let fits = stride >= size
         && end.is_some_and(|end| end <= view.length())

@@ -1,8 +1,12 @@
-//! Binary glTF 2.0: writes clips, and (with the feature `files`) reads the animation of a skeleton.
-//! glTF's axes and units are Troupe's own.
+//! glTF 2.0: writes clips as binary files, and (with the feature `files`) reads the animation of a
+//! skeleton out of binary and text files. glTF's axes and units are Troupe's own.
 
 #[cfg(feature = "files")]
+mod document;
+#[cfg(feature = "files")]
 mod keys;
+#[cfg(feature = "files")]
+mod nodes;
 #[cfg(feature = "files")]
 mod read;
 #[cfg(feature = "files")]
@@ -11,6 +15,8 @@ mod tests;
 mod write;
 
 #[cfg(feature = "files")]
-pub use read::{GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, parse};
+pub use document::Beside;
+#[cfg(feature = "files")]
+pub use read::{GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, parse, parse_beside};
 pub(crate) use write::Builder;
 pub use write::{GlbError, write_glb};

@@ -1,23 +1,20 @@
-//! Reads an animation of a binary glTF file.
+//! Reads an animation of a glTF file.
 
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec3};
-use gltf::json::validation::Checked;
 
-use super::keys::{Keys, Track, read_track};
+use super::document::{Beside, Document, open};
+use super::keys::{Track, read_track};
+use super::nodes::{Node, joints, leave_props_out, rest_nodes};
 use crate::clip::{Clip, MAX_FRAMES};
 use crate::convert::{self, ConvertError, Rules, Source, Transform};
 use crate::skeleton::Skeleton;
 
 /// Most nodes of a file.
 pub const MAX_NODES: usize = 1 << 14;
-/// Length of a file's header, bytes.
-const HEADER_BYTES: usize = 12;
 /// Rate of an animation whose keys do not show one, Hz.
 const DEFAULT_FPS: f32 = 30.0;
-/// Largest ratio between the axes of a scale. Beyond it, bones would change length as they turn.
-const MAX_STRETCH: f64 = 1.01;
 /// A node whose keys differ by less than this does not move, metres.
 const STILL_M: f64 = 1e-4;
 
@@ -55,7 +52,7 @@ impl Default for GlbOptions {
 #[non_exhaustive]
 pub enum GlbReadError {
     /// The file is not glTF, or breaks its rules.
-    #[error("no binary glTF: {0}")]
+    #[error("no glTF: {0}")]
     Format(String),
     /// The file has more than [`MAX_NODES`] nodes.
     #[error("{0} nodes; at most {MAX_NODES} are read")]
@@ -95,19 +92,6 @@ pub enum GlbReadError {
     Convert(#[from] ConvertError),
 }
 
-/// A node that is a joint, or above one.
-struct Node {
-    name: String,
-    parent: Option<usize>,
-    is_joint: bool,
-    translation: DVec3,
-    rotation: DQuat,
-    scale: DVec3,
-    translations: Option<Keys<DVec3>>,
-    rotations: Option<Keys<DQuat>>,
-    scales: Option<Keys<DVec3>>,
-}
-
 /// An animation of a file, with the nodes that it moves and those that are joints of skins.
 pub struct GlbAnimation {
     /// Parents before children.
@@ -115,6 +99,20 @@ pub struct GlbAnimation {
     start_s: f64,
     fps: f32,
     frames: usize,
+    origin: Origin,
+}
+
+/// What a file says about itself, and what of it is not read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Origin {
+    /// Name and version of the program that wrote it, if it says so.
+    pub(crate) generator: Option<String>,
+    /// Name of the animation.
+    pub(crate) animation: String,
+    /// Channels that move no node.
+    pub(crate) ignored_channels: usize,
+    /// Names of moving nodes that are not of the body.
+    pub(crate) props: Vec<String>,
 }
 
 /// Names of a file's animations, in its order. One without a name gets its number: `animation_0`.
@@ -122,16 +120,32 @@ pub struct GlbAnimation {
 /// # Errors
 /// [`GlbReadError::Format`] if the file is not glTF.
 pub fn animation_names(bytes: &[u8]) -> Result<Vec<String>, GlbReadError> {
-    Ok(names(&open(bytes)?))
+    Ok(names(&open(bytes, &|_| None)?.gltf))
 }
 
-/// Reads an animation.
+/// Reads an animation of a file that holds all of its bytes.
 ///
 /// # Errors
 /// [`GlbReadError`], with the names of animation and node.
 pub fn parse(bytes: &[u8], options: &GlbOptions) -> Result<GlbAnimation, GlbReadError> {
-    let file = open(bytes)?;
-    let blob = file.blob.as_deref().unwrap_or_default();
+    parse_beside(bytes, &|_| None, options)
+}
+
+/// Reads an animation of a file, binary or text, whose bytes may be in files beside it.
+///
+/// # Errors
+/// [`GlbReadError`], with the names of animation and node.
+pub fn parse_beside(
+    bytes: &[u8],
+    beside: Beside<'_>,
+    options: &GlbOptions,
+) -> Result<GlbAnimation, GlbReadError> {
+    let Document {
+        gltf: file,
+        buffers,
+        ignored_channels,
+        generator,
+    } = open(bytes, beside)?;
     let names = names(&file);
     let nth = match (&options.animation, names.len()) {
         (_, 0) => return Err(GlbReadError::NoAnimation),
@@ -154,7 +168,7 @@ pub fn parse(bytes: &[u8], options: &GlbOptions) -> Result<GlbAnimation, GlbRead
                 node: node.name.clone(),
                 reason,
             };
-            match read_track(&channel, blob).map_err(|reason| wrong(node, reason))? {
+            match read_track(&channel, &buffers).map_err(|reason| wrong(node, reason))? {
                 Track::Translation(keys) => node.translations = Some(keys),
                 Track::Rotation(keys) => node.rotations = Some(keys),
                 Track::Scale(keys) => node.scales = Some(keys),
@@ -163,59 +177,16 @@ pub fn parse(bytes: &[u8], options: &GlbOptions) -> Result<GlbAnimation, GlbRead
             node.is_joint = true;
         }
     }
-    GlbAnimation::new(joints(nodes)?, &names[nth], options.fps)
-}
-
-fn open(bytes: &[u8]) -> Result<gltf::Gltf, GlbReadError> {
-    if !bytes.starts_with(b"glTF") {
-        let reason = "it does not begin with \"glTF\" (text files, .gltf, are not read)";
-        return Err(GlbReadError::Format(reason.to_owned()));
-    }
-    let wrong = |reason: &str| GlbReadError::Format(reason.to_owned());
-    let length = bytes
-        .get(8..HEADER_BYTES)
-        .and_then(|length| length.try_into().ok());
-    if length.is_none_or(|length| (u32::from_le_bytes(length) as usize) < HEADER_BYTES) {
-        return Err(wrong("its header is cut, or tells a length that is none"));
-    }
-    let format_error = |e: gltf::Error| GlbReadError::Format(e.to_string());
-    let gltf::Gltf { document, blob } =
-        gltf::Gltf::from_slice_without_validation(bytes).map_err(format_error)?;
-    let mut json = document.into_json();
-    keep_motion(&mut json);
-    // The library takes these for granted, and checks everything else.
-    let mut channels = json.animations.iter().flat_map(|animation| &animation.channels);
-    let is_wrong = |target: &gltf::json::animation::Target| {
-        target.node.value() >= json.nodes.len() || matches!(target.path, Checked::Invalid)
+    let origin = Origin {
+        generator,
+        animation: names[nth].clone(),
+        ignored_channels,
+        props: leave_props_out(&mut nodes),
     };
-    if channels.any(|channel| is_wrong(&channel.target)) {
-        return Err(wrong(
-            "a channel of an animation names no node, or no property of one",
-        ));
-    }
-    let document = gltf::Document::from_json(json).map_err(format_error)?;
-    Ok(gltf::Gltf { document, blob })
+    GlbAnimation::new(joints(nodes)?, origin, options.fps)
 }
 
-/// Removes everything but motion, so that nothing else can make a file unreadable.
-fn keep_motion(json: &mut gltf::json::Root) {
-    json.meshes.clear();
-    json.materials.clear();
-    json.textures.clear();
-    json.images.clear();
-    json.samplers.clear();
-    json.cameras.clear();
-    json.scenes.clear();
-    json.scene = None;
-    for node in &mut json.nodes {
-        (node.mesh, node.camera, node.skin) = (None, None, None);
-    }
-    for skin in &mut json.skins {
-        skin.inverse_bind_matrices = None;
-    }
-}
-
-fn names(file: &gltf::Gltf) -> Vec<String> {
+fn names(file: &gltf::Document) -> Vec<String> {
     let name = |animation: gltf::Animation<'_>| match animation.name() {
         Some(name) => name.to_owned(),
         None => format!("animation_{}", animation.index()),
@@ -223,96 +194,8 @@ fn names(file: &gltf::Gltf) -> Vec<String> {
     file.animations().map(name).collect()
 }
 
-/// All nodes in the file's order, at rest.
-fn rest_nodes(file: &gltf::Gltf) -> Result<Vec<Node>, GlbReadError> {
-    let count = file.nodes().count();
-    if count > MAX_NODES {
-        return Err(GlbReadError::TooManyNodes(count));
-    }
-    let mut nodes: Vec<Node> = file.nodes().map(|node| rest_node(&node)).collect();
-    for node in file.nodes() {
-        for child in node.children() {
-            let child = &mut nodes[child.index()];
-            if child.parent.replace(node.index()).is_some() {
-                return Err(GlbReadError::Hierarchy(child.name.clone()));
-            }
-        }
-    }
-    for skin in file.skins() {
-        for joint in skin.joints() {
-            nodes[joint.index()].is_joint = true;
-        }
-    }
-    Ok(nodes)
-}
-
-fn rest_node(node: &gltf::Node<'_>) -> Node {
-    let (translation, rotation, scale) = node.transform().decomposed();
-    Node {
-        name: match node.name() {
-            Some(name) => name.to_owned(),
-            None => format!("node_{}", node.index()),
-        },
-        parent: None,
-        is_joint: false,
-        translation: DVec3::from(translation.map(f64::from)),
-        rotation: DQuat::from_array(rotation.map(f64::from)).normalize(),
-        scale: DVec3::from(scale.map(f64::from)),
-        translations: None,
-        rotations: None,
-        scales: None,
-    }
-}
-
-/// The joints and what is above them, depth first, children in the file's order.
-fn joints(nodes: Vec<Node>) -> Result<Vec<Node>, GlbReadError> {
-    let mut wanted = vec![false; nodes.len()];
-    for node in 0..nodes.len() {
-        let mut at = nodes[node].is_joint.then_some(node);
-        // As many steps as there are nodes lead to a root, or round a circle.
-        for _ in 0..=nodes.len() {
-            match at {
-                Some(above) if !wanted[above] => {
-                    wanted[above] = true;
-                    at = nodes[above].parent;
-                }
-                _ => break,
-            }
-        }
-    }
-    let mut children: Vec<Vec<usize>> = vec![Vec::new(); nodes.len()];
-    let mut open = Vec::new();
-    for node in (0..nodes.len()).rev().filter(|&node| wanted[node]) {
-        match nodes[node].parent {
-            Some(parent) => children[parent].push(node),
-            None => open.push(node),
-        }
-    }
-    let mut order = Vec::new();
-    let mut place = vec![None; nodes.len()];
-    while let Some(node) = open.pop() {
-        place[node] = Some(order.len());
-        order.push(node);
-        open.extend_from_slice(&children[node]);
-    }
-    let mut nodes: Vec<Option<Node>> = nodes.into_iter().map(Some).collect();
-    // Nodes that no root leads to are in a circle.
-    let lost = (0..nodes.len()).find(|&node| wanted[node] && place[node].is_none());
-    if let Some(node) = lost.and_then(|node| nodes[node].take()) {
-        return Err(GlbReadError::Hierarchy(node.name));
-    }
-    let sorted = order
-        .iter()
-        .filter_map(|&node| nodes[node].take())
-        .map(|node| Node {
-            parent: node.parent.and_then(|parent| place[parent]),
-            ..node
-        });
-    Ok(sorted.collect())
-}
-
 impl GlbAnimation {
-    fn new(nodes: Vec<Node>, name: &str, fps: Option<f32>) -> Result<Self, GlbReadError> {
+    fn new(nodes: Vec<Node>, origin: Origin, fps: Option<f32>) -> Result<Self, GlbReadError> {
         let times = || nodes.iter().flat_map(Node::times);
         let Some(start) = times().map(|times| times[0]).reduce(f32::min) else {
             return Err(GlbReadError::NoAnimation);
@@ -323,7 +206,7 @@ impl GlbAnimation {
             return Err(GlbReadError::Rate(fps));
         }
         for node in &nodes {
-            node.check(name)?;
+            node.check(&origin.animation)?;
         }
         // A tolerance of a thousandth of a frame: times are rounded, and the last frame must not be
         // lost.
@@ -338,7 +221,13 @@ impl GlbAnimation {
             start_s,
             fps,
             frames: frames as usize,
+            origin,
         })
+    }
+
+    /// What the file says about itself, and what of it is not read.
+    pub(crate) fn origin(&self) -> &Origin {
+        &self.origin
     }
 
     /// A clip with its own skeleton: the joints of skins, and the nodes that the animation moves.
@@ -381,35 +270,6 @@ fn rate<'a>(times: impl Iterator<Item = &'a [f32]>) -> f32 {
         fps if !(1.0..=1000.0).contains(&fps) => DEFAULT_FPS,
         fps if (fps - fps.round()).abs() < 0.02 * fps => fps.round(),
         fps => fps,
-    }
-}
-
-impl Node {
-    fn times(&self) -> impl Iterator<Item = &[f32]> {
-        let moves = [&self.translations, &self.scales];
-        let moves = moves.into_iter().flatten().map(Keys::times);
-        moves.chain(self.rotations.iter().map(Keys::times))
-    }
-
-    /// Refuses a node that stretches what is below it.
-    fn check(&self, animation: &str) -> Result<(), GlbReadError> {
-        let wrong = |reason: String| GlbReadError::Channel {
-            animation: animation.to_owned(),
-            node: self.name.clone(),
-            reason,
-        };
-        if !(self.translation.is_finite() && self.rotation.is_finite() && self.scale.is_finite()) {
-            return Err(wrong("its transform is not finite".to_owned()));
-        }
-        let keys = self.scales.iter().flat_map(Keys::all);
-        for scale in keys.chain([self.scale]) {
-            if scale.min_element() <= 0.0 || scale.max_element() > MAX_STRETCH * scale.min_element() {
-                return Err(wrong(format!(
-                    "scale {scale}: it must be positive and the same in all directions within 1 %"
-                )));
-            }
-        }
-        Ok(())
     }
 }
 
@@ -458,21 +318,33 @@ impl Source for GlbAnimation {
         self.fps
     }
 
+    fn rest(&self, out: &mut [Transform]) {
+        self.transforms(out, |node| (node.translation, node.rotation, node.scale));
+    }
+
     fn locals(&self, frame: usize, out: &mut [Transform]) {
         let time_s = self.start_s + frame as f64 / f64::from(self.fps);
+        self.transforms(out, |node| {
+            let place = node.translations.as_ref();
+            let turn = node.rotations.as_ref();
+            let scale = node.scales.as_ref();
+            (
+                place.map_or(node.translation, |keys| keys.at(time_s)),
+                turn.map_or(node.rotation, |keys| keys.at(time_s)),
+                scale.map_or(node.scale, |keys| keys.at(time_s)),
+            )
+        });
+    }
+}
+
+impl GlbAnimation {
+    /// Transforms of all nodes in their parents, with the scale of those above in the places.
+    fn transforms(&self, out: &mut [Transform], of: impl Fn(&Node) -> (DVec3, DQuat, DVec3)) {
         // Scale of each node's children in the world.
         let mut sizes = vec![1.0; self.nodes.len()];
         for (nth, node) in self.nodes.iter().enumerate() {
             let size = node.parent.map_or(1.0, |parent| sizes[parent]);
-            let place = node
-                .translations
-                .as_ref()
-                .map_or(node.translation, |keys| keys.at(time_s));
-            let turn = node
-                .rotations
-                .as_ref()
-                .map_or(node.rotation, |keys| keys.at(time_s));
-            let scale = node.scales.as_ref().map_or(node.scale, |keys| keys.at(time_s));
+            let (place, turn, scale) = of(node);
             sizes[nth] = size * scale.element_sum() / 3.0;
             out[nth] = Transform {
                 place: place * size,

@@ -100,6 +100,14 @@ pub enum RobotError {
         /// Length of the vector or quaternion.
         length: f32,
     },
+    /// A joint that follows a hinge cannot.
+    #[error("joint {joint:?} cannot follow a hinge: {reason}")]
+    Mimic {
+        /// Name of the joint.
+        joint: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A limit out of range.
     #[error("robot.hinges[{hinge}].{field} is {found}; allowed: {allowed}")]
     Limit {
@@ -130,6 +138,7 @@ impl RobotDoc {
             .map(|joint| Link {
                 parent: joint.parent,
                 hinge: None,
+                mimic: None,
             })
             .collect();
         let mut hinges = Vec::with_capacity(self.hinges.len());
@@ -149,6 +158,7 @@ impl RobotDoc {
             name: self.name.clone(),
             hinges,
             links,
+            mimics: Vec::new(),
         })
     }
 }

@@ -10,22 +10,30 @@
 //! z), then the hinges' angles in their order.
 
 mod csv;
+#[cfg(feature = "files")]
+pub mod description;
 mod doc;
+mod mimic;
+mod order;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
+mod tracker;
 
 use std::f32::consts::TAU;
 
 use glam::{Quat, Vec3};
 
+use self::mimic::Mimic;
 use crate::conventions::Convention;
 use crate::root::wrap_angle;
 use crate::rotation::{from_wxyz, to_wxyz};
 
 pub use csv::{CsvError, ROOT_COLUMNS, read_csv, write_csv};
 pub use doc::{HingeDoc, RobotDoc, RobotError};
+pub use mimic::MimicDoc;
+pub use tracker::{Reference, TRACKER_FPS, reference, sonic_files};
 
 /// Numbers of a `qpos` before the angles: the root's position and rotation.
 pub const ROOT_QPOS: usize = 7;
@@ -83,6 +91,8 @@ impl Hinge {
 struct Link {
     parent: Option<usize>,
     hinge: Option<usize>,
+    /// Index of what it follows, if it has no hinge.
+    mimic: Option<usize>,
 }
 
 /// The hinges of a skeleton. It belongs to the skeleton that it was made for
@@ -96,6 +106,7 @@ pub struct Robot {
     hinges: Vec<Hinge>,
     /// One for each joint.
     links: Vec<Link>,
+    mimics: Vec<Mimic>,
 }
 
 /// Result of bringing a pose onto the hinges. Reuse it: a second pose allocates nothing.
@@ -173,7 +184,7 @@ impl Robot {
                     fitted.angles[hinge] = limited;
                     of.rotation(limited)
                 }
-                None => Quat::IDENTITY,
+                None => self.carried(link, &fitted.angles),
             };
             let lacking = made.conjugate() * wanted;
             most_sin_half = most_sin_half.max(lacking.xyz().length());
@@ -193,8 +204,16 @@ impl Robot {
             out[joint] = match (link.parent, link.hinge) {
                 (None, _) => root,
                 (_, Some(hinge)) => self.hinges[hinge].rotation(angles[hinge]),
-                (_, None) => Quat::IDENTITY,
+                (_, None) => self.carried(link, angles),
             };
+        }
+    }
+
+    /// The rotation of a joint without a hinge: it turns with its parent, or follows a hinge.
+    fn carried(&self, link: &Link, angles: &[f32]) -> Quat {
+        match link.mimic {
+            None => Quat::IDENTITY,
+            Some(mimic) => self.mimics[mimic].rotation(angles),
         }
     }
 

@@ -4,10 +4,10 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 use super::SMALL;
-use crate::bvh::parse::FoundFrames;
+use crate::bvh::error::FoundFrames;
 use crate::bvh::{
     BvhError, BvhErrorKind, BvhFile, Channel, MAX_DEPTH, MAX_FRAMES, MAX_JOINTS, MAX_NAME_BYTES, parse,
-    parse_bytes,
+    parse_bytes, parse_tolerant,
 };
 
 fn error(text: &str) -> (usize, BvhErrorKind) {
@@ -340,4 +340,30 @@ proptest! {
         let end = (at + cut).min(SMALL.len());
         check(&format!("{}{put}{}", &SMALL[..at], &SMALL[end..]))?;
     }
+}
+
+#[test]
+fn a_tolerant_reader_knows_the_rate_and_counts_the_frames_itself() {
+    let strict = parse(SMALL).unwrap();
+    assert_eq!(parse_tolerant(SMALL, None).unwrap(), (strict.clone(), None));
+    for declared in [1, 3] {
+        let text = with("Frames: 2", &format!("Frames: {declared}"));
+        assert!(parse(&text).is_err());
+        let (file, miscounted) = parse_tolerant(&text, None).unwrap();
+        assert_eq!(file, strict);
+        assert_eq!(miscounted.map(|m| (m.declared, m.found)), Some((declared, 2)));
+    }
+    for declared in [0, 4] {
+        let text = with("Frames: 2", &format!("Frames: {declared}"));
+        assert!(parse_tolerant(&text, None).is_err(), "{declared}");
+    }
+    let line = SMALL.lines().find(|line| line.starts_with("Frame Time")).unwrap();
+    let still = with(line, "Frame Time: 0");
+    assert_eq!(
+        parse_tolerant(&still, None).unwrap_err().kind,
+        BvhErrorKind::FrameTime(0.0)
+    );
+    assert_eq!(parse_tolerant(&still, Some(24.0)).unwrap().0.fps(), 24.0);
+    assert!(parse_tolerant(&still, Some(0.0)).is_err());
+    assert!(parse_tolerant(&still, Some(f32::NAN)).is_err());
 }

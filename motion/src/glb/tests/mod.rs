@@ -1,5 +1,7 @@
 //! Which animations are read.
 
+mod forms;
+
 use std::path::Path;
 
 use glam::{Quat, Vec3};

@@ -1,0 +1,295 @@
+//! Finds a two-legged body among a file's joints, by names and by how they hang together.
+
+use super::names::{Name, Side};
+use crate::convert::Source;
+
+/// Joints of a two-legged body, as indices of the file. Pairs are left, right.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Body {
+    /// The joint that both legs hang on.
+    pub(super) pelvis: usize,
+    /// The joint of each leg that turns the thigh.
+    pub(super) hips: [usize; 2],
+    /// Ankles: the first joint of each foot.
+    pub(super) feet: [usize; 2],
+    /// The head, or the neck if there is no head; the end of the spine.
+    pub(super) head: usize,
+    /// The joints from the pelvis to the head, both included.
+    pub(super) spine: Vec<usize>,
+    /// Each arm from the shoulder to the wrist, if both were found.
+    pub(super) arms: Option<[[usize; 3]; 2]>,
+}
+
+const FOOT: [&str; 2] = ["foot", "ankle"];
+const HAND: [&str; 2] = ["hand", "wrist"];
+const ELBOW: [&str; 4] = ["elbow", "forearm", "radius", "fore"];
+
+/// Parents and names of a file's joints.
+pub(super) struct Tree {
+    pub(super) names: Vec<Name>,
+    pub(super) parents: Vec<Option<usize>>,
+}
+
+impl Tree {
+    pub(super) fn of(source: &dyn Source) -> Self {
+        let joints = 0..source.joint_count();
+        Self {
+            names: joints.clone().map(|joint| Name::of(source.name(joint))).collect(),
+            parents: joints.map(|joint| source.parent(joint)).collect(),
+        }
+    }
+
+    /// A joint and all above it.
+    pub(super) fn line(&self, joint: usize) -> impl Iterator<Item = usize> {
+        std::iter::successors(Some(joint), |&joint| self.parents[joint])
+    }
+
+    /// The joints from one above to one below, both included; none if it is not above.
+    pub(super) fn chain(&self, above: usize, below: usize) -> Option<Vec<usize>> {
+        let mut chain: Vec<usize> = self.line(below).take_while(|&joint| joint != above).collect();
+        let top = chain.last().map_or(Some(below), |&last| self.parents[last]);
+        if top != Some(above) {
+            return None;
+        }
+        chain.push(above);
+        chain.reverse();
+        Some(chain)
+    }
+
+    /// The joints that `is` names and no joint above them.
+    fn topmost(&self, is: impl Fn(&Name) -> bool) -> Vec<usize> {
+        let found: Vec<bool> = self
+            .names
+            .iter()
+            .map(|name| !name.is_helper() && is(name))
+            .collect();
+        (0..found.len())
+            .filter(|&joint| found[joint] && !self.line(joint).skip(1).any(|above| found[above]))
+            .collect()
+    }
+
+    /// The only topmost joint of each side with one of some words.
+    fn pair(&self, words: &[&str]) -> Option<[usize; 2]> {
+        let [left, right] = Side::BOTH.map(|side| {
+            let found = self.topmost(|name| name.side == Some(side) && name.has_any(words));
+            match found[..] {
+                [only] => Some(only),
+                _ => None,
+            }
+        });
+        Some([left?, right?])
+    }
+
+    /// The lowest joint above both.
+    fn meeting(&self, a: usize, b: usize) -> Option<usize> {
+        let above: Vec<usize> = self.line(a).collect();
+        self.line(b).find(|joint| above.contains(joint))
+    }
+}
+
+impl Body {
+    /// The body of a file's joints; none if it has no two feet, or no head, by name.
+    pub(super) fn find(tree: &Tree) -> Option<Self> {
+        let feet = tree.pair(&FOOT)?;
+        let pelvis = tree.meeting(feet[0], feet[1])?;
+        let [left, right] = feet.map(|foot| tree.chain(pelvis, foot));
+        let legs = [left?, right?];
+        // A hip, a knee and an ankle.
+        if legs.iter().any(|leg| leg.len() < 4) {
+            return None;
+        }
+        let hips = [hip(tree, &legs[0]), hip(tree, &legs[1])];
+        let head = ["head", "neck"].iter().find_map(|word| {
+            let found = tree.topmost(|name| name.side.is_none() && name.has(word));
+            // Several necks follow each other; the topmost is one.
+            found
+                .into_iter()
+                .find(|&joint| tree.chain(pelvis, joint).is_some())
+        })?;
+        let spine = tree.chain(pelvis, head)?;
+        let arms = tree.pair(&HAND).and_then(|[left, right]| {
+            let chest = tree.meeting(left, right)?;
+            Some([arm(tree, chest, left)?, arm(tree, chest, right)?])
+        });
+        Some(Self {
+            pelvis,
+            hips,
+            feet,
+            head,
+            spine,
+            arms,
+        })
+    }
+}
+
+/// Whether a joint turns a bone: twist joints and ends do not.
+fn is_bone(name: &Name) -> bool {
+    !name.is_helper() && !name.has("end")
+}
+
+/// The joint that turns the thigh: that before the knee, which is before the foot. Twist joints do
+/// not count.
+fn hip(tree: &Tree, leg: &[usize]) -> usize {
+    let joints: Vec<usize> = leg[1..leg.len() - 1]
+        .iter()
+        .copied()
+        .filter(|&joint| is_bone(&tree.names[joint]))
+        .collect();
+    match joints[..] {
+        [.., hip, _knee] => hip,
+        [hip] => hip,
+        [] => leg[1],
+    }
+}
+
+/// Shoulder, elbow and wrist.
+fn arm(tree: &Tree, chest: usize, wrist: usize) -> Option<[usize; 3]> {
+    let chain = tree.chain(chest, wrist)?;
+    let joints: Vec<usize> = chain[1..chain.len() - 1]
+        .iter()
+        .copied()
+        .filter(|&joint| is_bone(&tree.names[joint]))
+        .collect();
+    let named = joints.iter().position(|&joint| {
+        let name = &tree.names[joint];
+        name.has_any(&ELBOW) || (name.has("lower") && name.has("arm"))
+    });
+    let elbow = named.or(joints.len().checked_sub(1))?;
+    let shoulder = elbow.checked_sub(1)?;
+    Some([joints[shoulder], joints[elbow], wrist])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree(joints: &[(&str, Option<usize>)]) -> Tree {
+        Tree {
+            names: joints.iter().map(|joint| Name::of(joint.0)).collect(),
+            parents: joints.iter().map(|joint| joint.1).collect(),
+        }
+    }
+
+    /// A body in the words of a program.
+    fn rig(words: [&'static str; 12]) -> Tree {
+        let [
+            hips,
+            spine,
+            neck,
+            head,
+            thigh,
+            knee,
+            foot,
+            toe,
+            clavicle,
+            shoulder,
+            elbow,
+            hand,
+        ] = words;
+        let mut joints = vec![
+            (hips.to_owned(), None),
+            (spine.to_owned(), Some(0)),
+            (neck.to_owned(), Some(1)),
+            (head.to_owned(), Some(2)),
+        ];
+        for side in ["Left", "Right"] {
+            for (nth, word) in [thigh, knee, foot, toe].into_iter().enumerate() {
+                let parent = if nth == 0 { 0 } else { joints.len() - 1 };
+                joints.push((word.replace('*', side), Some(parent)));
+            }
+            for (nth, word) in [clavicle, shoulder, elbow, hand].into_iter().enumerate() {
+                let parent = if nth == 0 { 1 } else { joints.len() - 1 };
+                joints.push((word.replace('*', side), Some(parent)));
+            }
+        }
+        let joints: Vec<(&str, Option<usize>)> =
+            joints.iter().map(|(name, parent)| (&**name, *parent)).collect();
+        tree(&joints)
+    }
+
+    #[test]
+    fn bodies_of_many_programs_are_found() {
+        for words in [
+            [
+                "mixamorig:Hips",
+                "Spine",
+                "Neck",
+                "Head",
+                "*UpLeg",
+                "*Leg",
+                "*Foot",
+                "*ToeBase",
+                "*Shoulder",
+                "*Arm",
+                "*ForeArm",
+                "*Hand",
+            ],
+            [
+                "pelvis",
+                "spine1",
+                "neck",
+                "head",
+                "*_hip",
+                "*_knee",
+                "*_ankle",
+                "*_foot",
+                "*_collar",
+                "*_shoulder",
+                "*_elbow",
+                "*_wrist",
+            ],
+            [
+                "Hips",
+                "Chest",
+                "Neck1",
+                "Head",
+                "*Leg",
+                "*Shin",
+                "*Foot",
+                "*ToeBase",
+                "*Shoulder",
+                "*Arm",
+                "*ForeArm",
+                "*Hand",
+            ],
+            [
+                "Hips",
+                "Spine",
+                "Neck",
+                "Head",
+                "UpperLeg_*",
+                "LowerLeg_*",
+                "Foot_*",
+                "Toes_*",
+                "Shoulder_*",
+                "UpperArm_*",
+                "LowerArm_*",
+                "Hand_*",
+            ],
+        ] {
+            let body = Body::find(&rig(words)).unwrap_or_else(|| panic!("{words:?}"));
+            assert_eq!(
+                (body.pelvis, body.hips, body.feet, body.head),
+                (0, [4, 12], [6, 14], 3),
+                "{words:?}"
+            );
+            assert_eq!(body.spine, [0, 1, 2, 3]);
+            assert_eq!(body.arms, Some([[9, 10, 11], [17, 18, 19]]));
+        }
+    }
+
+    #[test]
+    fn other_bodies_are_none() {
+        let four = tree(&[
+            ("root", None),
+            ("head", Some(0)),
+            ("front_foot_l", Some(0)),
+            ("back_foot_l", Some(0)),
+            ("front_foot_r", Some(0)),
+            ("back_foot_r", Some(0)),
+        ]);
+        assert_eq!(Body::find(&four), None);
+        assert_eq!(Body::find(&tree(&[("a", None), ("b", Some(0))])), None);
+        assert_eq!(Body::find(&tree(&[])), None);
+    }
+}

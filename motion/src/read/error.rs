@@ -1,0 +1,139 @@
+//! Why a file was not read. Each error names the file, the place in it and the option that decides.
+
+use super::report::Topic;
+use crate::bvh::BvhError;
+use crate::clip::ClipError;
+use crate::convert::ConvertError;
+use crate::files::NumpyError;
+use crate::glb::GlbReadError;
+
+/// Why a file was not read.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}: {kind}")]
+pub struct ReadError {
+    /// Name of the file, as given.
+    pub file: String,
+    /// What is wrong with it.
+    pub kind: ReadErrorKind,
+}
+
+/// What is wrong with a file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadErrorKind {
+    /// No format that is read.
+    #[error(
+        "neither its ending nor its content is that of motion: .bvh, .glb, .gltf or .npz, or .csv or .npy of a robot"
+    )]
+    Unknown,
+    /// A format that is not read, and how to convert it.
+    #[error("{format} is not read; {how}")]
+    NotRead {
+        /// Name of the format.
+        format: &'static str,
+        /// What makes a file that is read.
+        how: &'static str,
+    },
+    /// An error in a BVH text.
+    #[error("{error}{}", advice(.option))]
+    Bvh {
+        /// The error, with its line.
+        error: BvhError,
+        /// The option that decides, if there is one.
+        option: Option<&'static str>,
+    },
+    /// An error in a glTF file.
+    #[error("{error}{}", advice(.option))]
+    Glb {
+        /// The error, with the animation and node.
+        error: GlbReadError,
+        /// The option that decides, if there is one.
+        option: Option<&'static str>,
+    },
+    /// An error in an FBX file.
+    #[error("{0}")]
+    Fbx(String),
+    /// The motion does not make a clip, or not one on the skeleton.
+    #[error("{error}{}", advice(.option))]
+    Convert {
+        /// The error, with the joint and frame.
+        error: ConvertError,
+        /// The option that decides, if there is one.
+        option: Option<&'static str>,
+    },
+    /// An error in a NumPy file.
+    #[error(transparent)]
+    Numpy(#[from] NumpyError),
+    /// The frames do not make a clip.
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+    /// What the file leaves open, with the options that decide.
+    #[error("{what} is unclear: {evidence}; {options}")]
+    Open {
+        /// What it is about.
+        topic: Topic,
+        /// As it stands in a sentence.
+        what: &'static str,
+        /// What speaks for either.
+        evidence: String,
+        /// The options that decide.
+        options: String,
+    },
+    /// A joint moves in its parent farther than can be held.
+    #[error(
+        "joint {joint:?} moves {slide_m:.2} m in its parent (most in frame {frame}), and {carries} on it; \
+         allowed: {allowed_m:.2} m. --max-slide holds a joint that moves farther in its mean place"
+    )]
+    Slides {
+        /// Name of the joint.
+        joint: String,
+        /// Distance from its mean place, metres.
+        slide_m: f32,
+        /// Frame of that distance, from 0.
+        frame: usize,
+        /// What hangs on the joint, with its verb.
+        carries: String,
+        /// Largest distance that is held, metres.
+        allowed_m: f32,
+    },
+    /// A value of an option or of the file is out of range.
+    #[error("{field} is {found}; allowed: {allowed}{}", advice(.option))]
+    Range {
+        /// Field of the file or name of an option.
+        field: String,
+        /// The value that it has.
+        found: String,
+        /// The values that are allowed.
+        allowed: String,
+        /// The option that decides, if there is one.
+        option: Option<&'static str>,
+    },
+    /// A robot's file does not fit the robot.
+    #[error("{0}")]
+    Robot(String),
+}
+
+/// The end of a sentence that names the option that decides.
+fn advice(option: &Option<&'static str>) -> String {
+    option.map_or_else(String::new, |option| format!("; {option}"))
+}
+
+impl ReadErrorKind {
+    pub(super) fn of(self, file: &str) -> ReadError {
+        ReadError {
+            file: file.to_owned(),
+            kind: self,
+        }
+    }
+
+    pub(super) fn convert(error: ConvertError) -> Self {
+        let option = match &error {
+            ConvertError::OffsetMismatch { .. } => {
+                Some("is --unit right? --other-bones plays the motion on the skeleton's own bones")
+            }
+            ConvertError::SeveralRoots(_) => Some("--root names the joint that is the character's root"),
+            _ => None,
+        };
+        Self::Convert { error, option }
+    }
+}

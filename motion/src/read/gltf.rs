@@ -1,0 +1,75 @@
+//! glTF, binary or text.
+
+use super::error::ReadErrorKind;
+use super::joints::Parsed;
+use super::options::Options;
+use super::producer;
+use super::report::{Basis, Finding, Format, Note, Topic, Up};
+use super::stance::Stated;
+use crate::convert::Source as _;
+use crate::glb::{Beside, GlbOptions, GlbReadError, parse_beside};
+
+pub(super) fn parse(
+    bytes: &[u8],
+    beside: Beside<'_>,
+    format: Finding<Format>,
+    options: &Options,
+) -> Result<Parsed<'static>, ReadErrorKind> {
+    let glb = GlbOptions {
+        fps: options.fps,
+        animation: options.animation.clone(),
+        ..GlbOptions::default()
+    };
+    let animation = parse_beside(bytes, beside, &glb).map_err(|error| {
+        let option = match &error {
+            GlbReadError::SeveralAnimations(_) => Some("--animation decides"),
+            GlbReadError::Rate(_) => Some("--fps decides"),
+            _ => None,
+        };
+        ReadErrorKind::Glb { error, option }
+    })?;
+    let origin = animation.origin().clone();
+    let mut repairs = Vec::new();
+    if origin.ignored_channels > 0 {
+        repairs.push(Note {
+            topic: Topic::Bystanders,
+            text: format!(
+                "{} channels move no node, and are ignored",
+                origin.ignored_channels
+            ),
+        });
+    }
+    if !origin.props.is_empty() {
+        repairs.push(Note {
+            topic: Topic::Bystanders,
+            text: format!(
+                "moving nodes beside the body are left out: {}",
+                origin.props.join(", ")
+            ),
+        });
+    }
+    let fps = match options.fps {
+        Some(fps) => Finding::new(fps, Basis::Given, "--fps"),
+        None => Finding::new(animation.fps(), Basis::Found, "the time between the closest keys"),
+    };
+    let names: Vec<&str> = (0..animation.joint_count())
+        .map(|joint| animation.name(joint))
+        .collect();
+    let stated = origin
+        .generator
+        .map(|generator| Finding::new(generator, Basis::Stated, "asset.generator"));
+    Ok(Parsed {
+        producer: producer::of_names(&names).or(stated),
+        source: Box::new(animation),
+        format,
+        skeleton: None,
+        stated: Stated {
+            up: Some(Up::Y),
+            unit_m: Some(1.0),
+            by: "glTF is Y up and in metres",
+        },
+        fps,
+        repairs,
+        oddities: Vec::new(),
+    })
+}

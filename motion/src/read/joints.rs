@@ -1,0 +1,408 @@
+//! Turns a file of joints into a clip: axes, unit, root, sliding joints, names, rest pose.
+
+use std::sync::Arc;
+
+use glam::Quat;
+
+use super::adapted::{Adapted, Turn};
+use super::body::Tree;
+use super::error::ReadErrorKind;
+use super::options::Options;
+use super::rehang::{self, Rehung};
+use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
+use super::slides::{hold_slides, little_slide_m};
+use super::stance::{Stated, height_m, unit_of, up_of};
+use super::survey::{Survey, to_world};
+use super::units::name_of;
+use super::{Understood, leading, names, oddities, rest};
+use crate::clip::Clip;
+use crate::convert::{Rules, Selection, Source, Transform, to_clip_of, to_clip_on};
+use crate::skeleton::{Joint, Skeleton};
+
+/// Shorter bones have no length, metres.
+const MIN_BONE_M: f32 = 1e-6;
+/// Share at rest along an axis from which a skeleton stands along it.
+const MIN_RESTING: f64 = 0.9;
+
+/// A file of joints, as read.
+pub(super) struct Parsed<'a> {
+    pub(super) source: Box<dyn Source + 'a>,
+    pub(super) format: Finding<Format>,
+    pub(super) producer: Option<Finding<String>>,
+    pub(super) skeleton: Option<Finding<String>>,
+    pub(super) stated: Stated,
+    pub(super) fps: Finding<f32>,
+    /// What was put right while reading.
+    pub(super) repairs: Vec<Note>,
+    pub(super) oddities: Vec<Note>,
+}
+
+/// Turns a file of joints into a clip.
+pub(super) fn understand(
+    file: &str,
+    mut parsed: Parsed<'_>,
+    options: &Options,
+) -> Result<Understood, ReadErrorKind> {
+    if parsed.source.frames() == 0 {
+        return Err(crate::clip::ClipError::Empty.into());
+    }
+    let mut survey = Survey::of(&*parsed.source);
+    let hung = rehang::find(&*parsed.source, &survey, size_m(&survey, 1.0));
+    if !hung.is_empty() {
+        let name = |joint: usize| parsed.source.name(joint);
+        let names = hung
+            .iter()
+            .map(|hung| format!("{} on {}", name(hung.joint), name(hung.on)));
+        let names: Vec<String> = names.collect();
+        parsed.repairs.push(Note {
+            topic: Topic::Rig,
+            text: format!("hung on the limbs that they move with: {}", names.join(", ")),
+        });
+        parsed.source = Box::new(Rehung::new(parsed.source, survey.tree, &hung));
+        survey = Survey::of(&*parsed.source);
+    }
+    let source = &*parsed.source;
+    let stance = survey.stance.as_ref();
+    let up = up_of(stance, parsed.stated, options)?;
+    let fit_m = options
+        .skeleton
+        .as_deref()
+        .and_then(|to| fit_m(source, &survey, to));
+    let unit_m = unit_of(stance, parsed.stated, fit_m, options)?;
+    let resting = stance
+        .map(|stance| Up::nearest(stance.resting))
+        .and_then(|(up, share)| (share >= MIN_RESTING).then_some(up));
+    let rest_pose = rest::rest_pose(&survey, resting, options);
+    let mut report = Report {
+        file: file.to_owned(),
+        format: parsed.format,
+        producer: parsed.producer,
+        skeleton: parsed.skeleton.unwrap_or_else(|| skeleton_of(&survey)),
+        up,
+        unit_m,
+        fps: parsed.fps,
+        rest_pose,
+        frames: source.frames(),
+        joints: 0,
+        contacts: Finding::new(Vec::new(), Basis::Found, ""),
+        repairs: parsed.repairs,
+        oddities: parsed.oddities,
+    };
+    note_axes_and_unit(&mut report, parsed.stated);
+    let names = joint_names(source, options, &mut report);
+    let adapted = Adapted {
+        source,
+        names: &names,
+        turn: Turn::of(
+            report.up.value,
+            resting.filter(|_| report.rest_pose.value != RestPose::None),
+        ),
+    };
+    let rules = Rules {
+        scale_to_metres: report.unit_m.value as f32,
+        fold_root: true,
+        left_axis: None,
+        max_offset_variation_m: f32::INFINITY,
+        max_offset_error_m: match options.other_bones {
+            true => f32::INFINITY,
+            false => 0.02,
+        },
+    };
+    let size_m = size_m(&survey, report.unit_m.value);
+    let (clip, rest) = match &options.skeleton {
+        Some(skeleton) => {
+            let clip = to_clip_on(&adapted, skeleton, &rules).map_err(ReadErrorKind::convert)?;
+            (clip, None)
+        }
+        None => {
+            let root = root_of(&adapted, &survey, options, &mut report)?;
+            let root = root.unwrap_or_else(|| {
+                let root = character_root(&adapted, &survey, size_m, &rules, report.unit_m.value);
+                match hung.is_empty() {
+                    true => root,
+                    false => below_steering(&survey, root),
+                }
+            });
+            let left_out = hold_slides(&survey, &names, root, size_m, options, &mut report)?;
+            let selection = Selection {
+                root: Some(root),
+                left_out: &left_out,
+            };
+            let (clip, taken) = to_clip_of(&adapted, &rules, selection).map_err(ReadErrorKind::convert)?;
+            let rest = rest_rotations(&adapted, &survey.tree, &taken, &clip);
+            note_zero_bones(&clip, &mut report);
+            (clip, Some(rest))
+        }
+    };
+    let clip = leading::without_pose(clip, rest.as_deref(), options.leading_pose, &mut report)?;
+    finish(clip, rest, report, options)
+}
+
+/// What is the same for every format: contacts, oddities, rate.
+pub(super) fn finish(
+    clip: Clip,
+    rest: Option<Vec<Quat>>,
+    mut report: Report,
+    options: &Options,
+) -> Result<Understood, ReadErrorKind> {
+    report.frames = clip.frames();
+    report.joints = clip.skeleton.joint_count();
+    report.contacts = oddities::contacts(&clip);
+    oddities::note(&clip, &mut report);
+    let clip = match options.resample_fps {
+        Some(fps) => clip.resample(fps)?,
+        None => clip,
+    };
+    Ok(Understood { clip, rest, report })
+}
+
+fn note_axes_and_unit(report: &mut Report, stated: Stated) {
+    let (up, unit_m) = (report.up.clone(), report.unit_m.clone());
+    if up.value != Up::Y {
+        report.repaired(Topic::Up, format!("{} is up: turned so that Y is", up.value));
+    }
+    let usual = stated.unit_m.unwrap_or(super::units::CENTIMETRE_M);
+    if unit_m.basis == Basis::Found && (unit_m.value / usual - 1.0).abs() > 1e-6 {
+        let (found, usual) = (name_of(unit_m.value), name_of(usual));
+        report.repaired(
+            Topic::Unit,
+            format!("lengths are in {found}, not in {usual}: {}", unit_m.evidence),
+        );
+    }
+    if up.basis == Basis::Assumed {
+        report.odd(Topic::Up, up.evidence);
+    }
+    if unit_m.basis == Basis::Assumed {
+        report.odd(Topic::Unit, unit_m.evidence);
+    }
+}
+
+fn skeleton_of(survey: &Survey) -> Finding<String> {
+    match &survey.body {
+        Some(body) => {
+            let names = &survey.tree.names;
+            let word = |joint: usize| names[joint].words.join(" ");
+            let evidence = format!(
+                "legs from {:?} to {:?}, spine to {:?}",
+                word(body.pelvis),
+                word(body.feet[0]),
+                word(body.head)
+            );
+            Finding::new("body on two legs".to_owned(), Basis::Found, evidence)
+        }
+        None => {
+            let why = "two feet and a head are not found by their joints' names";
+            Finding::new("of its own".to_owned(), Basis::Found, why)
+        }
+    }
+}
+
+/// Names that are unique, without namespaces if an option or the skeleton asks for it.
+fn joint_names(source: &dyn Source, options: &Options, report: &mut Report) -> Vec<String> {
+    let given: Vec<&str> = (0..source.joint_count())
+        .map(|joint| source.name(joint))
+        .collect();
+    let is_there =
+        |skeleton: &Arc<Skeleton>, name: &str| skeleton.joints.iter().any(|joint| joint.name == name);
+    let mut stripped = 0;
+    let mut made: Vec<String> = given
+        .iter()
+        .map(|&name| {
+            let bare = names::without_namespace(name);
+            let strips = match &options.skeleton {
+                Some(skeleton) => !is_there(skeleton, name) && is_there(skeleton, bare),
+                None => options.strip_namespaces,
+            };
+            stripped += usize::from(strips && bare != name);
+            if strips { bare } else { name }.to_owned()
+        })
+        .collect();
+    if stripped > 0 {
+        let first = given.iter().find(|name| names::without_namespace(name) != **name);
+        let first = first.copied().unwrap_or_default();
+        let bare = names::without_namespace(first);
+        report.repaired(
+            Topic::Names,
+            format!("{stripped} names lost their namespace: {first:?} is {bare:?}"),
+        );
+    }
+    let renamed = names::unique(&mut made);
+    if let Some((old, new)) = renamed.first() {
+        let count = renamed.len();
+        report.repaired(
+            Topic::Names,
+            format!("{count} joints have a name that another has: the second {old:?} is {new:?}"),
+        );
+    }
+    made
+}
+
+/// The unit in metres with which the bones have the skeleton's lengths: the middle of all bones.
+fn fit_m(source: &dyn Source, survey: &Survey, skeleton: &Skeleton) -> Option<f64> {
+    let mut ratios: Vec<f64> = (0..source.joint_count())
+        .filter_map(|joint| {
+            let bare = names::without_namespace(source.name(joint));
+            let to = skeleton
+                .joint_index(source.name(joint))
+                .or_else(|| skeleton.joint_index(bare))?;
+            skeleton.joints[to].parent?;
+            let parent = &skeleton.joints[skeleton.joints[to].parent?].name;
+            let above = source.name(source.parent(joint)?);
+            let same_parent = parent == above || parent == names::without_namespace(above);
+            let (theirs, ours) = (
+                survey.places[joint].length(),
+                f64::from(skeleton.joints[to].offset_m.length()),
+            );
+            (same_parent && theirs > 0.0 && ours > 0.01).then_some(ours / theirs)
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied()
+}
+
+/// Extent of the body, metres: its height, or the length of its longest line of bones.
+fn size_m(survey: &Survey, unit_m: f64) -> f64 {
+    match &survey.stance {
+        Some(stance) => height_m(stance, unit_m),
+        None => {
+            let mut reach = vec![0.0_f64; survey.places.len()];
+            let mut most = 0.0_f64;
+            for (joint, place) in survey.places.iter().enumerate() {
+                if let Some(parent) = survey.tree.parents[joint] {
+                    reach[joint] = reach[parent] + place.length();
+                    most = most.max(reach[joint]);
+                }
+            }
+            most * unit_m
+        }
+    }
+}
+
+/// The root that an option names, or that of the only body of a file with several roots.
+fn root_of(
+    source: &Adapted<'_>,
+    survey: &Survey,
+    options: &Options,
+    report: &mut Report,
+) -> Result<Option<usize>, ReadErrorKind> {
+    let tree = &survey.tree;
+    if let Some(wanted) = &options.root {
+        let found = (0..source.names.len()).find(|&joint| source.names[joint] == *wanted);
+        return match found {
+            Some(joint) => Ok(Some(joint)),
+            None => Err(ReadErrorKind::Range {
+                field: "--root".to_owned(),
+                found: format!("{wanted:?}"),
+                allowed: "a joint of the file".to_owned(),
+                option: None,
+            }),
+        };
+    }
+    let roots: Vec<usize> = (0..tree.parents.len())
+        .filter(|&joint| tree.parents[joint].is_none())
+        .collect();
+    if roots.len() == 1 {
+        return Ok(None);
+    }
+    let names = |joints: &[usize]| -> String {
+        let names: Vec<&str> = joints.iter().map(|&joint| &*source.names[joint]).collect();
+        names.join(", ")
+    };
+    let top = |joint: usize| tree.line(joint).last().unwrap_or(joint);
+    match &survey.body {
+        Some(body) => {
+            let body = top(body.pelvis);
+            let others: Vec<usize> = roots.into_iter().filter(|&root| root != body).collect();
+            let text = format!("not of the body, left out: {}", names(&others));
+            report.repaired(Topic::Bystanders, text);
+            Ok(Some(descend(source, tree, body)))
+        }
+        None => Err(ReadErrorKind::Open {
+            topic: Topic::Body,
+            what: "which joint is the character's root",
+            evidence: format!("the file has {} roots: {}", roots.len(), names(&roots)),
+            options: "--root decides".to_owned(),
+        }),
+    }
+}
+
+/// From a root down to the first joint.
+fn descend(source: &Adapted<'_>, tree: &Tree, root: usize) -> usize {
+    let mut at = root;
+    while !source.is_joint(at) {
+        let mut children = (0..tree.parents.len()).filter(|&joint| tree.parents[joint] == Some(at));
+        match (children.next(), children.next()) {
+            (Some(child), None) => at = child,
+            _ => break,
+        }
+    }
+    at
+}
+
+/// The character's root: the first joint that does more than place its only child. Below it, down
+/// to the pelvis, joints that travel in their parents are roots too: what stands beside them steers
+/// the rig.
+fn character_root(source: &Adapted<'_>, survey: &Survey, size_m: f64, rules: &Rules, unit_m: f64) -> usize {
+    let rules = Rules {
+        max_offset_variation_m: 0.001,
+        ..*rules
+    };
+    let root = crate::convert::character_root(source, &rules);
+    let allowed = little_slide_m(size_m) / unit_m;
+    let pelvis = survey.body.as_ref().map(|body| body.pelvis);
+    let travels = pelvis.and_then(|pelvis| {
+        let chain = survey.tree.chain(root, pelvis)?;
+        chain[1..]
+            .iter()
+            .rev()
+            .copied()
+            .find(|&joint| survey.slides[joint].0 > allowed)
+    });
+    travels.unwrap_or(root)
+}
+
+/// In a rig whose feet were hung on their limbs: down from a root to the first joint that carries
+/// more than another one and what steers the rig.
+fn below_steering(survey: &Survey, root: usize) -> usize {
+    let tree = &survey.tree;
+    let carries = |at: usize| (0..tree.parents.len()).filter(move |&joint| tree.parents[joint] == Some(at));
+    let mut at = root;
+    loop {
+        let mut children = carries(at).filter(|&joint| !tree.names[joint].is_steering());
+        match (children.next(), children.next()) {
+            (Some(child), None) => at = child,
+            _ => return at,
+        }
+    }
+}
+
+/// Notes hips and shoulders without length, which say nothing of left and right.
+fn note_zero_bones(clip: &Clip, report: &mut Report) {
+    let is_zero = |joint: &&Joint| {
+        let sided = names::Name::of(&joint.name).side.is_some();
+        sided && joint.parent.is_some() && joint.offset_m.length() < MIN_BONE_M
+    };
+    let zero = clip.skeleton.joints.iter().filter(is_zero);
+    let zero: Vec<&str> = zero.map(|joint| &*joint.name).collect();
+    if !zero.is_empty() {
+        let text = format!("bones without length are kept: {}", zero.join(", "));
+        report.repaired(Topic::ZeroLength, text);
+    }
+}
+
+/// Rotations of the clip's joints at rest: joint 0 in the world, others relative to their parents.
+fn rest_rotations(source: &Adapted<'_>, tree: &Tree, taken: &[usize], clip: &Clip) -> Vec<Quat> {
+    let mut local = vec![Transform::default(); source.joint_count()];
+    source.rest(&mut local);
+    let mut world = local.clone();
+    to_world(tree, &local, &mut world);
+    let joints = clip.skeleton.joints.iter().zip(taken);
+    let turns = joints.map(|(joint, &index)| {
+        let turn = world[index].turn;
+        match joint.parent {
+            None => turn,
+            Some(parent) => world[taken[parent]].turn.conjugate() * turn,
+        }
+    });
+    turns.map(|turn| turn.normalize().as_quat()).collect()
+}

@@ -1,0 +1,180 @@
+//! Joints' names as programs write them: namespaces, sides, and the words in them.
+
+use std::collections::{HashMap, HashSet};
+
+/// The side of the body that a name says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Side {
+    Left,
+    Right,
+}
+
+impl Side {
+    pub(super) const BOTH: [Self; 2] = [Self::Left, Self::Right];
+}
+
+/// A name taken apart.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Name {
+    pub(super) side: Option<Side>,
+    /// Words in small letters, without the side and numbers.
+    pub(super) words: Vec<String>,
+}
+
+/// Words for parts of a body, which may follow a side without a gap: `lfemur`.
+const PARTS: [&str; 17] = [
+    "foot", "toe", "toes", "toebase", "ankle", "leg", "upleg", "thigh", "femur", "shin", "tibia", "calf",
+    "hand", "wrist", "arm", "humerus", "radius",
+];
+/// Words of joints that steer a rig and are not of the body.
+const STEERING: [&str; 5] = ["ik", "target", "pole", "ctrl", "control"];
+/// Words of joints that steer or help a limb, and are no joint of it.
+const HELPERS: [&str; 9] = [
+    "ik", "fk", "target", "pole", "ctrl", "control", "helper", "twist", "roll",
+];
+
+impl Name {
+    pub(super) fn of(name: &str) -> Self {
+        let mut parsed = Self::default();
+        for word in words(without_namespace(name)) {
+            let side = match &*word {
+                "left" | "l" | "lft" => Some(Side::Left),
+                "right" | "r" | "rgt" => Some(Side::Right),
+                _ => None,
+            };
+            let glued = || match word.split_at_checked(1) {
+                Some(("l", part)) if PARTS.contains(&part) => Some((Side::Left, part.to_owned())),
+                Some(("r", part)) if PARTS.contains(&part) => Some((Side::Right, part.to_owned())),
+                _ => None,
+            };
+            match (side, glued()) {
+                (Some(side), _) => parsed.side = parsed.side.or(Some(side)),
+                (None, Some((side, part))) => {
+                    parsed.side = parsed.side.or(Some(side));
+                    parsed.words.push(part);
+                }
+                (None, None) => parsed.words.push(word),
+            }
+        }
+        parsed
+    }
+
+    pub(super) fn has(&self, word: &str) -> bool {
+        self.words.iter().any(|w| w == word)
+    }
+
+    pub(super) fn has_any(&self, words: &[&str]) -> bool {
+        words.iter().any(|word| self.has(word))
+    }
+
+    /// Whether it steers a rig and is not of the body.
+    pub(super) fn is_steering(&self) -> bool {
+        self.has_any(&STEERING)
+    }
+
+    /// Whether it steers or helps a limb, and is no joint of it.
+    pub(super) fn is_helper(&self) -> bool {
+        self.has_any(&HELPERS)
+    }
+}
+
+/// The name after the last `:` or `|`: `mixamorig:Hips` is `Hips`.
+pub(super) fn without_namespace(name: &str) -> &str {
+    match name.rsplit([':', '|']).next() {
+        Some(rest) if !rest.is_empty() => rest,
+        _ => name,
+    }
+}
+
+/// Words in small letters: `LeftUpLeg` is left, up, leg; `thigh.L` is thigh, l.
+fn words(name: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    let mut word = String::new();
+    let letters: Vec<char> = name.chars().collect();
+    for (nth, &letter) in letters.iter().enumerate() {
+        let before = nth.checked_sub(1).map(|before| letters[before]);
+        let after = letters.get(nth + 1);
+        let begins = letter.is_uppercase()
+            && (before.is_some_and(char::is_lowercase)
+                // The last capital of several begins the next word: LHip.
+                || (before.is_some_and(char::is_uppercase) && after.is_some_and(|c| c.is_lowercase())));
+        if (begins || !letter.is_alphabetic()) && !word.is_empty() {
+            words.push(std::mem::take(&mut word));
+        }
+        if letter.is_alphabetic() {
+            word.extend(letter.to_lowercase());
+        }
+    }
+    words.extend((!word.is_empty()).then_some(word));
+    words
+}
+
+/// Names without duplicates: a second `Hand` becomes `Hand_2`. Returns the new names of those that
+/// changed, with the old ones.
+pub(super) fn unique(names: &mut [String]) -> Vec<(String, String)> {
+    let mut taken: HashSet<String> = HashSet::with_capacity(names.len());
+    let given: HashSet<String> = names.iter().cloned().collect();
+    let mut next: HashMap<String, usize> = HashMap::new();
+    let mut changed = Vec::new();
+    for name in names {
+        if taken.insert(name.clone()) {
+            continue;
+        }
+        let number = next.entry(name.clone()).or_insert(1);
+        let new = loop {
+            *number += 1;
+            let new = format!("{name}_{number}");
+            if !given.contains(&new) && !taken.contains(&new) {
+                break new;
+            }
+        };
+        taken.insert(new.clone());
+        changed.push((std::mem::replace(name, new.clone()), new));
+    }
+    changed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_many_programs_say_side_and_part() {
+        for (name, side, words) in [
+            ("mixamorig:LeftUpLeg", Some(Side::Left), &["up", "leg"][..]),
+            ("LHipJoint", Some(Side::Left), &["hip", "joint"]),
+            ("thigh.R", Some(Side::Right), &["thigh"]),
+            ("lfoot", Some(Side::Left), &["foot"]),
+            ("right_foot", Some(Side::Right), &["foot"]),
+            ("Bip01 L Thigh", Some(Side::Left), &["bip", "thigh"]),
+            (
+                "J_Bip_R_UpperLeg",
+                Some(Side::Right),
+                &["j", "bip", "upper", "leg"],
+            ),
+            ("UpperLeg_L", Some(Side::Left), &["upper", "leg"]),
+            ("LeftHandIndex1", Some(Side::Left), &["hand", "index"]),
+            ("Pelvis", None, &["pelvis"]),
+            ("Armature|Spine", None, &["spine"]),
+            ("root", None, &["root"]),
+        ] {
+            let found = Name::of(name);
+            assert_eq!(
+                (found.side, found.words),
+                (side, words.iter().map(|w| (*w).to_owned()).collect()),
+                "{name}"
+            );
+        }
+        assert!(Name::of("foot_ik.L").is_helper());
+        assert_eq!(without_namespace("a:"), "a:");
+    }
+
+    #[test]
+    fn a_second_joint_of_a_name_gets_a_number() {
+        let mut names = ["a", "a", "a_2", "b", "a"].map(str::to_owned);
+        let changed = unique(&mut names);
+        assert_eq!(names, ["a", "a_3", "a_2", "b", "a_4"]);
+        assert_eq!(changed.len(), 2);
+        assert_eq!(changed[0], ("a".to_owned(), "a_3".to_owned()));
+    }
+}

@@ -1,0 +1,255 @@
+//! Decides which axis of a file points up, and the unit of its lengths, by how a body stands.
+
+use super::ReadErrorKind;
+use super::agreement::Agreement;
+use super::options::Options;
+use super::report::{Basis, Finding, Topic, Up};
+use super::survey::Stance;
+use super::units::{self, CENTIMETRE_M, UNITS, Unit};
+
+/// Share of the direction from feet to head that an axis must have at rest.
+const MIN_RESTING: f64 = 0.9;
+/// As [`MIN_RESTING`], of the mean direction over the motion.
+const MIN_MOVING: f64 = 0.8;
+/// The lowest joint's place along the true up axis varies by less than this share of the body.
+const STEADY_FLOOR: f64 = 0.1;
+/// If it varies by more along another axis, that axis does not point up.
+const UNSTEADY_FLOOR: f64 = 0.2;
+/// Height of a body by the length of a leg plus that of the spine: feet, hips and skull come on
+/// top.
+const HEIGHT_BY_LENGTH: f64 = 1.24;
+/// Heights of grown people, metres.
+const PEOPLE_M: std::ops::RangeInclusive<f64> = 1.25..=2.15;
+/// Heights of other bodies on two legs, metres: children, and figures of games.
+const FIGURES_M: std::ops::RangeInclusive<f64> = 0.3..=4.0;
+
+/// Heights that are believed where the format says the unit, metres.
+const STATED_M: std::ops::RangeInclusive<f64> = 0.05..=20.0;
+
+/// What a format says about axes and units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stated {
+    pub(super) up: Option<Up>,
+    pub(super) unit_m: Option<f64>,
+    /// Name of the format, with its article.
+    pub(super) by: &'static str,
+}
+
+/// The axis that points up.
+///
+/// # Errors
+/// [`ReadErrorKind::Open`] if rest pose and motion speak for different axes.
+pub(super) fn up_of(
+    stance: Option<&Stance>,
+    stated: Stated,
+    options: &Options,
+) -> Result<Finding<Up>, ReadErrorKind> {
+    if let Some(up) = options.up {
+        return Ok(Finding::new(up, Basis::Given, "--up"));
+    }
+    if let Some(up) = stated.up {
+        return Ok(Finding::new(up, Basis::Stated, stated.by));
+    }
+    let agreed = options.agreement.as_ref().and_then(Agreement::up);
+    let Some(stance) = stance else {
+        return Ok(match agreed {
+            Some(up) => Finding::new(up, Basis::Found, "as the other files of the folder"),
+            None => {
+                let why = "no body on two legs is found by its joints' names; --up decides";
+                Finding::new(Up::Y, Basis::Assumed, why)
+            }
+        });
+    };
+    match up_by(stance) {
+        Sight::Clear(up, evidence) => Ok(Finding::new(up, Basis::Found, evidence)),
+        Sight::Split(options, evidence) => match agreed.filter(|up| options.contains(up)) {
+            Some(up) => {
+                let evidence = format!("as the other files of the folder; {evidence}");
+                Ok(Finding::new(up, Basis::Found, evidence))
+            }
+            None => Err(ReadErrorKind::Open {
+                topic: Topic::Up,
+                what: "which axis points up",
+                evidence,
+                options: format!("--up {} or --up {} decides", options[0], options[1]),
+            }),
+        },
+        Sight::Dim(evidence) => Ok(match agreed {
+            Some(up) => Finding::new(up, Basis::Found, "as the other files of the folder"),
+            None => Finding::new(Up::Y, Basis::Assumed, format!("{evidence}; --up decides")),
+        }),
+    }
+}
+
+/// What can be seen of the up axis.
+pub(super) enum Sight {
+    /// One axis, with the evidence.
+    Clear(Up, String),
+    /// Two axes have something for them.
+    Split([Up; 2], String),
+    /// Nothing.
+    Dim(String),
+}
+
+pub(super) fn up_by(stance: &Stance) -> Sight {
+    let (rest, rest_share) = Up::nearest(stance.resting);
+    let (moving, share) = Up::nearest(stance.moving);
+    let rests = rest_share >= MIN_RESTING;
+    let moves = share >= MIN_MOVING;
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let over_frames = format!("from feet to head is {} {moving} over the frames", percent(share));
+    match (rests.then_some(rest), moves.then_some(moving)) {
+        (None | Some(Up::Y), Some(Up::Y)) => Sight::Clear(Up::Y, over_frames),
+        (Some(rest), Some(moving)) if rest == moving => {
+            let evidence = format!("{over_frames}, and {} at rest", percent(rest_share));
+            Sight::Clear(moving, evidence)
+        }
+        (Some(rest), None) => {
+            let evidence = format!(
+                "from feet to head is {} {rest} at rest; the motion stands along no axis",
+                percent(rest_share)
+            );
+            Sight::Clear(rest, evidence)
+        }
+        (rest, Some(moving)) => {
+            // A body that lies along an axis, or one that stands along it.
+            let other = rest.unwrap_or(Up::Y);
+            let varies = |up: Up| stance.floor[up as usize] / stance.length;
+            let floors = format!(
+                "the lowest joint's place varies by {} of the body along {moving}, by {} along {other}",
+                percent(varies(moving)),
+                percent(varies(other)),
+            );
+            let stands = |up: Up, not: Up| varies(up) <= STEADY_FLOOR && varies(not) >= UNSTEADY_FLOOR;
+            // Y is what most files have: it takes more to doubt it than to believe it.
+            let is_clear = match moving {
+                Up::Y => !stands(other, Up::Y),
+                _ => stands(moving, other),
+            };
+            let at_rest = match rest {
+                Some(rest) => format!(", and {} {rest} at rest", percent(rest_share)),
+                None => String::new(),
+            };
+            let evidence = format!("{over_frames}{at_rest}; {floors}");
+            match is_clear {
+                true => Sight::Clear(moving, evidence),
+                false => Sight::Split([moving, other], evidence),
+            }
+        }
+        (None, None) => Sight::Dim("neither the rest pose nor the motion stands along an axis".to_owned()),
+    }
+}
+
+/// Metres a unit. `fit_m` is the unit with which the bones have the given skeleton's lengths.
+///
+/// # Errors
+/// [`ReadErrorKind::Open`] if the body has a person's height in several units, or in none.
+pub(super) fn unit_of(
+    stance: Option<&Stance>,
+    stated: Stated,
+    fit_m: Option<f64>,
+    options: &Options,
+) -> Result<Finding<f64>, ReadErrorKind> {
+    if let Some(unit_m) = options.unit_m {
+        return Ok(Finding::new(unit_m, Basis::Given, "--unit"));
+    }
+    if let Some(unit) = fit_m.and_then(near) {
+        let evidence = format!("the bones have the skeleton's lengths in {}", unit.name);
+        return Ok(Finding::new(unit.metres, Basis::Found, evidence));
+    }
+    let Some(stance) = stance else {
+        return Ok(match (stated.unit_m, agreed_unit(options)) {
+            (Some(unit_m), _) => Finding::new(unit_m, Basis::Stated, stated.by),
+            (None, Some(unit_m)) => Finding::new(unit_m, Basis::Found, "as the other files of the folder"),
+            (None, None) => {
+                let why = "no body on two legs is found by its joints' names; --unit decides";
+                Finding::new(CENTIMETRE_M, Basis::Assumed, why)
+            }
+        });
+    };
+    let height = HEIGHT_BY_LENGTH * stance.length;
+    let tall = |unit_m: f64| height * unit_m;
+    let people: Vec<Unit> = UNITS
+        .into_iter()
+        .filter(|unit| PEOPLE_M.contains(&tall(unit.metres)))
+        .collect();
+    let usual = stated.unit_m.unwrap_or(CENTIMETRE_M);
+    let by = |unit_m: f64| {
+        format!(
+            "the body is {:.2} m tall in {}",
+            tall(unit_m),
+            units::name_of(unit_m)
+        )
+    };
+    let stated_basis = match stated.unit_m {
+        Some(_) => Basis::Stated,
+        None => Basis::Assumed,
+    };
+    match people[..] {
+        // What the format says holds as long as it makes a body of any kind.
+        _ if stated.unit_m.is_some() && STATED_M.contains(&tall(usual)) => {
+            let evidence = format!("{}; {}", stated.by, by(usual));
+            Ok(Finding::new(usual, Basis::Stated, evidence))
+        }
+        [unit] => Ok(Finding::new(unit.metres, Basis::Found, by(unit.metres))),
+        _ if FIGURES_M.contains(&tall(usual)) => {
+            let evidence = format!("{}, as most files are; --unit decides", by(usual));
+            Ok(Finding::new(usual, stated_basis, evidence))
+        }
+        _ => match agreed_unit(options) {
+            Some(unit_m) => {
+                let evidence = format!("as the other files of the folder; {}", by(unit_m));
+                Ok(Finding::new(unit_m, Basis::Found, evidence))
+            }
+            None => {
+                let near = nearest_two(height).map(|unit| unit.name);
+                let heights = nearest_two(height).map(|unit| by(unit.metres));
+                Err(ReadErrorKind::Open {
+                    topic: Topic::Unit,
+                    what: "the unit of length",
+                    evidence: format!(
+                        "{} or {}",
+                        heights[0],
+                        heights[1].trim_start_matches("the body is ")
+                    ),
+                    options: format!("--unit {} or --unit {} decides", near[0], near[1]),
+                })
+            }
+        },
+    }
+}
+
+/// The unit that a file shows by itself, for [`Agreement`].
+pub(super) fn unit_by(stance: &Stance) -> Option<f64> {
+    let tall = |unit: &Unit| HEIGHT_BY_LENGTH * stance.length * unit.metres;
+    let mut people = UNITS.into_iter().filter(|unit| PEOPLE_M.contains(&tall(unit)));
+    match (people.next(), people.next()) {
+        (Some(unit), None) => Some(unit.metres),
+        _ => None,
+    }
+}
+
+/// Height of a body in metres.
+pub(super) fn height_m(stance: &Stance, unit_m: f64) -> f64 {
+    HEIGHT_BY_LENGTH * stance.length * unit_m
+}
+
+fn agreed_unit(options: &Options) -> Option<f64> {
+    options.agreement.as_ref().and_then(Agreement::unit_m)
+}
+
+/// A unit within 15 % of a length in metres.
+fn near(metres: f64) -> Option<Unit> {
+    UNITS
+        .into_iter()
+        .find(|unit| (metres / unit.metres - 1.0).abs() < 0.15)
+}
+
+/// The two units in which a height is nearest to a person's.
+fn nearest_two(height: f64) -> [Unit; 2] {
+    const PERSON_M: f64 = 1.7;
+    let mut sorted = UNITS;
+    let away = |unit: &Unit| (height * unit.metres / PERSON_M).ln().abs();
+    sorted.sort_by(|a, b| away(a).total_cmp(&away(b)));
+    [sorted[0], sorted[1]]
+}

@@ -1,0 +1,11 @@
+//! Tests of whole files.
+
+mod archives;
+mod dialects;
+#[cfg(feature = "fbx")]
+mod fbx;
+mod hostile;
+mod kinds;
+mod people;
+mod rigs;
+mod robots;
