@@ -25,9 +25,9 @@
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
-//! to the work that a worker does in [`Limits::max_batch_time`]. While some client among several
-//! calls for little, the calls of each have at most [`Limits::shared_batch_time`] of it. Idle workers share the
-//! waiting characters evenly. More characters than one engine call takes are given out in
+//! to the work that a worker does in [`Limits::max_batch_time`]. While some client calls for little
+//! and another asks for much, each has at most [`Limits::shared_batch_time`] of it. Idle workers
+//! share the waiting characters evenly. More characters than one engine call takes are given out in
 //! [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
 //! # Owners
@@ -95,7 +95,7 @@ pub struct Scheduler {
     /// Places given out since the last place that was kept for calls; at most
     /// [`Limits::call_share`].
     call_credit: usize,
-    calls: Callers,
+    callers: Callers,
 }
 
 impl Scheduler {
@@ -106,7 +106,7 @@ impl Scheduler {
             workers: vec![Worker::Busy; limits.workers],
             meter: Meter::new(limits.workers),
             call_credit: limits.call_share,
-            calls: Callers::default(),
+            callers: Callers::default(),
             limits,
         }
     }
@@ -180,11 +180,9 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
-        if order.class == Class::Request {
-            let has = self.queue.work_of(&order) + order.cost() * characters as u64;
-            let is_small = has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
-            self.calls.came(order.client, is_small);
-        }
+        let has = self.queue.work_of(&order) + order.cost() * characters as u64;
+        let is_small = has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
+        self.callers.came(&order, is_small);
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);
         let leaving = older.map_or((0, 0), Waiting::pending);
@@ -321,7 +319,7 @@ impl Scheduler {
     ) -> Vec<RequestSlice> {
         let (mut room, mut own) = (wanted, self.places_of_calls(wanted));
         let (mut calls, mut work_of_calls) = (0, 0);
-        let mut shares = self.calls.shares(self.within(self.limits.shared_batch_time));
+        let mut shares = self.callers.shares(self.within(self.limits.shared_batch_time));
         let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
@@ -330,11 +328,10 @@ impl Scheduler {
                 work,
                 at_least_one: slices.is_empty(),
             };
-            let allowed = |class, client| match class {
-                Class::Request => shares.left(client),
-                _ => u64::MAX,
-            };
-            match self.queue.take(now, most, calls_only, allowed) {
+            match self
+                .queue
+                .take(now, most, calls_only, |client| shares.left(client))
+            {
                 Some(Take::Slice {
                     slice,
                     client,
@@ -346,8 +343,8 @@ impl Scheduler {
                     if slice.class == Class::Request {
                         calls += slice.characters;
                         work_of_calls += taken;
-                        shares.take(client, taken);
                     }
+                    shares.take(client, taken);
                     // A request comes up again after those of other clients.
                     match slices.iter_mut().find(|before| before.request == slice.request) {
                         Some(before) => before.characters += slice.characters,

@@ -81,8 +81,8 @@ pub(super) struct Model {
     nows: BTreeMap<(Class, Option<u64>), u64>,
     /// Clients and groups that had something ready.
     working: BTreeSet<Name>,
-    /// The clients of all calls, and whether they had little waiting.
-    arrivals: Vec<(ClientId, bool)>,
+    /// The clients of all requests, whether they had little waiting, and whether it was a call.
+    arrivals: Vec<(ClientId, bool, bool)>,
 }
 
 /// Whether two names take turns with each other.
@@ -286,7 +286,7 @@ impl Model {
     }
 
     pub(super) fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
-        if order.class == Class::Request {
+        {
             let of_client =
                 |known: &&Known| known.order.client == order.client && known.order.class == order.class;
             let waiting: u64 = (self.requests.values())
@@ -295,7 +295,8 @@ impl Model {
                 .sum();
             let has = waiting + u64::from(order.work) * characters as u64;
             let is_small = has <= self.within(self.limits.shared_batch_time)[0] / 4;
-            self.arrivals.push((order.client, is_small));
+            let is_call = order.class == Class::Request;
+            self.arrivals.push((order.client, is_small, is_call));
         }
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
@@ -399,9 +400,11 @@ impl Model {
     /// before.
     fn are_several(&self, differ: impl Fn(ClientId, ClientId) -> bool) -> bool {
         let (mut large, mut share) = (None, 0.0f32);
-        for &(client, is_small) in &self.arrivals {
+        for &(client, is_small, is_call) in &self.arrivals {
             let other = is_small && large.is_some_and(|large| differ(large, client));
-            share += (if other { 1.0 } else { 0.0 } - share) / 32.0;
+            if is_call {
+                share += (if other { 1.0 } else { 0.0 } - share) / 32.0;
+            }
             large = if is_small { large } else { Some(client) };
         }
         share > 1.0 / 16.0
@@ -500,12 +503,7 @@ impl Model {
             let of_client = by_client
                 .entry(if of_groups { client.group } else { client.own })
                 .or_default();
-            let is_call = known.order.class == Class::Request;
-            let left = if is_call {
-                client_cap.saturating_sub(*of_client)
-            } else {
-                u64::MAX
-            };
+            let left = client_cap.saturating_sub(*of_client);
             let within = usize::try_from(work_left.min(left) / cost).unwrap_or(usize::MAX);
             let within = within.max(usize::from(slices.is_empty()));
             let characters = known.left().min(if own > 0 { own } else { wanted }).min(most);
@@ -520,9 +518,7 @@ impl Model {
             wanted -= characters;
             taken += characters;
             work_left = work_left.saturating_sub(cost * characters as u64);
-            if is_call {
-                *of_client += cost * characters as u64;
-            }
+            *of_client += cost * characters as u64;
             own = own.saturating_sub(characters);
             if known.order.class == Class::Request {
                 calls += characters;

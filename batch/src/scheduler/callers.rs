@@ -1,8 +1,10 @@
-//! Notes whether calls come from one client or from several. While a client among several calls for
-//! little, each may have only a part of a batch, so that this client waits for a short time. If all
-//! call for much, they wait for each other anyway, and whole batches serve them faster.
+//! Notes whether some clients call for little while others ask for much. Then each may have only a
+//! part of a batch, so that those with little wait for a short time. If all ask for much, they wait
+//! for each other anyway, and whole batches serve them faster.
 
 use troupe_base::turns::ClientId;
+
+use crate::order::{Class, Order};
 
 /// Weight of the latest call in the measured shares.
 const WEIGHT: f32 = 1.0 / 32.0;
@@ -13,7 +15,7 @@ const MIN_SHARE: f32 = 1.0 / 16.0;
 /// The clients of the latest calls.
 #[derive(Debug, Default)]
 pub(super) struct Callers {
-    /// The client of the latest call that was not small.
+    /// The client of the latest request that was not small.
     large: Option<ClientId>,
     /// Share of small calls of other clients among the latest calls.
     of_clients: f32,
@@ -22,10 +24,14 @@ pub(super) struct Callers {
 }
 
 impl Callers {
-    /// A call came. It is small if its client has little waiting.
-    pub(super) fn came(&mut self, client: ClientId, is_small: bool) {
+    /// A request came. It is small if its client has little of its class waiting.
+    pub(super) fn came(&mut self, order: &Order, is_small: bool) {
+        let client = order.client;
         if !is_small {
             self.large = Some(client);
+        }
+        if order.class != Class::Request {
+            return;
         }
         let differs = |differ: fn(&ClientId, &ClientId) -> bool| {
             let differs = self.large.is_some_and(|large| differ(&large, &client));

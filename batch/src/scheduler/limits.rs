@@ -20,9 +20,9 @@ pub struct Limits {
     pub call_rows: usize,
     /// Longest time of a batch, estimated from measured steps; zero for no limit.
     pub max_batch_time: Duration,
-    /// Most of a batch for one client's calls while some client among several calls for little, or
-    /// for those of a group while there are several groups; zero for no limit. So a client with few
-    /// calls does not wait long for a batch of another.
+    /// Most of a batch for one client while another client calls for little, or for a group while a
+    /// client of another group does; zero for no limit. So a client with few calls does not wait
+    /// long for a batch of another.
     pub shared_batch_time: Duration,
     /// Most waiting characters of calls.
     pub max_queued: usize,

@@ -381,7 +381,7 @@ impl Queue {
         now: Instant,
         room: Room,
         calls_only: bool,
-        allowed: impl Fn(Class, ClientId) -> u64,
+        allowed: impl Fn(ClientId) -> u64,
     ) -> Option<Take> {
         let class = match calls_only {
             true => Class::Request,
@@ -397,7 +397,7 @@ impl Queue {
             return Some(Take::Expired { request, waited });
         }
         let order = waiting.order;
-        let work = room.work.min(allowed(class, order.client));
+        let work = room.work.min(allowed(order.client));
         let within = usize::try_from(work / order.cost()).unwrap_or(usize::MAX);
         let within = within.max(usize::from(room.at_least_one));
         let characters = waiting.left.min(room.characters).min(most).min(within);

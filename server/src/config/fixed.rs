@@ -12,7 +12,7 @@ pub struct Fixed {
     /// Longest time of a batch, by the engine's measured speed, so that no plan of a live character
     /// waits long behind it: two frames. Zero: no limit.
     pub max_batch_time: Duration,
-    /// Most of a batch for one client's calls while another calls for little. Two clients with 256
+    /// Most of a batch for one client while another calls for little. Two clients with 256
     /// characters a call then do not delay a third client's single calls by more than this each.
     pub shared_batch_time: Duration,
     /// Most characters of InBetween calls that may wait for a pack. None: computed from the workers
