@@ -191,7 +191,7 @@ fn group_cost(order: &Order, characters: usize) -> u64 {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Room {
     pub(super) characters: usize,
-    /// Their work.
+    /// Most work of these characters, in [`Order::work`]'s unit.
     pub(super) work: u64,
     /// Whether one character is taken even if it is more work than that.
     pub(super) at_least_one: bool,
@@ -374,8 +374,8 @@ impl Queue {
     }
 
     /// Takes characters for the client whose turn it is in the class with the most urgent request:
-    /// of its own most urgent request. With `calls_only`, of a call. `allowed` is the most work that
-    /// a client may have now.
+    /// of its own most urgent request. With `calls_only`, of a call. `allowed` is the most work
+    /// that a client may have now.
     pub(super) fn take(
         &mut self,
         now: Instant,

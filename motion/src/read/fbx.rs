@@ -1,5 +1,5 @@
-//! FBX, by the library ufbx. It converts axes and units; what is here is the choice of joints and of the
-//! animation.
+//! FBX, by the library ufbx. It converts axes and units; what is here is the choice of joints and
+//! of the animation.
 
 use glam::{DQuat, DVec3};
 use ufbx::{
@@ -156,8 +156,8 @@ struct Sampled {
     fps: f32,
 }
 
-/// When an animation begins and ends, seconds. Some programs leave out a beginning at 0, and with it the
-/// library finds no range: then it is that of the keys.
+/// When an animation begins and ends, seconds. Some programs leave out a beginning at 0, and with
+/// it the library finds no range: then it is that of the keys.
 fn range_s(stack: &AnimStack) -> (f64, f64) {
     if stack.time_end > stack.time_begin {
         return (stack.time_begin, stack.time_end);

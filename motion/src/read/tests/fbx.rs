@@ -9,7 +9,7 @@ use crate::rotation::angle_between;
 /// Ticks of FBX's clock in a second.
 const SECOND: i64 = 46_186_158_000;
 
-/// Hips that rise by 10 units in a second and turn by 90° about the file's Y, with a leg below them.
+/// Hips that rise by 10 units in a second and turn by 90° about the file's Y, with a leg below.
 /// `up` is the axis that points up: 1 for Y, 2 for Z.
 fn text(up: usize, centimetres: f64, stacks: usize) -> String {
     let (front, front_sign) = if up == 1 { (2, 1) } else { (1, -1) };
