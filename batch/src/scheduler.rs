@@ -182,7 +182,7 @@ impl Scheduler {
     ) {
         let has = self.queue.work_of(&order) + order.cost() * characters as u64;
         let is_small = has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
-        self.callers.came(&order, is_small);
+        self.callers.came(now, &order, is_small);
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);
         let leaving = older.map_or((0, 0), Waiting::pending);
@@ -319,7 +319,9 @@ impl Scheduler {
     ) -> Vec<RequestSlice> {
         let (mut room, mut own) = (wanted, self.places_of_calls(wanted));
         let (mut calls, mut work_of_calls) = (0, 0);
-        let mut shares = self.callers.shares(self.within(self.limits.shared_batch_time));
+        let mut shares = self
+            .callers
+            .shares(now, self.within(self.limits.shared_batch_time));
         let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
