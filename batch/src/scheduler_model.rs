@@ -277,10 +277,13 @@ impl Model {
             if group == order.client.group && (client == order.client || work <= own) {
                 return None;
             }
-            let last = (waiting.iter())
-                .filter(|(_, known)| known.order.client == client && known.next == 0)
-                .max_by_key(|(request, known)| (known.due, *request));
-            let &(request, known) = last?;
+            let of_client = |started: bool| {
+                let calls = waiting.iter();
+                let calls =
+                    calls.filter(|(_, known)| known.order.client == client && (known.next > 0) == started);
+                calls.max_by_key(|(request, known)| (known.due, *request))
+            };
+            let &(request, known) = of_client(false).or_else(|| of_client(true))?;
             out.push(request);
             freed += known.left();
             waiting.retain(|(other, _)| *other != request);

@@ -684,3 +684,21 @@ fn a_batch_of_dear_work_is_short_too() {
     let (dear, _) = setup.arrive(50, dear);
     assert_eq!(setup.ready(0), [(dear, 2)]);
 }
+
+#[test]
+fn a_call_that_has_started_makes_room_if_all_have() {
+    let mut setup = Setup::busy(Limits {
+        max_queued: 10,
+        ..limits(1, 2)
+    });
+    let (first, _) = setup.arrive(6, from((1, 1), Order::request(setup.now)));
+    let (second, _) = setup.arrive(4, from((1, 2), Order::request(setup.now)));
+    assert_eq!(setup.ready(0), [(first, 1), (second, 1)]);
+    setup.arrive(2, from((3, 3), Order::request(setup.now)));
+    let (small, actions) = setup.arrive(1, from((2, 1), Order::request(setup.now)));
+    assert!(
+        matches!(actions[..], [Action::PushOut { request, .. }] if request.0 == first),
+        "{actions:?}"
+    );
+    assert!(setup.ready(0).iter().any(|(request, _)| *request == small));
+}
