@@ -13,6 +13,7 @@ use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 use tonic::Code;
 use tonic_types::StatusExt as _;
+use troupe_proto::v1;
 
 use crate::common::attacks::{answer, begin};
 use crate::common::calls::{ids, open, step, stepped, walk};
@@ -312,7 +313,7 @@ async fn a_call_of_the_client_with_most_leaves_a_full_queue_for_another() {
     calls.pop().unwrap().await.unwrap().unwrap();
 }
 
-/// A server whose queue is full: one call is in the engine, and one waits.
+/// A server whose queues are full: of each pack one call is in the engine, and one waits.
 async fn full_server() -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
     let server = TestServer::start_with(|config| {
         config.max_batch = 1;
@@ -321,17 +322,22 @@ async fn full_server() -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
     .await;
     server.gate.close();
     let mut waiting = Vec::new();
-    for _ in 0..2 {
+    for pack in ["toy", "other", "toy", "other"] {
         let mut client = server.grpc().await;
+        let call = v1::InBetweenRequest {
+            pack: pack.to_owned(),
+            ..request(1)
+        };
         waiting.push(tokio::spawn(async move {
-            client.in_between(request(1)).await.unwrap();
+            client.in_between(call).await.unwrap();
         }));
-        // The worker takes the first one meanwhile.
+        // The workers take the first ones meanwhile.
         tokio::time::sleep(Duration::from_millis(500)).await;
     }
-    server
-        .metric("troupe_pending_characters{model=\"toy\"", "1")
-        .await;
+    for pack in ["toy", "other"] {
+        let name = format!("troupe_pending_characters{{model=\"{pack}\"");
+        server.metric(&name, "1").await;
+    }
     (server, waiting)
 }
 
