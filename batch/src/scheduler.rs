@@ -61,8 +61,8 @@ use super::order::{Class, Order};
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
 
-/// A client calls for little if it has at most one in so many of [`Limits::shared_batch_time`]
-/// waiting.
+/// A client calls for little if the work that it has waiting is at most this part of
+/// [`Limits::shared_batch_time`].
 const SMALL_PART: u64 = 4;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

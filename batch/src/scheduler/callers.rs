@@ -10,8 +10,8 @@ use crate::order::{Class, Order};
 
 /// Weight of the latest call in the measured shares.
 const WEIGHT: f32 = 1.0 / 32.0;
-/// Share of small calls from which on they count. A client that asks for much, and again when it is
-/// answered, has little waiting now and then.
+/// Share of small calls above which they count. A client that sends its next large call after each
+/// answer has little waiting for a moment, so single small calls say nothing.
 const MIN_SHARE: f32 = 1.0 / 16.0;
 /// Without a call for so long, none is expected.
 const MEMORY: Duration = Duration::from_secs(3);
