@@ -625,8 +625,8 @@ fn a_group_with_a_larger_share_gets_more() {
 
 #[test]
 fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
-    // The client of three more calls, the characters of each, their age, and what the large call has
-    // of the next batch.
+    // The client of three more calls, the characters of each, their age, and what the large call
+    // has of the next batch.
     let [same, connection, other]: [fn(u64) -> (u64, u64); 3] =
         [|_| (1, 1), |n| (1, 2 + n), |n| (2 + n, 2 + n)];
     let cases = [
