@@ -26,7 +26,9 @@
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
 //! to the work that a worker does in [`Limits::max_batch_time`]. While some client calls for little
-//! and another asks for much, each has at most [`Limits::shared_batch_time`] of it. Idle workers
+//! and one of another group asks for much, each group has at most [`Limits::shared_batch_time`] of
+//! it, times its share. If both are of one group, this holds for the clients of that group. Those
+//! that have had their part are passed over, in all classes. Idle workers
 //! share the waiting characters evenly. More characters than one engine call takes are given out in
 //! [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
@@ -38,7 +40,7 @@
 //! # Limits
 //! A request that does not fit is refused as a whole, at once. But if its client has less waiting
 //! than others, the least urgent calls of the client with most leave the full queue for a call, if
-//! possible unstarted ones. A call is also refused if it would wait for longer than
+//! possible unstarted ones. A call is refused in any case if it would wait for longer than
 //! [`Limits::max_wait`], judged by the rate at which calls left the queue lately, and by what may
 //! go before it: of each other client at most as much as its own client has waiting. Characters
 //! that idle workers are about to take do not count as waiting. Cancelled, replaced and expired
@@ -62,7 +64,7 @@ pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, R
 pub use limits::{Limits, QueueRefusal};
 
 /// A client calls for little if the work that it has waiting is at most this part of
-/// [`Limits::shared_batch_time`].
+/// [`Limits::shared_batch_time`], or a single character.
 const SMALL_PART: u64 = 4;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,8 +183,10 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
-        let has = self.queue.work_of(&order) + order.cost() * characters as u64;
-        let is_small = has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
+        let waiting = self.queue.work_of(&order);
+        let has = waiting + order.cost() * characters as u64;
+        let is_small = (waiting == 0 && characters == 1)
+            || has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
         self.callers.came(now, &order, is_small);
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);
@@ -234,7 +238,7 @@ impl Scheduler {
         (full || slow).then(|| QueueRefusal {
             pending_characters: self.pending_characters(),
             expected_wait: wait,
-            full,
+            full: !slow,
         })
     }
 

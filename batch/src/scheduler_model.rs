@@ -153,29 +153,40 @@ impl Model {
         self.working = working;
     }
 
-    /// Whose turn it is among those that `fits` allows, and how far the next one is behind.
-    fn turn(&self, fits: impl Fn(&Name) -> bool) -> (Name, Option<u64>) {
+    /// The turns of those that `fits` allows, and how far behind each the next one is.
+    fn turns(&self, fits: impl Fn(&Name) -> bool) -> Vec<(Name, Option<u64>)> {
         let mut order: Vec<(u64, Name)> = (self.working.iter())
             .filter(|name| fits(name))
             .map(|name| (self.times[name], *name))
             .collect();
         order.sort();
-        let ahead = order.get(1).map(|next| next.0 - order[0].0);
-        (order[0].1, ahead)
+        let behind = |place: usize| order.get(place + 1).map(|next| next.0 - order[place].0);
+        (0..order.len())
+            .map(|place| (order[place].1, behind(place)))
+            .collect()
     }
 
-    /// The request of a class that goes first, and how many of its characters.
-    fn first_of(&self, class: Class) -> (RequestId, usize) {
-        let (group, ahead) = self.turn(|name| name.0 == class && name.2.is_none());
-        let (client, ahead_too) = self.turn(|name| name.0 == class && name.1 == group.1 && name.2.is_some());
+    /// The request of a class that goes first among those that `may_go`, and how many of its
+    /// characters.
+    fn first_of(&self, class: Class, may_go: &impl Fn(RequestId) -> bool) -> Option<(RequestId, usize)> {
         let ready = self.ready();
-        let request = ready.iter().find(|request| self.names(**request)[0] == client);
-        let request = *request.expect("a client that works has something ready");
-        let [of_client, of_group] = self.costs(request);
-        let most =
-            [(ahead, of_group), (ahead_too, of_client)].map(|(ahead, cost)| ahead.map(|ahead| ahead / cost));
-        let most = most.into_iter().flatten().min();
-        (request, most.map_or(usize::MAX, |most| most as usize + 1))
+        for (group, ahead) in self.turns(|name| name.0 == class && name.2.is_none()) {
+            for (client, ahead_too) in
+                self.turns(|name| name.0 == class && name.1 == group.1 && name.2.is_some())
+            {
+                let request = ready.iter().find(|request| self.names(**request)[0] == client);
+                let request = *request.expect("a client that works has something ready");
+                if !may_go(request) {
+                    continue;
+                }
+                let [of_client, of_group] = self.costs(request);
+                let most = [(ahead, of_group), (ahead_too, of_client)]
+                    .map(|(ahead, cost)| ahead.map(|ahead| ahead / cost));
+                let most = most.into_iter().flatten().min();
+                return Some((request, most.map_or(usize::MAX, |most| most as usize + 1)));
+            }
+        }
+        None
     }
 
     fn charge(&mut self, request: RequestId, characters: usize) {
@@ -300,7 +311,8 @@ impl Model {
                 .map(Known::work_left)
                 .sum();
             let has = waiting + u64::from(order.work) * characters as u64;
-            let is_small = has <= self.within(self.limits.shared_batch_time)[0] / 4;
+            let is_small =
+                (waiting == 0 && characters == 1) || has <= self.within(self.limits.shared_batch_time)[0] / 4;
             let is_call = order.class == Class::Request;
             self.arrivals.push((order.client, is_small, is_call));
             if is_call {
@@ -329,17 +341,18 @@ impl Model {
         };
         if let [Action::Refuse { request: of, refusal }] = actions {
             assert_eq!(*of, request);
-            assert_eq!(refusal.full, !fits, "the wrong reason");
+            let max_wait = self.limits.max_wait;
+            let is_slow = order.class == Class::Request
+                && at_hand == 0
+                && !max_wait.is_zero()
+                && refusal.expected_wait > max_wait;
+            assert_eq!(refusal.full, !is_slow, "the wrong reason");
+            assert!(is_slow || !fits, "refused without a reason");
             let all: usize = Class::ALL.map(|class| self.pending(class)).iter().sum();
             assert_eq!(refusal.pending_characters, all);
             assert!(pending > 0 || refusal.expected_wait.is_zero());
-            if fits {
-                let max_wait = self.limits.max_wait;
-                assert!(order.class == Class::Request && at_hand == 0);
-                assert!(!max_wait.is_zero() && refusal.expected_wait > max_wait);
-            }
             known.fate = Fate::Refused;
-            if !fits && order.class == Class::Request {
+            if refusal.full && order.class == Class::Request {
                 let lacking = pending + characters - room.max(pending);
                 assert_eq!(self.push_out(order, characters, lacking), None, "could make room");
             }
@@ -420,14 +433,11 @@ impl Model {
         share > 1.0 / 16.0 && self.called.is_some_and(lately)
     }
 
-    /// The work that a worker does in the longest time of a batch, and in that of a client's calls;
+    /// The work that a worker does in the longest time of a batch, and in that of a client's part;
     /// the numbers may differ in how they are rounded.
     pub(super) fn work_caps(&self) -> Vec<[u64; 2]> {
         let batch = self.within(self.limits.max_batch_time);
-        let client = match self.are_several(|one, other| one != other) {
-            true => self.within(self.limits.shared_batch_time),
-            false => vec![u64::MAX],
-        };
+        let client = self.within(self.limits.shared_batch_time);
         let pairs = batch
             .iter()
             .flat_map(|batch| client.iter().map(|client| [*batch, *client]));
@@ -479,20 +489,44 @@ impl Model {
         let mut own = credit.checked_div(share).unwrap_or(0).min(wanted);
         let mut taken = 0;
         let of_groups = self.are_several(|one, other| one.group != other.group);
+        let of_clients = self.are_several(|one, other| one.group == other.group && one.own != other.own);
+        let large = (self.arrivals.iter().rfind(|(_, is_small, _)| !is_small)).map(|(client, ..)| *client);
+        // Whose part it is, and its size.
+        let part = |client: ClientId| match large {
+            _ if of_groups => Some((client.group, client_cap.saturating_mul(client.share.into()))),
+            Some(large) if of_clients && large.group == client.group => Some((client.own, client_cap)),
+            _ => None,
+        };
         let mut by_client: BTreeMap<u64, u64> = BTreeMap::new();
         while wanted > 0
             && let ready = self.ready()
-            && let Some(&first) = ready.first()
+            && !ready.is_empty()
         {
-            let is_call = |request: &&RequestId| self.requests[*request].order.class == Class::Request;
-            if !ready.iter().any(|request| is_call(&request)) {
+            let left = |client: ClientId| match part(client) {
+                Some((name, size)) => size.saturating_sub(by_client.get(&name).copied().unwrap_or_default()),
+                None => u64::MAX,
+            };
+            let may_go = |request: RequestId| {
+                let order = self.requests[&request].order;
+                let has_expired = order.expires.is_some_and(|expires| expires <= self.now);
+                slices.is_empty() || has_expired || u64::from(order.work) <= left(order.client)
+            };
+            let mut classes: Vec<Class> = Vec::new();
+            for request in &ready {
+                let class = self.requests[request].order.class;
+                if !classes.contains(&class) {
+                    classes.push(class);
+                }
+            }
+            let of_calls = (own > 0)
+                .then(|| self.first_of(Class::Request, &may_go))
+                .flatten();
+            if own > 0 && of_calls.is_none() {
                 own = 0;
             }
-            let class = match own > 0 {
-                true => Class::Request,
-                false => self.requests[&first].order.class,
-            };
-            let (request, most) = self.first_of(class);
+            let next = of_calls.or_else(|| classes.iter().find_map(|class| self.first_of(*class, &may_go)));
+            let Some((request, most)) = next else { break };
+            let left = left(self.requests[&request].order.client);
             let place_since = self.requests[&request].place_since;
             // What came after the virtual deadline of another of its client does not go before.
             let same = |other: &&RequestId| self.names(**other) == self.names(request);
@@ -510,10 +544,6 @@ impl Model {
             }
             let cost = u64::from(known.order.work);
             let client = known.order.client;
-            let of_client = by_client
-                .entry(if of_groups { client.group } else { client.own })
-                .or_default();
-            let left = client_cap.saturating_sub(*of_client);
             let within = usize::try_from(work_left.min(left) / cost).unwrap_or(usize::MAX);
             let within = within.max(usize::from(slices.is_empty()));
             let characters = known.left().min(if own > 0 { own } else { wanted }).min(most);
@@ -528,7 +558,9 @@ impl Model {
             wanted -= characters;
             taken += characters;
             work_left = work_left.saturating_sub(cost * characters as u64);
-            *of_client += cost * characters as u64;
+            if let Some((name, _)) = part(client) {
+                *by_client.entry(name).or_default() += cost * characters as u64;
+            }
             own = own.saturating_sub(characters);
             if known.order.class == Class::Request {
                 calls += characters;

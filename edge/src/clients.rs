@@ -13,16 +13,16 @@ mod resets;
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use http::HeaderValue;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
+use debt::Debtor;
 use metrics::ClientMetrics;
 use troupe_base::telemetry::Telemetry;
 use troupe_base::turns::{ClientId, Line, Turns};
 
-pub use debt::Debt;
 pub(crate) use debt::Debts;
 pub(crate) use resets::Resets;
 
@@ -113,6 +113,8 @@ struct Level {
     turns: Arc<Line>,
     /// Calls that clients cancelled, for an address.
     resets: Resets,
+    /// What clients owe, for an address.
+    debts: Debts,
 }
 
 impl Level {
@@ -136,6 +138,7 @@ impl Level {
             sessions: places(share.sessions),
             turns: Line::new(),
             resets: Resets::of_address(),
+            debts: Debts::default(),
         })
     }
 
@@ -195,7 +198,6 @@ impl Clients {
                 self.all.clone(),
             ],
             authorization: None,
-            debts: Arc::default(),
             metrics: self.metrics.clone(),
         })
     }
@@ -224,7 +226,6 @@ impl Clients {
             address: connected.address,
             levels: [of_key, of_address.clone(), all.clone()],
             authorization: authorization.cloned(),
-            debts: connected.debts.clone(),
             metrics: self.metrics.clone(),
         })
     }
@@ -243,8 +244,6 @@ pub struct Client {
     levels: [Arc<Level>; 3],
     /// The header with its key. None without keys, or for a ticket.
     authorization: Option<HeaderValue>,
-    /// What the clients of its connection owe.
-    debts: Arc<Debts>,
     metrics: Arc<ClientMetrics>,
 }
 
@@ -279,13 +278,25 @@ impl Client {
     /// Notes that a call of the client was refused because `queue` is full, and may be sent again
     /// after `wait`.
     pub fn owes(&self, queue: &str, wait: Duration) {
-        self.debts
-            .add(self.id(), self.authorization.as_ref(), queue, wait);
+        let [of_client, ..] = &self.levels;
+        let debtor = match (&self.authorization, of_client.whose) {
+            (Some(header), _) => Debtor::Key(header.clone(), self.id()),
+            // Its key came by a ticket, so no header names it.
+            (None, Whose::Key) => return,
+            (None, _) => Debtor::Address,
+        };
+        self.debts().add(debtor, queue, Instant::now() + wait);
     }
 
-    /// What the clients of its connection owe.
+    /// Who owes something to this queue, if a call on the connection with this header does.
+    pub(crate) fn debtor(&self, authorization: Option<&HeaderValue>, queue: &str) -> Option<ClientId> {
+        self.debts().of(authorization, self.id(), queue, Instant::now())
+    }
+
+    /// What the clients of its address owe.
     pub(crate) fn debts(&self) -> &Debts {
-        &self.debts
+        let [_, of_address, _] = &self.levels;
+        &of_address.debts
     }
 
     /// Cancelled calls of all connections of its address.

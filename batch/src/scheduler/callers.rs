@@ -21,16 +21,17 @@ const MEMORY: Duration = Duration::from_secs(3);
 pub(super) struct Callers {
     /// The client of the latest request that was not small.
     large: Option<ClientId>,
-    /// Share of small calls of other clients among the latest calls.
+    /// Share of small calls of other clients in the group of `large` among the latest calls.
     of_clients: f32,
-    /// The same for other groups.
+    /// Share of small calls of other groups.
     of_groups: f32,
     /// When the latest call came.
     called: Option<Instant>,
 }
 
 impl Callers {
-    /// A request came. It is small if its client has little of its class waiting.
+    /// A request came. It is small if its client has little of its class waiting, or only this one
+    /// character.
     pub(super) fn came(&mut self, now: Instant, order: &Order, is_small: bool) {
         let client = order.client;
         if !is_small {
@@ -40,11 +41,12 @@ impl Callers {
             return;
         }
         self.called = Some(now);
-        let differs = |differ: fn(&ClientId, &ClientId) -> bool| {
-            let differs = self.large.is_some_and(|large| differ(&large, &client));
-            f32::from(u8::from(is_small && differs))
+        let is_beside = |beside: fn(&ClientId, &ClientId) -> bool| {
+            let is_beside = self.large.is_some_and(|large| beside(&large, &client));
+            f32::from(u8::from(is_small && is_beside))
         };
-        let (other, other_group) = (differs(|a, b| a != b), differs(|a, b| a.group != b.group));
+        let other = is_beside(|a, b| a.group == b.group && a.own != b.own);
+        let other_group = is_beside(|a, b| a.group != b.group);
         self.of_clients += (other - self.of_clients) * WEIGHT;
         self.of_groups += (other_group - self.of_groups) * WEIGHT;
     }
@@ -52,43 +54,61 @@ impl Callers {
     /// The parts of the next batch, of at most so much work each.
     pub(super) fn shares(&self, now: Instant, work: u64) -> Shares {
         let lately = |called| now.saturating_duration_since(called) < MEMORY;
-        let is_shared = self.of_clients > MIN_SHARE && self.called.is_some_and(lately);
+        let among = match self.large {
+            _ if !self.called.is_some_and(lately) => None,
+            _ if self.of_groups > MIN_SHARE => Some(Among::Groups),
+            Some(large) if self.of_clients > MIN_SHARE => Some(Among::ClientsOf(large.group)),
+            _ => None,
+        };
         Shares {
-            work: if is_shared { work } else { u64::MAX },
-            of_groups: self.of_groups > MIN_SHARE,
+            work,
+            among,
             taken: Vec::new(),
         }
     }
 }
 
-/// What clients, or groups if several call, have of a batch.
+/// Among whom a batch is shared.
+#[derive(Debug, Clone, Copy)]
+enum Among {
+    Groups,
+    /// The clients of this group. Other groups have as much as they like: what happens within a
+    /// group is no reason for them to have less.
+    ClientsOf(u64),
+}
+
+/// What clients or groups have of a batch.
 #[derive(Debug)]
 pub(super) struct Shares {
     work: u64,
-    of_groups: bool,
+    /// None: all have as much as they like.
+    among: Option<Among>,
     taken: Vec<(u64, u64)>,
 }
 
 impl Shares {
-    fn key(&self, client: ClientId) -> u64 {
-        match self.of_groups {
-            true => client.group,
-            false => client.own,
+    /// Whose part a client's characters are of, and how much work it is in all; none without a
+    /// limit.
+    fn part(&self, client: ClientId) -> Option<(u64, u64)> {
+        match self.among? {
+            Among::Groups => Some((client.group, self.work.saturating_mul(client.share()))),
+            Among::ClientsOf(group) => (client.group == group).then_some((client.own, self.work)),
         }
     }
 
     /// The work that a client may still have.
     pub(super) fn left(&self, client: ClientId) -> u64 {
-        let key = self.key(client);
+        let Some((key, work)) = self.part(client) else {
+            return u64::MAX;
+        };
         let taken = self.taken.iter().find(|(of, _)| *of == key);
-        self.work - taken.map_or(0, |(_, taken)| (*taken).min(self.work))
+        work.saturating_sub(taken.map_or(0, |(_, taken)| *taken))
     }
 
     pub(super) fn take(&mut self, client: ClientId, work: u64) {
-        if self.work == u64::MAX {
+        let Some((key, _)) = self.part(client) else {
             return;
-        }
-        let key = self.key(client);
+        };
         match self.taken.iter_mut().find(|(of, _)| *of == key) {
             Some((_, taken)) => *taken += work,
             None => self.taken.push((key, work)),

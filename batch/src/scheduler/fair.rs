@@ -61,12 +61,14 @@ impl<K: Copy + Ord, T: Default> Fair<K, T> {
         self.working.len()
     }
 
-    /// The key that goes first, and by how much its virtual time is less than that of the next key;
-    /// none if it is alone.
-    pub(super) fn first(&self) -> Option<(K, Option<u64>)> {
-        let mut keys = self.working.iter();
-        let &(time, key) = keys.next()?;
-        Some((key, keys.next().map(|(next, _)| next - time)))
+    /// The keys with work in their order, and by how much the virtual time of each is less than that
+    /// of the next; none for the last.
+    pub(super) fn in_order(&self) -> impl Iterator<Item = (K, Option<u64>)> {
+        let mut keys = self.working.iter().peekable();
+        std::iter::from_fn(move || {
+            let &(time, key) = keys.next()?;
+            Some((key, keys.peek().map(|(next, _)| next - time)))
+        })
     }
 
     /// A key has work, or has none any more. Answers whether this is new.
@@ -119,7 +121,7 @@ mod tests {
     fn taken(fair: &mut Fair<u8, ()>, costs: [u64; 3], rounds: usize) -> [usize; 3] {
         let mut taken = [0; 3];
         for _ in 0..rounds {
-            let (key, _) = fair.first().unwrap();
+            let (key, _) = fair.in_order().next().unwrap();
             fair.charge(key, costs[usize::from(key)]);
             taken[usize::from(key)] += 1;
         }

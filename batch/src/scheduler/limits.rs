@@ -93,7 +93,7 @@ pub struct QueueRefusal {
     pub pending_characters: usize,
     /// How long a request of this class would wait.
     pub expected_wait: Duration,
-    /// Whether the queue is full; otherwise the wait is too long.
+    /// Whether only room is missing; otherwise the wait is too long.
     pub full: bool,
 }
 

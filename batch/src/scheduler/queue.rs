@@ -11,6 +11,9 @@ use crate::order::{Class, Order, OwnerId};
 
 /// Factor on costs, so that dividing them by shares loses little.
 const SHARE_UNIT: u64 = 1000;
+/// Clients that are looked at for one with a part of the batch left. More than use up their parts
+/// in a batch of the longest time.
+const MOST_PASSED: usize = 32;
 
 /// A request with waiting characters.
 #[derive(Debug)]
@@ -147,17 +150,32 @@ impl Line {
         }
     }
 
-    /// The next request, and how many characters of it may go before those of other clients.
-    fn next(&self, order: impl Fn(RequestId) -> Option<Order>) -> Option<(RequestId, usize)> {
-        let (group, ahead_of_groups) = self.groups.first()?;
-        let members = &self.groups.get(group)?.members;
-        let (own, ahead_of_members) = members.first()?;
-        let &(_, request) = members.get(own)?.ready.first()?;
-        let order = order(request)?;
-        let of_groups = ahead_of_groups.map(|ahead| ahead / group_cost(&order, 1));
-        let of_members = ahead_of_members.map(|ahead| ahead / order.cost());
-        let most = of_groups.into_iter().chain(of_members).min();
-        Some((request, most.map_or(usize::MAX, |most| most as usize + 1)))
+    /// The next request of a client that `may_go`, and how many of its characters may go before those
+    /// of other clients.
+    fn next(
+        &self,
+        order: impl Fn(RequestId) -> Option<Order>,
+        may_go: impl Fn(&Order) -> bool,
+    ) -> Option<(RequestId, usize)> {
+        let groups = self.groups.in_order().flat_map(|(group, ahead_of_groups)| {
+            let members = self.groups.get(group).map(|group| &group.members);
+            members.into_iter().flat_map(move |members| {
+                let order = members.in_order();
+                order.map(move |(own, ahead)| (members.get(own), ahead_of_groups, ahead))
+            })
+        });
+        for (member, ahead_of_groups, ahead_of_members) in groups.take(MOST_PASSED) {
+            let &(_, request) = member?.ready.first()?;
+            let order = order(request)?;
+            if !may_go(&order) {
+                continue;
+            }
+            let of_groups = ahead_of_groups.map(|ahead| ahead / group_cost(&order, 1));
+            let of_members = ahead_of_members.map(|ahead| ahead / order.cost());
+            let most = of_groups.into_iter().chain(of_members).min();
+            return Some((request, most.map_or(usize::MAX, |most| most as usize + 1)));
+        }
+        None
     }
 
     fn charge(&mut self, order: &Order, characters: usize) {
@@ -367,16 +385,25 @@ impl Queue {
         older
     }
 
-    /// The class with the most urgent request.
-    fn most_urgent(&self) -> Option<Class> {
-        let first = |class: &Class| self.lines[*class as usize].ready.first();
-        let classes = Class::ALL.into_iter().filter(|class| first(class).is_some());
-        classes.min_by_key(|class| first(class))
+    /// The request that goes next, and how many characters of it: of the class with the most urgent
+    /// request, and there of the client whose turn it is. Clients without work left go after all
+    /// others.
+    fn next(&self, calls_only: bool, may_go: impl Fn(&Order) -> bool) -> Option<(RequestId, usize)> {
+        let order = |request| Some(self.requests.get(&request)?.order);
+        let of_class = |class: Class| self.lines[class as usize].next(order, &may_go);
+        if calls_only {
+            return of_class(Class::Request);
+        }
+        let mut classes = Class::ALL.map(|class| (self.lines[class as usize].ready.first(), class));
+        classes.sort_unstable();
+        classes
+            .into_iter()
+            .find_map(|(first, class)| first.and_then(|_| of_class(class)))
     }
 
-    /// Takes characters for the client whose turn it is in the class with the most urgent request:
-    /// of its own most urgent request. With `calls_only`, of a call. `allowed` is the most work
-    /// that a client may have now.
+    /// Takes characters for the client whose turn it is, of its own most urgent request. With
+    /// `calls_only`, of a call. `allowed` is the most work that a client may have now. Clients that
+    /// may have none are passed over, except at the beginning of a batch.
     pub(super) fn take(
         &mut self,
         now: Instant,
@@ -384,16 +411,15 @@ impl Queue {
         calls_only: bool,
         allowed: impl Fn(ClientId) -> u64,
     ) -> Option<Take> {
-        let class = match calls_only {
-            true => Class::Request,
-            false => self.most_urgent()?,
-        };
-        let line = &mut self.lines[class as usize];
-        let requests = &self.requests;
-        let (request, most) = line.next(|request| Some(requests.get(&request)?.order))?;
+        let has_expired = |order: &Order| order.expires.is_some_and(|expires| expires <= now);
+        let may_go =
+            |order: &Order| room.at_least_one || has_expired(order) || order.cost() <= allowed(order.client);
+        let (request, most) = self.next(calls_only, may_go)?;
         let waiting = self.requests.get_mut(&request)?;
+        let class = waiting.order.class;
+        let line = &mut self.lines[class as usize];
         let waited = now.saturating_duration_since(waiting.arrived);
-        if waiting.order.expires.is_some_and(|expires| expires <= now) {
+        if has_expired(&waiting.order) {
             self.forget(request);
             return Some(Take::Expired { request, waited });
         }

@@ -2,6 +2,7 @@
 //! budget.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rand::{RngExt as _, SeedableRng as _};
@@ -9,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use troupe_motion::{Quat, Vec3};
 
 use super::{Pace, dims, stretch};
-use crate::live::load::PlanLoad;
+use crate::live::load::{ClientLoad, PlanLoad};
 use crate::live::policy::Policy;
 use crate::live::testing::still_buffer;
 use crate::live::timeline::{Barrier, Stop, Ticket, Timeline};
@@ -82,7 +83,8 @@ struct Crowd {
     people: Vec<Somebody>,
     queue: Vec<Plan>,
     workers: [Option<(u64, f32, Vec<Plan>)>; WORKERS],
-    load: PlanLoad,
+    pack: Arc<PlanLoad>,
+    load: Arc<ClientLoad>,
     random: ChaCha8Rng,
     busy_ms: f32,
     pressures: Vec<f32>,
@@ -104,6 +106,7 @@ impl Crowd {
     /// A crowd with one character for each of `priorities`; each has a command every
     /// `commands_every_s` seconds.
     fn new(engine: Engine, priorities: impl Iterator<Item = f32>, commands_every_s: f32) -> Self {
+        let pack: Arc<PlanLoad> = Arc::default();
         Self {
             engine,
             start: Instant::now(),
@@ -114,7 +117,8 @@ impl Crowd {
                 .collect(),
             queue: Vec::new(),
             workers: [const { None }; WORKERS],
-            load: PlanLoad::default(),
+            load: pack.of(1),
+            pack,
             random: ChaCha8Rng::seed_from_u64(1),
             busy_ms: 0.0,
             pressures: Vec::new(),
@@ -135,8 +139,9 @@ impl Crowd {
     }
 
     fn tick(&mut self) {
-        self.load
-            .read(self.start + Duration::from_millis(self.now_ms), WORKERS);
+        let now = self.start + Duration::from_millis(self.now_ms);
+        self.pack.read(now, WORKERS);
+        self.load.read(now, WORKERS);
         self.pressures.push(self.load.pressure());
         let (dims, fps) = (dims(), FPS as f32);
         for who in 0..self.people.len() {

@@ -5,64 +5,64 @@
 //! read, decoded and then refused.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use http::HeaderValue;
 use troupe_base::turns::ClientId;
 
-/// The newest refusal of a client's call.
-#[derive(Debug, Clone)]
-pub struct Debt {
+/// Most debts of an address. A new one replaces the one that ends first.
+const MOST_DEBTS: usize = 16;
+
+/// The newest refusal of calls of a client, for one queue.
+#[derive(Debug)]
+struct Debt {
     /// Name of the queue that had no room.
-    pub queue: Arc<str>,
-    /// The client, as the queue knows it.
-    pub client: ClientId,
-    /// The header with the client's key. Callers with another one owe nothing.
-    authorization: Option<HeaderValue>,
+    queue: Box<str>,
+    debtor: Debtor,
     /// When the call may come again.
     until: Instant,
 }
 
-/// The newest debt on a connection.
+/// Who owes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Debtor {
+    /// All callers of the address: the server has no keys.
+    Address,
+    /// Callers with this header, which has the key of a client.
+    Key(HeaderValue, ClientId),
+}
+
+/// The debts of an address.
 #[derive(Debug, Default)]
 pub(crate) struct Debts {
-    /// Whether there may be a debt. Most connections never have one.
+    /// Whether there may be a debt. Most addresses never have one.
     any: AtomicBool,
-    newest: Mutex<Option<Debt>>,
+    known: Mutex<Vec<Debt>>,
 }
 
 impl Debts {
-    fn newest(&self) -> MutexGuard<'_, Option<Debt>> {
-        self.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    fn known(&self) -> MutexGuard<'_, Vec<Debt>> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn add(
-        &self,
-        client: ClientId,
-        authorization: Option<&HeaderValue>,
-        queue: &str,
-        wait: Duration,
-    ) {
-        let until = Instant::now() + wait;
-        let mut newest = self.newest();
-        match &mut *newest {
-            Some(debt)
-                if &*debt.queue == queue
-                    && debt.client == client
-                    && debt.authorization.as_ref() == authorization =>
-            {
-                debt.until = until;
-            }
-            _ => {
-                *newest = Some(Debt {
-                    queue: queue.into(),
-                    client,
-                    authorization: authorization.cloned(),
-                    until,
-                });
-            }
+    pub(super) fn add(&self, debtor: Debtor, queue: &str, until: Instant) {
+        let mut known = self.known();
+        let mut same = known.iter_mut();
+        let same = same.find(|debt| &*debt.queue == queue && debt.debtor == debtor);
+        if let Some(debt) = same {
+            debt.until = until;
+            return;
         }
+        if known.len() >= MOST_DEBTS {
+            let first = (0..known.len()).min_by_key(|&place| known[place].until);
+            first.map(|place| known.swap_remove(place));
+        }
+        known.push(Debt {
+            queue: queue.into(),
+            debtor,
+            until,
+        });
         self.any.store(true, Ordering::Release);
     }
 
@@ -71,42 +71,85 @@ impl Debts {
         !self.any.load(Ordering::Acquire)
     }
 
-    /// The debt of a caller with this header at `now`.
-    pub(crate) fn of(&self, authorization: Option<&HeaderValue>, now: Instant) -> Option<Debt> {
-        let mut newest = self.newest();
-        if newest.as_ref().is_some_and(|debt| debt.until <= now) {
-            *newest = None;
+    /// Who owes something to this queue at `now`, if a caller with that header does. `connected` is
+    /// the client of the caller's connection.
+    pub(super) fn of(
+        &self,
+        authorization: Option<&HeaderValue>,
+        connected: ClientId,
+        queue: &str,
+        now: Instant,
+    ) -> Option<ClientId> {
+        let mut known = self.known();
+        known.retain(|debt| debt.until > now);
+        if known.is_empty() {
             self.any.store(false, Ordering::Release);
-            return None;
         }
-        let debt = newest.as_ref()?;
-        (debt.authorization.as_ref() == authorization).then(|| debt.clone())
+        let mut of_queue = known.iter().filter(|debt| &*debt.queue == queue);
+        of_queue.find_map(|debt| match &debt.debtor {
+            Debtor::Address => Some(connected),
+            Debtor::Key(header, client) => (Some(header) == authorization).then_some(*client),
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
+    fn client(own: u64) -> ClientId {
+        ClientId {
+            group: own,
+            own,
+            share: 1,
+        }
+    }
+
     #[test]
-    fn a_debt_is_that_of_its_client_and_ends() {
+    fn a_debt_is_that_of_its_key_and_queue_and_ends() {
         let debts = Debts::default();
         let (key, other) = (
             HeaderValue::from_static("Bearer a"),
             HeaderValue::from_static("Bearer b"),
         );
         let now = Instant::now();
-        assert!(debts.of(Some(&key), now).is_none());
-        let client = ClientId {
-            group: 3,
-            own: 3,
-            share: 1,
-        };
-        debts.add(client, Some(&key), "human", Duration::from_secs(5));
-        let debt = debts.of(Some(&key), now).unwrap();
-        assert_eq!((&*debt.queue, debt.client), ("human", client));
-        assert!(debts.of(Some(&other), now).is_none() && debts.of(None, now).is_none());
-        let later = now + Duration::from_secs(6);
-        assert!(debts.of(Some(&key), later).is_none());
+        let of = |header, queue, now| debts.of(header, client(1), queue, now);
+        assert_eq!(of(Some(&key), "human", now), None);
+        let until = now + Duration::from_secs(5);
+        debts.add(Debtor::Key(key.clone(), client(3)), "human", until);
+        assert_eq!(of(Some(&key), "human", now), Some(client(3)));
+        assert_eq!(of(Some(&other), "human", now), None);
+        assert_eq!(of(None, "human", now), None);
+        assert_eq!(of(Some(&key), "g1", now), None);
+        assert!(!debts.is_empty());
+        assert_eq!(of(Some(&key), "human", until), None);
+        assert!(debts.is_empty());
+    }
+
+    #[test]
+    fn without_keys_all_callers_of_an_address_owe_whatever_their_headers_say() {
+        let debts = Debts::default();
+        let now = Instant::now();
+        debts.add(Debtor::Address, "human", now + Duration::from_secs(5));
+        let made_up = HeaderValue::from_static("Bearer made-up");
+        for header in [None, Some(&made_up)] {
+            assert_eq!(debts.of(header, client(7), "human", now), Some(client(7)));
+        }
+    }
+
+    #[test]
+    fn the_newest_debts_are_kept() {
+        let debts = Debts::default();
+        let now = Instant::now();
+        for queue in 0..40u64 {
+            let until = now + Duration::from_secs(1 + queue);
+            debts.add(Debtor::Address, &queue.to_string(), until);
+        }
+        let kept: Vec<u64> = (0..40)
+            .filter(|queue| debts.of(None, client(1), &queue.to_string(), now).is_some())
+            .collect();
+        assert_eq!(kept, Vec::from_iter(24..40));
     }
 }

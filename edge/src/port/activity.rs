@@ -18,7 +18,7 @@ use tokio::sync::Notify;
 use tokio::time::{Instant, sleep, sleep_until};
 use tower::Service;
 
-use super::early::Early;
+use super::early::{Begun, Early};
 use super::slots::ConnectionSlot;
 use crate::clients::{Client, Resets};
 
@@ -220,7 +220,7 @@ impl Watched {
 impl<B> Service<Request<B>> for Watched
 where
     B: HttpBody<Data = Bytes> + Send + Unpin + 'static,
-    B::Error: Into<axum::BoxError>,
+    B::Error: Into<axum::BoxError> + Send + Unpin,
 {
     type Response = Response<CallBody<Body>>;
     type Error = Infallible;
@@ -230,26 +230,45 @@ where
         Service::<Request<B>>::poll_ready(&mut self.router, context)
     }
 
-    fn call(&mut self, mut request: Request<B>) -> Self::Future {
+    fn call(&mut self, request: Request<B>) -> Self::Future {
         let can_be_reset = request.version() == Version::HTTP_2 && request.method() != Method::HEAD;
         let call = Call::begin(&self.activity, &self.client, can_be_reset);
+        let (parts, body) = request.into_parts();
         let early = self.early.as_ref();
-        if let Some(response) = early.and_then(|early| early.refused(&request, &self.client)) {
-            call.serve();
-            return Box::pin(async move {
-                discard(request.into_body());
-                Ok(response.map(|body| CallBody::of_answer(body, call)))
-            });
-        }
-        request.extensions_mut().insert(self.client.clone());
-        let answer = self
-            .router
-            .call(request.map(|body| CallBody::of_request(body, call.clone())));
+        let Some(early) = early.filter(|early| early.looks_at(&parts, &self.client)) else {
+            let request = Request::from_parts(parts, Begun::unread(body));
+            return Box::pin(serve(&mut self.router, request, &self.client, call));
+        };
+        let (early, client, mut router) = (early.clone(), self.client.clone(), self.router.clone());
         Box::pin(async move {
-            let response = answer.await?;
-            call.serve();
-            Ok(response.map(|body| CallBody::of_answer(body, call)))
+            let body = Begun::read(body).await;
+            if let Some(response) = early.refused(&parts, body.begin(), &client) {
+                call.serve();
+                discard(body);
+                return Ok(response.map(|body| CallBody::of_answer(body, call)));
+            }
+            serve(&mut router, Request::from_parts(parts, body), &client, call).await
         })
+    }
+}
+
+/// Has the routes answer a client's call.
+fn serve<B>(
+    router: &mut Router,
+    mut request: Request<B>,
+    client: &Arc<Client>,
+    call: Arc<Call>,
+) -> impl Future<Output = Result<Response<CallBody<Body>>, Infallible>> + Send + use<B>
+where
+    B: HttpBody<Data = Bytes> + Send + Unpin + 'static,
+    B::Error: Into<axum::BoxError>,
+{
+    request.extensions_mut().insert(client.clone());
+    let answer = router.call(request.map(|body| CallBody::of_request(body, call.clone())));
+    async move {
+        let response = answer.await?;
+        call.serve();
+        Ok(response.map(|body| CallBody::of_answer(body, call)))
     }
 }
 

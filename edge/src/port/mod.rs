@@ -9,7 +9,7 @@ mod slots;
 mod tls;
 
 pub use connections::{ConnectionLimits, Port, Routes, accept};
-pub use early::{Early, Head};
+pub use early::{Early, Head, Refuse};
 pub use files::{TooFewFiles, max_connections};
 pub use listen::Listen;
 pub use slots::ConnectionSlots;

@@ -55,7 +55,8 @@ const DROPPED_EVENTS: Metric = Metric::new(
 );
 const PRESSURE: Metric = Metric::new(
     "troupe_crowd_pressure",
-    "Stretch of the intervals and lengths of plans under load: 0 none, 1 to a plan a second, 2 the maximum",
+    "Stretch of the intervals and lengths of plans of the client whose plans are slowest: 0 none, 1 to a plan a \
+     second, 2 the maximum",
 );
 const PLAN_INTERVAL: Metric = Metric::new(
     "troupe_plan_interval_frames",

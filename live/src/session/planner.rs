@@ -15,6 +15,7 @@ use super::performer;
 use super::wants::{Patience, Wants};
 use troupe_base::turns::Turns;
 use troupe_batch::{Order, Served, SubmitError};
+use troupe_character::live::load::ClientLoad;
 use troupe_character::live::{
     Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, PathItem, Pins, PlanFailed, PlanItem, PlanRequest,
     finish_live,
@@ -40,12 +41,13 @@ pub fn serve(cell: &Arc<SessionCell>, wants: Wants, patience: Patience) {
 /// Requests a plan for a character, hands it over and wakes the session's owner. Returns at once.
 pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let asked = Instant::now();
-    let awaited = Awaited::new(cell.clone(), request.number);
+    let turns = Turns::current();
+    let load = cell.pack().load.of(turns.client().own);
+    let awaited = Awaited::new(cell.clone(), load.clone(), request.number);
     let cell = cell.clone();
     let deadline = deadline(&cell, &request);
     let task = task(cell.pack(), request.item);
     let (shape, pins) = (request.shape, request.pins);
-    let turns = Turns::current();
     // On a stream, a plan enters the queue now, so the order is that of the calls. Its task may run
     // later.
     let entered = match patience {
@@ -62,7 +64,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
             Err((task, turns)) => step_plan(&cell, task, deadline, &turns).await,
         };
         if let Ok(served) = &result {
-            cell.pack().load.measured(asked.elapsed(), served.work);
+            load.measured(asked.elapsed(), served.work);
             cell.pack().loaded.metrics.trace_plan(asked, served);
         }
         let plan = result
@@ -134,15 +136,17 @@ fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
 /// answer. Then the plan fails, and the character requests another.
 struct Awaited {
     cell: Arc<SessionCell>,
+    load: Arc<ClientLoad>,
     number: u64,
     answered: bool,
 }
 
 impl Awaited {
-    fn new(cell: Arc<SessionCell>, number: u64) -> Self {
-        cell.pack().load.asked();
+    fn new(cell: Arc<SessionCell>, load: Arc<ClientLoad>, number: u64) -> Self {
+        load.asked();
         Self {
             cell,
+            load,
             number,
             answered: false,
         }
@@ -154,7 +158,7 @@ impl Awaited {
 
     fn answer(&mut self, plan: Result<LivePlan, SubmitError>) {
         self.answered = true;
-        self.cell.pack().load.answered();
+        self.load.answered();
         arrived(&self.cell, self.number, plan);
     }
 }
@@ -253,7 +257,7 @@ mod tests {
             cell.settle(&mut live).plan.map(|request| request.number)
         };
         let number = asks().unwrap();
-        let awaited = Awaited::new(cell.clone(), number);
+        let awaited = Awaited::new(cell.clone(), cell.pack().load.of(1), number);
         assert_eq!(cell.pack().load.waiting(), 1);
         let task = tokio::spawn(async move {
             let _awaited = awaited;
@@ -276,7 +280,7 @@ mod tests {
     async fn a_plan_replaced_by_a_newer_one_is_no_failure() {
         let setup = Setup::new(1).await;
         let cell = setup.cell("a");
-        let awaited = Awaited::new(cell.clone(), 7);
+        let awaited = Awaited::new(cell.clone(), cell.pack().load.of(1), 7);
         awaited.arrived(Err(SubmitError::Superseded));
         assert!(cell.live().trouble.is_none());
         assert_eq!(cell.live().character.stats().failed_plans, 0);

@@ -78,7 +78,11 @@ impl Motion for MotionApi {
     ) -> Result<Response<v1::InBetweenResponse>, Status> {
         let service = ours(&self.0, &request).await?;
         let client = request.extensions().get::<Arc<Client>>().cloned();
-        answer(early::in_between(&service, client.as_ref(), request.into_inner()).await)
+        let request = request.into_inner();
+        let pack = request.pack.clone();
+        let made = service.in_between(request).await;
+        early::note(client.as_ref(), &pack, made.as_ref().err());
+        answer(made)
     }
 
     type GenerateStream = PartStream<v1::GenerateResponse>;
@@ -87,7 +91,10 @@ impl Motion for MotionApi {
         &self,
         request: Request<v1::GenerateRequest>,
     ) -> Result<Response<Self::GenerateStream>, Status> {
-        parts(ours(&self.0, &request).await?.generate(request.get_ref()))
+        let answer = ours(&self.0, &request).await?.generate(request.get_ref());
+        let client = request.extensions().get::<Arc<Client>>();
+        early::note(client, &request.get_ref().pack, answer.as_ref().err());
+        parts(answer)
     }
 
     type DescribeStream = PartStream<v1::DescribeResponse>;
@@ -96,7 +103,10 @@ impl Motion for MotionApi {
         &self,
         request: Request<v1::DescribeRequest>,
     ) -> Result<Response<Self::DescribeStream>, Status> {
-        parts(ours(&self.0, &request).await?.describe(request.get_ref()))
+        let answer = ours(&self.0, &request).await?.describe(request.get_ref());
+        let client = request.extensions().get::<Arc<Client>>();
+        early::note(client, &request.get_ref().pack, answer.as_ref().err());
+        parts(answer)
     }
 
     async fn list_packs(

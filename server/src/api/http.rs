@@ -146,7 +146,10 @@ pub(super) async fn in_between(
     Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::InBetweenRequest>,
 ) -> Result<Response, ApiError> {
-    let answer = early::in_between(&service, Some(&client), request).await?;
+    let pack = request.pack.clone();
+    let answer = service.in_between(request).await;
+    early::note(Some(&client), &pack, answer.as_ref().err());
+    let answer = answer?;
     json::written(move || answer).await
 }
 

@@ -15,7 +15,7 @@ use tonic::Code;
 use tonic_types::StatusExt as _;
 use troupe_proto::v1;
 
-use crate::common::attacks::{answer, begin};
+use crate::common::attacks::{self, answer};
 use crate::common::calls::{ids, open, step, stepped, walk};
 use crate::common::{TestServer, framed, request};
 
@@ -341,56 +341,59 @@ async fn full_server(packs: &[&str]) -> (TestServer, Vec<tokio::task::JoinHandle
     (server, waiting)
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_debt_refuses_no_call_that_another_pack_may_have_room_for() {
-    let (server, waiting) = full_server(&["toy"]).await;
-    let path = "/v1/inbetween";
-    let body = serde_json::to_vec(&request(1)).unwrap();
-    let mut stream = begin(&server, path, body.len(), &body).await;
-    let refused = answer(&mut stream).await;
-    assert!(refused.starts_with("HTTP/1.1 429 "), "{refused}");
-    // The head does not say which pack the call is for, so its body is read.
+/// Sends the head of a call with a body of 1,000 bytes, and the beginning of the body. Gives its
+/// answer, if it comes before the rest.
+async fn answer_to_beginning(server: &TestServer, path: &str, begin: &str) -> Option<String> {
     let head = format!(
-        "POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 1000\r\n\r\n"
+        "POST {path} HTTP/1.1\r\nhost: localhost\r\nx-request-id: again\r\nauthorization: Bearer made-up\r\n\
+         content-type: application/json\r\ncontent-length: 1000\r\n\r\n{begin}"
     );
+    let mut stream = server.tcp().await;
     stream.write_all(head.as_bytes()).await.unwrap();
-    let silent = tokio::time::timeout(Duration::from_millis(200), answer(&mut stream)).await;
-    assert!(silent.is_err(), "{silent:?}");
-    server.gate.open();
-    for call in waiting {
-        call.await.unwrap();
-    }
+    let answer = tokio::time::timeout(Duration::from_millis(300), answer(&mut stream));
+    answer.await.ok()
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_client_with_a_debt_is_refused_before_its_call_is_read() {
-    let (server, waiting) = full_server(&["toy", "other"]).await;
+    let (server, waiting) = full_server(&["toy"]).await;
     let path = "/v1/inbetween";
-    // A whole call first: its client gets a hint, and so a debt.
-    let body = serde_json::to_vec(&request(1)).unwrap();
-    let mut stream = begin(&server, path, body.len(), &body).await;
+    let begin = r#"{"pack": "toy", "characters": ["#;
+    let heard_out = answer_to_beginning(&server, path, begin).await;
+    assert_eq!(heard_out, None, "a client without a debt");
+    // A whole call: its client gets a hint, and so a debt.
+    let call = || v1::InBetweenRequest {
+        pack: "toy".to_owned(),
+        ..request(1)
+    };
+    let body = serde_json::to_vec(&call()).unwrap();
+    let mut stream = attacks::begin(&server, path, body.len(), &body).await;
     let refused = answer(&mut stream).await;
     assert!(
         refused.starts_with("HTTP/1.1 429 ") && refused.contains("QUEUE_FULL"),
         "{refused}"
     );
-    // On the same connection, only the head of a call is needed.
-    let head = format!(
-        "POST {path} HTTP/1.1\r\nhost: localhost\r\nx-request-id: again\r\ncontent-type: application/json\r\ncontent-length: 1000\r\n\r\n"
-    );
-    stream.write_all(head.as_bytes()).await.unwrap();
-    let again = answer(&mut stream).await;
-    assert!(
-        again.starts_with("HTTP/1.1 429 ") && again.contains("QUEUE_FULL"),
-        "{again}"
-    );
-    for header in ["x-request-id: again", "retry-after: "] {
-        assert!(again.contains(header), "{again}");
+    // On any connection of its address, and with any made-up key, the beginning of a call is
+    // enough. Other procedures of the pack have the same queue.
+    for path in [path, "/v1/generate", "/v1/describe"] {
+        let again = answer_to_beginning(&server, path, begin).await.unwrap();
+        assert!(
+            again.starts_with("HTTP/1.1 429 ") && again.contains("QUEUE_FULL"),
+            "{again}"
+        );
+        for header in ["x-request-id: again", "retry-after: "] {
+            assert!(again.contains(header), "{again}");
+        }
     }
-    // A client without a debt is heard out.
-    let mut other = begin(&server, path, 1000, b"").await;
-    let silent = tokio::time::timeout(Duration::from_millis(200), answer(&mut other)).await;
-    assert!(silent.is_err(), "{silent:?}");
+    let begin_of_mmcp = r#"{"model": "toy", "segments": ["#;
+    let again = answer_to_beginning(&server, "/generate", begin_of_mmcp)
+        .await
+        .unwrap();
+    assert!(again.contains("retry_after_ms"), "{again}");
+    // A call for another pack is heard out, and one that does not say for which it is.
+    for begin in [r#"{"pack": "other", "#, r#"{"characters": ["#, ""] {
+        assert_eq!(answer_to_beginning(&server, path, begin).await, None, "{begin}");
+    }
 
     // Over gRPC the details are the same, and the client is served when the queue has room.
     let mut client = server.grpc().await;

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::sync::{Arc, Weak};
 use std::time::Instant;
 
+use troupe_base::turns::Turns;
 use troupe_proto::v1;
 
 use crate::session::LivePack;
@@ -18,6 +19,7 @@ use crate::session::{Registry, TimeSource, events};
 use crate::session::{SessionError, SessionProblem};
 use troupe_character::Path;
 use troupe_character::live::budget::{self, MIDDLE_PRIORITY};
+use troupe_character::live::load::ClientLoad;
 use troupe_character::live::{Clock, FrameOut, Strain};
 
 /// A session on the stream, which owns it.
@@ -40,7 +42,7 @@ pub struct Roster {
     next_slot: u32,
     /// Sorted by slot.
     members: Vec<Member>,
-    packs: Vec<Arc<LivePack>>,
+    packs: Vec<(Arc<LivePack>, Arc<ClientLoad>)>,
     /// The watchers of the stream.
     audience: Weak<Audience>,
     out: FrameOut,
@@ -107,9 +109,13 @@ impl Roster {
         form.check(&Path::root().field("open"), cell.pack().rig())?;
         let held = cell.take(Owner::Drive, &field)?;
         cell.show_to(self.audience.clone());
-        let known = self.packs.iter().position(|pack| Arc::ptr_eq(pack, cell.pack()));
+        let known = self
+            .packs
+            .iter()
+            .position(|(pack, _)| Arc::ptr_eq(pack, cell.pack()));
         let pack = known.unwrap_or_else(|| {
-            self.packs.push(cell.pack().clone());
+            let load = cell.pack().load.of(Turns::current().client().own);
+            self.packs.push((cell.pack().clone(), load));
             self.packs.len() - 1
         });
         let slot = self.next_slot;
@@ -174,7 +180,12 @@ impl Roster {
             let wants = {
                 let mut live = cell.live();
                 priorities += live.priority;
-                let strain = strain(pack, budget::own_priority(live.priority, self.mean_priority));
+                let load = &self.packs[member.pack].1;
+                let strain = strain(
+                    pack,
+                    load,
+                    budget::own_priority(live.priority, self.mean_priority),
+                );
                 live.character.under_load(strain);
                 live.character.advance(sub_frames, Clock::Runs);
                 live.character.sample(&mut self.out);
@@ -214,16 +225,18 @@ impl Roster {
     /// Updates the measured load of the packs, if it is time to.
     fn read_load(&self) {
         let now = Instant::now();
-        for pack in &self.packs {
-            if let Some(pressure) = pack.load.read(now, pack.loaded.batcher.workers()) {
-                pack.metrics.pressed(pressure);
+        for (pack, load) in &self.packs {
+            let workers = pack.loaded.batcher.workers();
+            load.read(now, workers);
+            if let Some(highest) = pack.load.read(now, workers) {
+                pack.metrics.pressed(highest);
             }
         }
     }
 
     /// Number of sessions on the stream, for each pack that ever had one on it.
     pub fn counts(&self) -> Vec<(Arc<LivePack>, usize)> {
-        let mut counts: Vec<_> = self.packs.iter().map(|pack| (pack.clone(), 0)).collect();
+        let mut counts: Vec<_> = self.packs.iter().map(|(pack, _)| (pack.clone(), 0)).collect();
         for member in &self.members {
             counts[member.pack].1 += 1;
         }
@@ -231,9 +244,9 @@ impl Roster {
     }
 }
 
-/// The load on the networks, as a character of this priority must plan for it.
-fn strain(pack: &LivePack, priority: f32) -> Strain {
-    let (load, fps) = (&pack.load, pack.rig().fps);
+/// The load of the stream's client, as a character of this priority must plan for it.
+fn strain(pack: &LivePack, load: &ClientLoad, priority: f32) -> Strain {
+    let fps = pack.rig().fps;
     Strain {
         expected_frames: load.expected_frames(pack.loaded.batcher.workers(), fps),
         lead_frames: load.lead_frames(fps),

@@ -10,11 +10,13 @@ use http::header;
 use serde_json::Value;
 
 use super::json::{self, BodyLimits};
+use crate::api::early;
 use crate::api::error::ApiError;
 use crate::api::ours::Ours;
 use crate::mmcp::limits::MAX_REQUEST_BYTES;
-use crate::mmcp::{Capabilities, Reply, RequestOrBatch};
+use crate::mmcp::{Capabilities, Failure, Reply, RequestOrBatch};
 use troupe_base::offload::offload;
+use troupe_edge::clients::Client;
 use troupe_service::{Service, ServiceError};
 
 /// Content type of the answer to a single request.
@@ -74,8 +76,17 @@ pub(crate) async fn capabilities(
         content_type = "model/gltf+json",
     )),
 )]
-pub(crate) async fn generate(Ours(service): Ours, Call(body): Call) -> Result<Response, ApiError> {
-    match crate::mmcp::generate(&service, body).await? {
+pub(crate) async fn generate(
+    Ours(service): Ours,
+    Extension(client): Extension<Arc<Client>>,
+    Call(body): Call,
+) -> Result<Response, ApiError> {
+    let model = body.0.get("model").and_then(Value::as_str).map(str::to_owned);
+    let made = crate::mmcp::generate(&service, body).await;
+    if let (Some(model), Err(Failure::Service(error))) = (model, &made) {
+        early::note(Some(&client), &model, Some(error));
+    }
+    match made? {
         Reply::One(document) => Ok(([(header::CONTENT_TYPE, GLTF)], document).into_response()),
         Reply::Many(results) => {
             // The answer may be large. Errors in it name the request.

@@ -1,7 +1,9 @@
 //! `POST /v1/generate` and `POST /v1/describe`: the parts of an answer as lines of JSON.
 
 use std::convert::Infallible;
+use std::sync::Arc;
 
+use axum::Extension;
 use axum::body::Body;
 use axum::response::{IntoResponse as _, Response};
 use bytes::Bytes;
@@ -10,8 +12,10 @@ use serde::Serialize;
 use troupe_proto::v1;
 
 use super::json::JsonBody;
+use crate::api::early;
 use crate::api::error::ApiError;
 use crate::api::ours::Ours;
+use troupe_edge::clients::Client;
 use troupe_service::{ServiceError, Streamed};
 
 /// Content type of the answer: one JSON value per line.
@@ -37,9 +41,12 @@ const LINES: &str = "application/x-ndjson";
 )]
 pub(crate) async fn generate(
     Ours(service): Ours,
+    Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::GenerateRequest>,
 ) -> Result<Response, ApiError> {
-    lines(service.generate(&request)?).await
+    let answer = service.generate(&request);
+    early::note(Some(&client), &request.pack, answer.as_ref().err());
+    lines(answer?).await
 }
 
 /// Describe a motion in words, or as audio that goes with it
@@ -62,9 +69,12 @@ pub(crate) async fn generate(
 )]
 pub(crate) async fn describe(
     Ours(service): Ours,
+    Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::DescribeRequest>,
 ) -> Result<Response, ApiError> {
-    lines(service.describe(&request)?).await
+    let answer = service.describe(&request);
+    early::note(Some(&client), &request.pack, answer.as_ref().err());
+    lines(answer?).await
 }
 
 /// An answer with one part per line.
