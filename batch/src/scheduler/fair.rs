@@ -61,8 +61,8 @@ impl<K: Copy + Ord, T: Default> Fair<K, T> {
         self.working.len()
     }
 
-    /// The keys with work in their order, and by how much the virtual time of each is less than that
-    /// of the next; none for the last.
+    /// The keys with work in their order, and by how much the virtual time of each is less than
+    /// that of the next; none for the last.
     pub(super) fn in_order(&self) -> impl Iterator<Item = (K, Option<u64>)> {
         let mut keys = self.working.iter().peekable();
         std::iter::from_fn(move || {

@@ -150,8 +150,8 @@ impl Line {
         }
     }
 
-    /// The next request of a client that `may_go`, and how many of its characters may go before those
-    /// of other clients.
+    /// The next request of a client that `may_go`, and how many of its characters may go before
+    /// those of other clients.
     fn next(
         &self,
         order: impl Fn(RequestId) -> Option<Order>,
