@@ -63,7 +63,7 @@ use super::order::{Class, Order};
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
 
-/// A client calls for little if the work that it has waiting is at most this part of
+/// A client calls for little if its work that waits or is with workers is at most this part of
 /// [`Limits::shared_batch_time`], or a single character.
 const SMALL_PART: u64 = 4;
 
@@ -183,10 +183,10 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
-        let waiting = self.queue.work_of(&order);
-        let has = waiting + order.cost() * characters as u64;
-        let is_small = (waiting == 0 && characters == 1)
-            || has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
+        let open = self.queue.open_work_of(&order);
+        let has = open + order.cost() * characters as u64;
+        let is_small =
+            (open == 0 && characters == 1) || has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
         self.callers.came(now, &order, is_small);
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);

@@ -81,7 +81,7 @@ pub(super) struct Model {
     nows: BTreeMap<(Class, Option<u64>), u64>,
     /// Clients and groups that had something ready.
     working: BTreeSet<Name>,
-    /// The clients of all requests, whether they had little waiting, and whether it was a call.
+    /// The clients of all requests, whether they had little open, and whether it was a call.
     arrivals: Vec<(ClientId, bool, bool)>,
     /// When the latest call came.
     called: Option<Instant>,
@@ -310,9 +310,15 @@ impl Model {
                 .filter(of_client)
                 .map(Known::work_left)
                 .sum();
-            let has = waiting + u64::from(order.work) * characters as u64;
+            let held = self.workers.iter().flat_map(|worker| &worker.held);
+            let held = held.filter(|held| of_client(&&self.requests[&held.request]));
+            let running: u64 = held
+                .map(|held| held.characters as u64 * u64::from(self.requests[&held.request].order.work))
+                .sum();
+            let open = waiting + running;
+            let has = open + u64::from(order.work) * characters as u64;
             let is_small =
-                (waiting == 0 && characters == 1) || has <= self.within(self.limits.shared_batch_time)[0] / 4;
+                (open == 0 && characters == 1) || has <= self.within(self.limits.shared_batch_time)[0] / 4;
             let is_call = order.class == Class::Request;
             self.arrivals.push((order.client, is_small, is_call));
             if is_call {

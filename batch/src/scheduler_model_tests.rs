@@ -82,7 +82,7 @@ fn some_limits() -> impl Strategy<Value = Limits> {
         call_rows,
         0usize..40,
         0u64..400,
-        (ms(), ms()),
+        (ms(), prop_oneof![Just(0u64), 1u64..20]),
         ms(),
         0usize..6,
     )

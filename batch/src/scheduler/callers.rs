@@ -11,7 +11,7 @@ use crate::order::{Class, Order};
 /// Weight of the latest call in the measured shares.
 const WEIGHT: f32 = 1.0 / 32.0;
 /// Share of small calls above which they count. A client that sends its next large call after each
-/// answer has little waiting for a moment, so single small calls say nothing.
+/// answer has little open work for a moment, so single small calls say nothing.
 const MIN_SHARE: f32 = 1.0 / 16.0;
 /// Without a call for so long, none is expected.
 const MEMORY: Duration = Duration::from_secs(3);
@@ -30,8 +30,8 @@ pub(super) struct Callers {
 }
 
 impl Callers {
-    /// A request came. It is small if its client has little of its class waiting, or only this one
-    /// character.
+    /// A request came. It is small if its client has little open work of its class, or only this
+    /// one character.
     pub(super) fn came(&mut self, now: Instant, order: &Order, is_small: bool) {
         let client = order.client;
         if !is_small {

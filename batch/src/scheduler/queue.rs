@@ -1,5 +1,6 @@
 //! The queue: waiting requests in their order, and the plans of each owner.
 
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
@@ -51,10 +52,8 @@ struct Owner {
 /// The part of a request that is with workers.
 #[derive(Debug)]
 struct Running {
-    owner: Option<OwnerId>,
+    order: Order,
     characters: usize,
-    /// Work of one character.
-    cost: u64,
 }
 
 /// The clients of an address, or a key alone.
@@ -240,6 +239,8 @@ pub(super) struct Queue {
     owners: HashMap<OwnerId, Owner>,
     /// The requests with characters on workers.
     running: HashMap<RequestId, Running>,
+    /// Work of these characters, by class and client.
+    running_work: HashMap<(Class, ClientId), u64>,
 }
 
 impl Queue {
@@ -339,6 +340,12 @@ impl Queue {
         let mut others = requests.filter(|request| !without.contains(request));
         let unstarted = others.clone().find(|request| !started(request));
         unstarted.or_else(|| others.next())
+    }
+
+    /// Work of a client that waits or is with workers, in the class of an order.
+    pub(super) fn open_work_of(&self, order: &Order) -> u64 {
+        let running = self.running_work.get(&(order.class, order.client));
+        self.work_of(order) + running.copied().unwrap_or_default()
     }
 
     /// Waiting work of a client, in the class of an order.
@@ -458,12 +465,12 @@ impl Queue {
             }
             owner.active = Some(request);
         }
-        let running = self.running.entry(request).or_insert(Running {
-            owner: order.owner,
-            characters: 0,
-            cost: order.cost(),
-        });
+        let running = self
+            .running
+            .entry(request)
+            .or_insert(Running { order, characters: 0 });
         running.characters += characters;
+        *(self.running_work.entry((class, order.client))).or_default() += work;
         Some(Take::Slice {
             slice,
             client: order.client,
@@ -493,10 +500,17 @@ impl Queue {
         };
         let characters = characters.min(running.characters);
         running.characters -= characters;
-        let work = running.cost * characters as u64;
-        let owner = running.owner;
+        let order = running.order;
+        let work = order.cost() * characters as u64;
+        let owner = order.owner;
         if running.characters == 0 {
             self.running.remove(&request);
+        }
+        if let Entry::Occupied(mut of_client) = self.running_work.entry((order.class, order.client)) {
+            *of_client.get_mut() -= work;
+            if *of_client.get() == 0 {
+                of_client.remove();
+            }
         }
         if let Some(owner) = owner {
             self.release(owner);
