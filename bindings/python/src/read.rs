@@ -9,7 +9,7 @@ use troupe_motion::glb::animation_names;
 use troupe_motion::read as reader;
 
 use crate::clip::Clip;
-use crate::errors::refused;
+use crate::errors::{refused, wrong};
 use crate::files::{File, at};
 use crate::options::options;
 
@@ -57,6 +57,20 @@ impl Agreement {
 
 #[pymethods]
 impl Agreement {
+    /// What `__getnewargs__` gives: an agreement goes to other processes.
+    #[new]
+    fn new(agreement: &str, refused: BTreeMap<String, String>) -> PyResult<Self> {
+        Ok(Self {
+            agreement: serde_json::from_str(agreement).map_err(wrong)?,
+            refused,
+        })
+    }
+
+    fn __getnewargs__(&self) -> PyResult<(String, BTreeMap<String, String>)> {
+        let agreement = serde_json::to_string(&self.agreement).map_err(wrong)?;
+        Ok((agreement, self.refused.clone()))
+    }
+
     #[getter]
     fn up(&self) -> Option<&'static str> {
         self.agreement.up().map(reader::Up::name)

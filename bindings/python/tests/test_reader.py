@@ -1,7 +1,9 @@
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
+
 import troupe_reader
 
 BVH = """HIERARCHY
@@ -62,6 +64,8 @@ def test_a_survey_notes_what_it_cannot_read(tmp_path: Path):
     agreement = troupe_reader.survey(tmp_path)
     assert list(agreement.refused) == [str(tmp_path / "wrong.bvh")]
     assert agreement.up is None and agreement.unit_m is None
+    again = pickle.loads(pickle.dumps(agreement))
+    assert again.refused == agreement.refused and again.up is None
 
 
 def test_world_and_resampling_of_arrays():

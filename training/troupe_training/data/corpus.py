@@ -144,6 +144,7 @@ def _rig_name(path: Path) -> str:
 def _from_files(one: Wanted, reader: MotionSource, workers: int) -> Made:
     """A folder of BVH or CSV files, which share a skeleton."""
     files = files_of(one.source, reader, None)
+    reader.survey(files)
     with ProcessPoolExecutor(workers) as pool:
         results = pool.map(partial(load_file, source=reader), files, chunksize=1 + len(files) // (16 * workers))
         loaded = list(tqdm(results, total=len(files), desc=one.name))
