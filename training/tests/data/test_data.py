@@ -42,7 +42,7 @@ def test_bvh_errors_say_where(tmp_path: Path, bvh_folder: Path):
     text = (bvh_folder / "walk_00.bvh").read_text()
     for broken, message in (
         (text.replace("MOTION", "NOTION"), 'expected .*MOTION.*, found "NOTION"'),
-        (text.rsplit("\n", 2)[0] + "\n", "frames are declared"),
+        ("\n".join(text.split("\n")[:-6]) + "\n", "frames are declared"),
         (text.replace("Frame Time:", "Frame Rate:"), "line .*Time"),
     ):
         path = tmp_path / "x.bvh"
@@ -110,6 +110,14 @@ def test_keyframe_masks_keep_to_zero_to_ten_and_vary():
     assert len(np.unique(counts)) == 11
     as_served = mask[:, :4].min(-1).values == 1
     assert 0.5 < as_served.float().mean() < 0.8
+
+
+def test_a_number_of_frames_that_is_one_off_is_put_right(tmp_path: Path, bvh_folder: Path):
+    text = (bvh_folder / "walk_00.bvh").read_text()
+    path = tmp_path / "x.bvh"
+    path.write_text(text.rsplit("\n", 2)[0] + "\n")
+    report = BvhSource().load(path).report
+    assert report is not None and [note["topic"] for note in report["repairs"]].count("frames") == 1
 
 
 def test_slot_masks_always_give_the_context_root():

@@ -127,5 +127,5 @@ def test_gaits_without_stance_are_left_out_and_listed(rig_file: Path, tmp_path: 
 def test_other_files_are_refused(tmp_path: Path):
     path = tmp_path / "a.glb"
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12))
-    with pytest.raises(ReadError, match=r"a\.glb: |glTF"):
+    with pytest.raises(ReadError, match=r"a\.glb: "):
         read_glb(path)
