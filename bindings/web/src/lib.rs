@@ -1,7 +1,7 @@
 //! The reader of `troupe-motion` for the viewer, as WebAssembly.
 //!
-//! Options come as JSON, and so does the report. Axes are Troupe's; quaternions are (x, y, z, w), as
-//! three.js has them.
+//! Options come as JSON, and so does the report. Axes are Troupe's. Quaternions are (x, y, z, w),
+//! as three.js has them.
 
 mod options;
 
