@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import troupe_reader
+from troupe_reader.options import FileOptions
 from troupe_training.data.clips import Clip, ClipError, FileMotion, skeleton_of
 from troupe_training.data.reader import file_motion
 from troupe_training.data.sides import side_pairs
@@ -20,22 +21,29 @@ class BvhSource:
 
     suffix = ".bvh"
 
-    def __init__(self, contact_names: list[str] | None = None, scale: float | None = None):
+    def __init__(
+        self, contact_names: list[str] | None = None, scale: float | None = None, given: FileOptions | None = None
+    ):
         self.contact_names = contact_names
         self.scale = scale
+        self._given: FileOptions = given or {}
         self._agreement: troupe_reader.Agreement | None = None
 
     def options(self) -> dict[str, Any]:
         """Options that the result depends on besides the files. Caches with others are made again."""
-        return {"contact_joints": self.contact_names, "scale": self.scale}
+        return {"contact_joints": self.contact_names, "scale": self.scale, **self._given}
 
     def survey(self, files: Sequence[Path]) -> None:
         """Finds what all files show, for those that leave it open."""
-        self._agreement = troupe_reader.survey(files, unit=self.scale)
+        self._agreement = troupe_reader.survey(files, **self._reading())
 
     def load(self, path: Path) -> FileMotion:
         """Reads one file. Raises `ValueError` with the reason if it cannot be used."""
-        return file_motion(troupe_reader.read(path, name=path.name, unit=self.scale, agreement=self._agreement))
+        options: FileOptions = {"agreement": self._agreement, **self._reading()}
+        return file_motion(troupe_reader.read(path, name=path.name, **options))
+
+    def _reading(self) -> FileOptions:
+        return {"unit": self.scale, **self._given} if self.scale is not None else self._given
 
     def skeleton(self, names: list[str], parents: list[int], offsets: np.ndarray, clips: list[Clip]) -> Skeleton:
         """The skeleton with the usual offsets; its left axis points from the right hip to the left one."""

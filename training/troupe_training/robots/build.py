@@ -12,12 +12,13 @@ from troupe_training.robots.robot import Hinge, Robot, RobotError
 EndEffector = tuple[str, str, tuple[float, float, float]]
 
 
-def describe(path: Path, end_effectors: Sequence[str] = ()) -> troupe_reader.RobotDescription:
+def describe(path: Path, end_effectors: Sequence[str] = (), legs: Sequence[str] = ()) -> troupe_reader.RobotDescription:
     """What a file describes. ``end_effectors`` are ``NAME=JOINT:x,y,z``, metres in the file's frame of that joint's link.
 
-    They add to or replace those found from the sole and the hands. Raises `ValueError` with the joint and the option.
+    They add to or replace those found from the sole and the hands. ``legs`` are the last hinges of the legs, left before
+    right, if the names do not show them. Raises `ValueError` with the joint and the option.
     """
-    return troupe_reader.read_robot(path, end_effectors=[_end_effector(text) for text in end_effectors])
+    return troupe_reader.read_robot(path, legs=legs, end_effectors=[_end_effector(text) for text in end_effectors])
 
 
 def build_robot(description: troupe_reader.RobotDescription, contacts: list[str] | None = None) -> Robot:

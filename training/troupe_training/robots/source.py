@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import troupe_reader
+from troupe_reader.options import FileOptions
 from troupe_training.data.clips import Clip, FileMotion, skeleton_of
 from troupe_training.data.conventions import FPS
 from troupe_training.data.reader import file_motion
@@ -23,11 +24,18 @@ class RobotSource:
     suffix = ".csv"
 
     def __init__(
-        self, urdf: Path, end_effectors: Sequence[str] = (), contact_names: list[str] | None = None, fps: float = FPS
+        self,
+        urdf: Path,
+        end_effectors: Sequence[str] = (),
+        contact_names: list[str] | None = None,
+        fps: float = FPS,
+        given: FileOptions | None = None,
+        legs: Sequence[str] = (),
     ):
         self.fps = fps
-        self._urdf, self._end_effectors = urdf, list(end_effectors)
-        description = describe(urdf, self._end_effectors)
+        self._given: FileOptions = given or {}
+        self._urdf, self._end_effectors, self._legs = urdf, list(end_effectors), list(legs)
+        description = describe(urdf, self._end_effectors, self._legs)
         self._skeleton: troupe_reader.Skeleton | None = description.skeleton
         self.robot = build_robot(description, contact_names)
 
@@ -38,7 +46,8 @@ class RobotSource:
     def options(self) -> dict[str, Any]:
         """Options that the result depends on besides the files. Caches with others are made again."""
         about = {"urdf": str(self._urdf.resolve()), "end_effectors": self._end_effectors, "fps": self.fps}
-        return about | {"contact_joints": self.robot.contacts}
+        legs = {"legs": self._legs} if self._legs else {}
+        return about | {"contact_joints": self.robot.contacts, **legs, **self._given}
 
     def survey(self, files: Sequence[Path]) -> None:
         """Nothing: a robot's files leave nothing open that other files could decide."""
@@ -46,8 +55,9 @@ class RobotSource:
     def load(self, path: Path) -> FileMotion:
         """Reads one file. Raises `ValueError` with the frame and the joint if it does not fit the robot."""
         if self._skeleton is None:
-            self._skeleton = describe(self._urdf, self._end_effectors).skeleton
-        return file_motion(troupe_reader.read(path, name=path.name, skeleton=self._skeleton, fps=self.fps))
+            self._skeleton = describe(self._urdf, self._end_effectors, self._legs).skeleton
+        options: FileOptions = {**self._given, "skeleton": self._skeleton, "fps": self.fps}
+        return file_motion(troupe_reader.read(path, name=path.name, **options))
 
     def skeleton(self, names: list[str], parents: list[int], offsets: np.ndarray, clips: list[Clip]) -> Skeleton:
         """The robot's skeleton with its hinges."""
