@@ -6,6 +6,7 @@ use numpy::{AllowTypeChange, IntoPyArray, PyArray2, PyArray3, PyArrayLike2, PyAr
 use numpy::{PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use troupe_motion::rotation::{from_wxyz, to_wxyz};
 
 use crate::errors::wrong;
@@ -91,6 +92,12 @@ pub(crate) fn to_frames_of_rotations(
 pub(crate) fn to_python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(value).map_err(wrong)?;
     py.import("json")?.call_method1("loads", (text,))
+}
+
+/// A value of Rust from dicts, lists, strings and numbers.
+pub(crate) fn of_python<T: DeserializeOwned>(value: &Bound<'_, PyAny>) -> PyResult<T> {
+    let text = value.py().import("json")?.call_method1("dumps", (value,))?;
+    serde_json::from_str(&text.extract::<String>()?).map_err(wrong)
 }
 
 fn flat_vectors(of: &[Vec3]) -> Vec<f32> {

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use troupe_motion::robot::RobotDoc;
 use troupe_motion::{Joint, Robot};
 
-use crate::arrays::{Rows, frames_of_rotations, to_python, to_rotations, to_vectors, vectors};
+use crate::arrays::{Rows, frames_of_rotations, of_python, to_python, to_rotations, to_vectors, vectors};
 use crate::errors::wrong;
 
 /// Joints with parents and offsets.
@@ -60,6 +60,18 @@ impl Skeleton {
         let joints = names.into_iter().zip(parents).zip(offsets).map(joint).collect();
         let skeleton = troupe_motion::Skeleton::new(joints, Vec3::from(left_axis), ground_y_m, None);
         Ok(Self::of(Arc::new(skeleton.map_err(wrong)?)))
+    }
+
+    /// A skeleton of the tables of a pack's `pack.toml`.
+    #[staticmethod]
+    #[pyo3(signature = (skeleton, robot = None))]
+    fn of_tables(skeleton: &Bound<'_, PyAny>, robot: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let skeleton: troupe_motion::Skeleton = of_python(skeleton)?;
+        let skeleton = match robot {
+            None => skeleton,
+            Some(robot) => skeleton.with_robot(&of_python::<RobotDoc>(robot)?).map_err(wrong)?,
+        };
+        Ok(Self::of(Arc::new(skeleton)))
     }
 
     #[getter]

@@ -84,6 +84,16 @@ def test_world_and_resampling_of_arrays():
     np.testing.assert_allclose(halved.root_positions[1], [2, 1, 0], atol=1e-6)
 
 
+def test_a_skeleton_comes_back_from_its_tables():
+    hinge = {"joint": "foot", "axis": [1, 0, 0], "rest": [1, 0, 0, 0]}
+    limits = {"lower_rad": -1, "upper_rad": 1, "max_speed_rad_per_s": 9}
+    robot = troupe_reader.Skeleton.of_tables(skeleton().table, {"name": "toy", "hinges": [hinge | limits]})
+    assert robot.names == skeleton().names and robot.robot is not None and robot.robot["name"] == "toy"
+    half = np.sqrt(0.5)
+    pose = robot.pose([[1, 0, 0, 0]], [[np.pi / 2]])
+    np.testing.assert_allclose(pose[0], [[1, 0, 0, 0], [half, half, 0, 0]], atol=1e-6)
+
+
 def test_wrong_arrays_are_refused():
     with pytest.raises(ValueError, match=r"allowed: \[frames, 2, 4\]"):
         troupe_reader.Clip(skeleton(), 30, np.zeros((1, 3)), np.zeros((1, 3, 4)))

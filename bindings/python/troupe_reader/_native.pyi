@@ -29,6 +29,10 @@ class Skeleton:
     ) -> Skeleton:
         """A skeleton without contact joints and hinges. Raises `ValueError` with the joint or field."""
 
+    @staticmethod
+    def of_tables(skeleton: Mapping[str, Any], robot: Mapping[str, Any] | None = None) -> Skeleton:
+        """A skeleton of the tables `[skeleton]` and `[robot]` of a `pack.toml`. Raises `ValueError` with the field."""
+
     @property
     def names(self) -> list[str]: ...
     @property

@@ -71,7 +71,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # motion
     "source": {"type": Path, "help": "folder of BVH or CSV files, searched recursively"},
     "--contact-joints": {"nargs": "+", "help": "joints that touch the ground; found by name if left out"},
-    "--scale": {"type": float, "help": "metres per unit of the files; from the pelvis height if left out"},
+    "--scale": {"type": float, "help": "metres per unit of the files, as --unit; found by the body if left out"},
     "--urdf": {"type": Path, "help": "the robot whose motion the CSV files hold; without it BVH files are read"},
     "--end-effector": {
         "action": "append",

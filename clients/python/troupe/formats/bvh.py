@@ -67,6 +67,20 @@ def _zxy(q: F64) -> F64:
     return np.stack([first, np.arctan2(r21, r11), np.arctan2(r02, r00)], axis=-1)
 
 
+def text_of(data: bytes) -> str:
+    """The text of a file, in UTF-8 with or without a mark.
+
+    Raises:
+        InvalidArgumentError: It has another encoding.
+
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        message = f"bvh: byte {error.start} is no UTF-8; `Clip.read` and `troupe clip convert` read other encodings"
+        raise InvalidArgumentError(message, field="bvh", allowed="UTF-8") from error
+
+
 def read(text: str, units_per_metre: float = 100) -> tuple[Skeleton, float, F32, F32]:
     """Skeleton, rate, roots and rotations of a text.
 
@@ -88,6 +102,12 @@ def read(text: str, units_per_metre: float = 100) -> tuple[Skeleton, float, F32,
             raise
         message = f"bvh: {str(error) or 'it ends in the middle'}"
         raise InvalidArgumentError(message, field="bvh", allowed="a BVH file with one root") from error
+    if not (np.isfinite(frame_time) and frame_time > 0):
+        message = f"bvh: Frame Time is {frame_time:g} s; `Clip.read` and `troupe clip convert` take a rate"
+        raise InvalidArgumentError(message, field="bvh", allowed="above 0")
+    wrong = np.argwhere(~np.isfinite(values))
+    if wrong.size:
+        raise InvalidArgumentError(f"bvh: frame {wrong[0][0]} has a value that is not finite", field="bvh")
     root = skeleton.offsets[0].astype(np.float64) * np.ones((count, 1))
     rotations = np.zeros((count, len(channels), 4), np.float64)
     column = 0
