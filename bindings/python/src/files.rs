@@ -61,8 +61,9 @@ impl File {
         })
     }
 
-    pub(crate) fn bytes(&self) -> &[u8] {
-        &self.bytes
+    /// As errors give it.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
     }
 
     /// Calls `read` with the file as the reader takes it.

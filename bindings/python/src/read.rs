@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use troupe_motion::glb::animation_names;
+use troupe_motion::glb::animation_names_beside;
 use troupe_motion::read as reader;
 
 use crate::clip::Clip;
@@ -31,14 +31,17 @@ pub(crate) fn read(
 
 /// Names of the animations of a glTF file.
 #[pyfunction]
-#[pyo3(signature = (source, *, name = None))]
+#[pyo3(signature = (source, *, name = None, beside = None))]
 pub(crate) fn animations(
     py: Python<'_>,
     source: &Bound<'_, PyAny>,
     name: Option<String>,
+    beside: Option<HashMap<String, Vec<u8>>>,
 ) -> PyResult<Vec<String>> {
-    let file = File::of(source, name.or_else(|| Some("bytes".to_owned())), None)?;
-    py.detach(|| animation_names(file.bytes())).map_err(refused)
+    let file = File::of(source, name, beside)?;
+    let names =
+        py.detach(|| file.with_source(|source| animation_names_beside(source.bytes, source.beside)));
+    names.map_err(|error| refused(format!("{}: {error}", file.name())))
 }
 
 /// What the files of a folder agree on.

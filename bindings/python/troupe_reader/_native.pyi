@@ -153,8 +153,10 @@ def read(
     Raises `ReadError`, or `OSError` if the file cannot be opened.
     """
 
-def animations(source: str | PathLike[str] | bytes, *, name: str | None = None) -> list[str]:
-    """Names of a glTF file's animations. Raises `ReadError`."""
+def animations(
+    source: str | PathLike[str] | bytes, *, name: str | None = None, beside: Mapping[str, bytes] | None = None
+) -> list[str]:
+    """Names of a glTF file's animations; arguments as those of `read`. Raises `ReadError`."""
 
 def survey(paths: Sequence[PathLike[str]], **options: Unpack[FileOptions]) -> Agreement:
     """What files agree on; `troupe_reader.survey` takes a folder too."""
