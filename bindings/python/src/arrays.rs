@@ -72,11 +72,7 @@ pub(crate) fn to_rotations(name: &str, array: &Rows<'_>) -> PyResult<Vec<Quat>> 
 }
 
 /// Frame-major rotations of an array `[frames, joints, 4]`. Their lengths are not checked.
-pub(crate) fn to_frames_of_rotations(
-    name: &str,
-    array: &Frames<'_>,
-    joints: usize,
-) -> PyResult<Vec<Quat>> {
+pub(crate) fn to_frames_of_rotations(name: &str, array: &Frames<'_>, joints: usize) -> PyResult<Vec<Quat>> {
     let shape = array.shape();
     if shape[1..] != [joints, 4] {
         return Err(wrong(format!(

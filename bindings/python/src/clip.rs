@@ -87,7 +87,9 @@ impl Clip {
 
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        (self.report.as_ref()).map(|report| to_python(py, report)).transpose()
+        (self.report.as_ref())
+            .map(|report| to_python(py, report))
+            .transpose()
     }
 
     /// The report as rows of a table: what, its value, the evidence.

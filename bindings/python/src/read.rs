@@ -39,8 +39,7 @@ pub(crate) fn animations(
     beside: Option<HashMap<String, Vec<u8>>>,
 ) -> PyResult<Vec<String>> {
     let file = File::of(source, name, beside)?;
-    let names =
-        py.detach(|| file.with_source(|source| animation_names_beside(source.bytes, source.beside)));
+    let names = py.detach(|| file.with_source(|source| animation_names_beside(source.bytes, source.beside)));
     names.map_err(|error| refused(format!("{}: {error}", file.name())))
 }
 
@@ -109,7 +108,9 @@ pub(crate) fn survey(
         let agreement = &mut found.agreement;
         let seen = py.detach(|| file.with_source(|source| reader::survey(source, &options, agreement)));
         if let Err(error) = seen {
-            found.refused.insert(path.display().to_string(), error.kind.to_string());
+            found
+                .refused
+                .insert(path.display().to_string(), error.kind.to_string());
         }
     }
     Ok(found)

@@ -69,14 +69,20 @@ impl Skeleton {
         let skeleton: troupe_motion::Skeleton = of_python(skeleton)?;
         let skeleton = match robot {
             None => skeleton,
-            Some(robot) => skeleton.with_robot(&of_python::<RobotDoc>(robot)?).map_err(wrong)?,
+            Some(robot) => skeleton
+                .with_robot(&of_python::<RobotDoc>(robot)?)
+                .map_err(wrong)?,
         };
         Ok(Self::of(Arc::new(skeleton)))
     }
 
     #[getter]
     fn names(&self) -> Vec<String> {
-        self.skeleton.joints.iter().map(|joint| joint.name.clone()).collect()
+        self.skeleton
+            .joints
+            .iter()
+            .map(|joint| joint.name.clone())
+            .collect()
     }
 
     #[getter]

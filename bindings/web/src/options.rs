@@ -29,7 +29,9 @@ struct Given {
 pub(crate) fn parse(text: &str) -> Result<Options, String> {
     let given: Given = serde_json::from_str(text).map_err(|error| format!("options: {error}"))?;
     let skeleton = match (given.skeleton, given.robot) {
-        (Some(skeleton), Some(robot)) => Some(skeleton.with_robot(&robot).map_err(|error| error.to_string())?),
+        (Some(skeleton), Some(robot)) => {
+            Some(skeleton.with_robot(&robot).map_err(|error| error.to_string())?)
+        }
         (skeleton, _) => skeleton,
     };
     Ok(Options {
@@ -45,7 +47,12 @@ pub(crate) fn parse(text: &str) -> Result<Options, String> {
             RestPose::of_name,
             "t, a, standing, none",
         )?,
-        quaternion: named("quaternion", given.quaternion, QuaternionOrder::of_name, "xyzw, wxyz")?,
+        quaternion: named(
+            "quaternion",
+            given.quaternion,
+            QuaternionOrder::of_name,
+            "xyzw, wxyz",
+        )?,
         other_bones: given.other_bones,
         skeleton: skeleton.map(Arc::new),
         ..Options::default()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -106,9 +106,20 @@ class Clip:
         return text
 
     @staticmethod
-    def from_bvh(path: str | Path, *, units_per_metre: float = 100) -> Clip:
-        """Reads a BVH file in which only the root moves in its parent. `on` brings it onto a pack's skeleton."""
-        return Clip(*bvh.read(bvh.text_of(Path(path).read_bytes()), units_per_metre))
+    def from_bvh(
+        path: str | Path, *, units_per_metre: float | None = None, up: Literal["y"] | None = None
+    ) -> Clip:
+        """Reads a BVH file as Troupe writes it: Y up, centimetres, only the root moves. `on` brings it onto a pack's skeleton.
+
+        A person who stands along another axis, or whose height speaks for another unit, is refused. `up` and `units_per_metre`
+        say that the file is meant so. `read` finds both.
+
+        Raises:
+            InvalidArgumentError: The file is of another kind, or wrong; the message has the line.
+
+        """
+        path = Path(path)
+        return Clip(*bvh.read(path.read_bytes(), path.name, units_per_metre, up))
 
     def to_glb(self, path: str | Path | None = None) -> bytes:
         """The clip as binary glTF: a node a joint, a plain mesh a bone, one animation; also written to `path`."""
@@ -145,8 +156,14 @@ class Clip:
 
     @staticmethod
     def from_csv(path: str | Path, skeleton: Skeleton, fps: float = 30) -> Clip:
-        """Reads Unitree's CSV of a robot. The file knows no rate."""
-        return Clip(skeleton, fps, *csv.read(Path(path).read_text(), skeleton))
+        """Reads Unitree's CSV of a robot. The file knows no rate.
+
+        Raises:
+            InvalidArgumentError: The file is of another kind, such as with quaternions w x y z, degrees or another robot's.
+
+        """
+        path = Path(path)
+        return Clip(skeleton, fps, *csv.read(path.read_bytes(), path.name, skeleton))
 
     def to_html(self, title: str = "") -> str:
         """A page that plays the clip, without any other file."""

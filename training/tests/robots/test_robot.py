@@ -101,7 +101,7 @@ def test_end_effectors_can_be_given(tmp_path: Path):
         (('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'), {}, "joint waist_joint: its axis has no length"),
         (('<child link="torso"/>', '<child link="trunk"/>'), {}, 'joint waist_joint: there is no link "trunk"'),
         (('lower="-0.2" upper="2.5"', 'lower="1" upper="0"'), {}, "joint left_knee_joint: its lower limit"),
-        (('velocity="20"/></joint>', 'velocity="20"/><mimic joint="waist"/></joint>'), {}, "mimic"),
+        (('velocity="20"/></joint>', 'velocity="20"/><mimic joint="waist"/></joint>'), {}, "cannot follow a hinge"),
         (("<robot", "<model"), {}, "no XML"),
         (("", ""), {"end_effectors": ["beak=head:0,0,0"]}, 'no joint "head"'),
         (("", ""), {"end_effectors": ["beak=waist:0,0"]}, "expected NAME=JOINT:x,y,z"),

@@ -22,6 +22,8 @@ FINDINGS = {
     "rest_pose": "rest pose",
 }
 NOTES = {"repairs": "repaired", "oddities": "odd"}
+# Oddities that `cut` finds by itself, and acts on.
+CUT = ("speed", "ground")
 
 
 def file_motion(clip: Clip) -> FileMotion:
@@ -31,7 +33,7 @@ def file_motion(clip: Clip) -> FileMotion:
         clip = clip.resample(FPS)
     positions, quaternions = clip.world()
     skeleton = clip.skeleton
-    notes = [note["text"] for note in report["oddities"]] if report else []
+    notes = [note["text"] for note in report["oddities"] if note["topic"] not in CUT] if report else []
     return FileMotion(
         skeleton.names,
         skeleton.parents,
