@@ -106,9 +106,7 @@ class Clip:
         return text
 
     @staticmethod
-    def from_bvh(
-        path: str | Path, *, units_per_metre: float | None = None, up: Literal["y"] | None = None
-    ) -> Clip:
+    def from_bvh(path: str | Path, *, units_per_metre: float | None = None, up: Literal["y"] | None = None) -> Clip:
         """Reads a BVH file as Troupe writes it: Y up, centimetres, only the root moves. `on` brings it onto a pack's skeleton.
 
         A person who stands along another axis, or whose height speaks for another unit, is refused. `up` and `units_per_metre`

@@ -69,7 +69,9 @@ def _feet_and_head(skeleton: Skeleton) -> tuple[list[int], int] | None:
 
     def topmost(*words: str) -> list[int]:
         has = [any(word in name for word in words) for name in names]
-        return [joint for joint, is_one in enumerate(has) if is_one and not any(has[a] for a in _above(skeleton, joint))]
+        return [
+            joint for joint, is_one in enumerate(has) if is_one and not any(has[a] for a in _above(skeleton, joint))
+        ]
 
     feet, heads = topmost("foot", "ankle"), topmost("head") or topmost("neck")
     return (feet, heads[0]) if len(feet) == 2 and len(heads) == 1 else None
@@ -83,9 +85,13 @@ def _above(skeleton: Skeleton, joint: int) -> list[int]:
 
 
 def _length(skeleton: Skeleton, foot: int, head: int) -> float:
-    """Length of the bones between a foot and the head, metres."""
-    apart = {foot, *_above(skeleton, foot)} ^ {head, *_above(skeleton, head)}
-    return float(np.linalg.norm(skeleton.offsets[sorted(apart)], axis=1).sum())
+    """Length of the bones from a foot to the hip and from the pelvis to the head, metres."""
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    above = _above(skeleton, head)
+    leg = [joint for joint in (foot, *_above(skeleton, foot)) if joint not in above and lengths[joint] > 0]
+    spine = [joint for joint in (head, *above) if joint not in _above(skeleton, foot)]
+    # The topmost bone of a leg leads from the pelvis to the side.
+    return float(lengths[leg[:-1] + spine].sum())
 
 
 def _up(skeleton: Skeleton, root: F32, rotations: F32, feet: list[int], head: int) -> tuple[str, float]:

@@ -52,14 +52,16 @@ def read(data: bytes, name: str, skeleton: Skeleton) -> tuple[F32, F32]:
     size = skeleton.robot.qpos_size if skeleton.robot else ROOT_QPOS
     try:
         text = data.decode("utf-8-sig")
-        rows = np.loadtxt(StringIO(text), np.float32, delimiter=",", ndmin=2) if text.strip() else np.zeros((0, size))
+        rows = np.loadtxt(StringIO(text), np.float32, delimiter=",", ndmin=2) if text.strip() else None
     except ValueError as error:
         _refuse(name, str(error), f"{size} numbers a line")
+    if rows is None:
+        _refuse(name, "it has no frames", "one frame or more")
     if rows.shape[1] != size:
         _refuse(name, f"{rows.shape[1]} columns; allowed: {size}", f"{size} finite numbers a line")
-    if not len(rows) or not np.isfinite(rows).all():
-        where = f"frame {int(np.argwhere(~np.isfinite(rows))[0][0])} is not finite" if len(rows) else "it has no frames"
-        _refuse(name, where, f"{size} finite numbers a line")
+    finite = np.isfinite(rows).all(axis=1)
+    if not finite.all():
+        _refuse(name, f"frame {int(finite.argmin())} is not finite", f"{size} finite numbers a line")
     lengths = np.linalg.norm(rows[:, 3:ROOT_QPOS], axis=1)
     wrong = np.flatnonzero(np.abs(lengths - 1) > UNIT_TOLERANCE)
     if wrong.size:
@@ -78,7 +80,7 @@ def _refuse(name: str, reason: str, allowed: str) -> NoReturn:
 def _check_order(name: str, qpos: F32, as_wxyz: F32) -> None:
     """Refuses quaternions that must be w x y z, because the robot then stands or walks ahead and else does not."""
     (upright, ahead), (other, other_ahead) = _stands(qpos[:, :3], qpos[:, 3:ROOT_QPOS]), _stands(qpos[:, :3], as_wxyz)
-    is_other = other >= _UPRIGHT and (other - upright >= _CLEAR or upright < _UPRIGHT and other > upright)
+    is_other = other >= _UPRIGHT and (other - upright >= _CLEAR or (upright < _UPRIGHT and other > upright))
     if is_other or (ahead <= -_CLEAR and other_ahead >= _CLEAR):
         _refuse(name, "its quaternions seem to be w x y z", "x y z w")
 
