@@ -78,7 +78,9 @@ describe('BVH', () => {
     const { rig } = example();
     const refused = (text: string, name = 'x.bvh') => expect(understand(name, bytes(text), rig)).rejects;
     await refused('HIERARCHY ROOT a { OFFSET 0 0', 'cut.bvh').toThrow(/cut\.bvh: line 1: /);
-    await refused(exampleText().replace(/(Frame Time: \S+\n\S+) \S+/, '$1 high')).toThrow('"high" is not a finite number');
+    await refused(exampleText().replace(/(Frame Time: \S+\n\S+) \S+/, '$1 high')).toThrow(
+      'expected a number, found "high"',
+    );
     await refused(exampleText().replace('Frames: 120', 'Frames: 110')).toThrow('110 frames are declared');
     await refused('; FBX 7.4.0 project file', 'walk.fbx').toThrow('FBX is not read');
   });

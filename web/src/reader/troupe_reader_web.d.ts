@@ -66,23 +66,22 @@ export type InitInput = RequestInfo | URL | Response | BufferSource | WebAssembl
 export interface InitOutput {
     readonly memory: WebAssembly.Memory;
     readonly __wbg_read_free: (a: number, b: number) => void;
-    readonly animations: (a: number, b: number, c: number) => void;
-    readonly read: (a: number, b: number, c: number, d: number, e: number, f: number, g: number) => void;
+    readonly animations: (a: number, b: number) => [number, number, number, number];
+    readonly read: (a: number, b: number, c: number, d: number, e: number, f: number) => [number, number, number];
     readonly read_fps: (a: number) => number;
     readonly read_frames: (a: number) => number;
-    readonly read_names: (a: number, b: number) => void;
-    readonly read_offsets: (a: number, b: number) => void;
-    readonly read_parents: (a: number, b: number) => void;
-    readonly read_roots: (a: number, b: number) => void;
-    readonly read_rotations: (a: number, b: number) => void;
-    readonly read_table: (a: number, b: number) => void;
+    readonly read_names: (a: number) => [number, number];
+    readonly read_offsets: (a: number) => [number, number];
+    readonly read_parents: (a: number) => [number, number];
+    readonly read_roots: (a: number) => [number, number];
+    readonly read_rotations: (a: number) => [number, number];
+    readonly read_table: (a: number) => [number, number, number, number];
     readonly __wbindgen_externrefs: WebAssembly.Table;
-    readonly __wbindgen_add_to_stack_pointer: (a: number) => number;
-    readonly __wbindgen_export: (a: number, b: number) => number;
-    readonly __wbindgen_export2: (a: number, b: number, c: number) => void;
-    readonly __wbindgen_export3: (a: number) => void;
-    readonly __wbindgen_export4: (a: number, b: number) => void;
-    readonly __wbindgen_export5: (a: number, b: number, c: number, d: number) => number;
+    readonly __wbindgen_malloc: (a: number, b: number) => number;
+    readonly __wbindgen_free: (a: number, b: number, c: number) => void;
+    readonly __externref_table_dealloc: (a: number) => void;
+    readonly __externref_drop_slice: (a: number, b: number) => void;
+    readonly __wbindgen_realloc: (a: number, b: number, c: number, d: number) => number;
     readonly __wbindgen_start: () => void;
 }
 

@@ -1,7 +1,7 @@
 //! The files that programs without this reader are held to: `motion/tests/shared_files.json`.
 //!
-//! Each has what the reader makes of it: a motion, or an error. Python's client, which keeps its own
-//! small readers, must give the same motion or refuse the file. This test writes them:
+//! Each has what the reader makes of it: a motion, or an error. The Python client, which keeps its
+//! own small readers, must give the same motion or refuse the file. This test writes them:
 //! `UPDATE_SHARED_FILES=1 cargo test -p troupe-motion --features files shared`.
 
 use std::collections::BTreeMap;
