@@ -32,6 +32,12 @@ def test_prepare_keeps_good_clips_and_names_the_broken_one(cache: Path):
     index = json.loads((cache / "clips.json").read_text())
     assert len(index["clips"]) == 30
     assert list(index["dropped"]) == ["broken.bvh"]
+    understood = {what: values for what, values, _ in index["understood"]}
+    assert (understood["format"], understood["up axis"], understood["metres a unit"]) == (
+        "bvh (30)",
+        "y (30)",
+        "0.01 (30)",
+    )
     skeleton = ClipStore(cache, "train").skeleton
     assert skeleton.names[0] == "Hips"
     assert skeleton.left_axis == [1.0, 0.0, 0.0]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class Rig:
     rest: FileMotion  # one frame, on the ground
     clips: dict[str, FileMotion]
     notes: list[str]
+    reports: list[dict[str, Any]]  # of the reader, one an animation
 
 
 def read_glb(path: Path) -> Rig:
@@ -47,7 +49,8 @@ def read_glb(path: Path) -> Rig:
         name: file_motion(troupe_reader.Clip(skeleton, clip.fps, clip.root_positions, clip.rotations))
         for name, clip in read.items()
     }
-    return Rig(_rest(skeleton, read[names[0]].rest), clips, _notes(read))
+    reports = [clip.report for clip in read.values() if clip.report is not None]
+    return Rig(_rest(skeleton, read[names[0]].rest), clips, _notes(reports), reports)
 
 
 def _read(path: Path, animation: str, root: str | None) -> troupe_reader.Clip:
@@ -62,8 +65,7 @@ def _rest(skeleton: troupe_reader.Skeleton, pose: np.ndarray | None) -> FileMoti
     return rest
 
 
-def _notes(read: dict[str, troupe_reader.Clip]) -> list[str]:
+def _notes(reports: list[dict[str, Any]]) -> list[str]:
     """What was put right or looks odd, each once for all animations."""
-    reports = [clip.report for clip in read.values()]
-    texts = [note["text"] for report in reports if report for note in report["repairs"] + report["oddities"]]
+    texts = [note["text"] for report in reports for note in report["repairs"] + report["oddities"]]
     return list(dict.fromkeys(texts))

@@ -1,8 +1,9 @@
 """``prepare``: a folder of BVH files, or of a robot's CSV files -> cached arrays that training reads.
 
 The cache holds, for all clips end to end: world joint positions ``[F, J, 3]`` (metres), world rotations in 6D
-``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, which files
-were dropped, cut or look odd, and why; ``skeleton.json`` is the skeleton that all kept clips share.
+``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, what was
+understood of the files, and which files were dropped, cut or look odd, and why; ``skeleton.json`` is the skeleton that all kept
+clips share.
 """
 
 import json
@@ -30,7 +31,7 @@ from troupe_training.data.clips import (
 )
 from troupe_training.data.conventions import FPS
 from troupe_training.data.mirror import mirror_of
-from troupe_training.data.reader import understood
+from troupe_training.data.reader import printed, understood
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.data.store import ClipEntry
 
@@ -163,8 +164,7 @@ def prepare(
         print(
             f"{sum(held_out)} clips are of held-out cells: neither trained on nor, but for the test clips among them, tested"
         )
-    for what, values, evidence in table:
-        print(f"{what}: {values}; {evidence}")
+    print(*printed(table), sep="\n")
     _report(clips, sum(tested), dropped, notes)
 
 

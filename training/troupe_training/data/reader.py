@@ -64,3 +64,8 @@ def understood(reports: Iterable[dict[str, Any]]) -> list[list[str]]:
                 first.setdefault(note["topic"], f"{report['file']}: {note['text']}")
         rows += [[what, f"{topic} ({count})", first[topic]] for topic, count in topics.most_common()]
     return rows
+
+
+def printed(table: Iterable[list[str]]) -> list[str]:
+    """Lines of such a table for people."""
+    return [f"{what}: {values}; {evidence}" for what, values, evidence in table]
