@@ -10,16 +10,21 @@ cd "$(dirname "$0")/.."
 lock=scripts/python-lock.txt
 pip=(.venv/bin/python -m pip --disable-pip-version-check)
 
-# The reader is built again after a change of its sources. maturin is found by PATH alone.
+# The reader is built again after a change of its sources, as a wheel, which scripts/python-client.sh takes too. maturin is found
+# by PATH alone. In CI the tests' profile builds it: that is quicker, and what they read is small.
 reader() {
     local sources stamp
-    sources=$(find motion/src motion/Cargo.toml bindings/python Cargo.toml Cargo.lock -type f ! -name '*.pyc' -print0 |
+    sources=$(find motion/src motion/Cargo.toml bindings/python Cargo.toml Cargo.lock -type f ! -name '*.pyc' \
+        ! -path '*/tests/*' -print0 |
         sort -z | xargs -0 cat | cksum | cut -d' ' -f1)
     stamp=.venv/reader-$sources.ok
     [ -f "$stamp" ] && return
     command -v cargo >/dev/null || { echo "Rust is needed for the reader of motion files: https://rustup.rs" >&2; exit 1; }
     echo "Building the reader of motion files ..."
-    PATH="$PWD/.venv/bin:$PATH" "${pip[@]}" install --quiet --no-deps --no-build-isolation --force-reinstall ./bindings/python
+    rm -rf target/reader
+    PATH="$PWD/.venv/bin:$PATH" MATURIN_PEP517_ARGS="${CI:+--profile dev}" \
+        "${pip[@]}" wheel --quiet --no-deps --no-build-isolation --wheel-dir target/reader ./bindings/python
+    "${pip[@]}" install --quiet --no-deps --force-reinstall target/reader/*.whl
     rm -f .venv/reader-*.ok
     touch "$stamp"
 }

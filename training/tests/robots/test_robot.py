@@ -162,4 +162,4 @@ def test_other_frame_rates_are_brought_to_thirty(tmp_path: Path):
     path = write_rows(tmp_path / "a.csv", walk_rows(61, 0.5, 30, 1))
     slow, fast = (RobotSource(tmp_path / "toy.urdf", fps=fps).load(path) for fps in (30, 60))
     assert (len(slow.positions), len(fast.positions)) == (61, 31)
-    np.testing.assert_allclose(fast.positions, slow.positions[::2], atol=1e-6)  # float32
+    np.testing.assert_allclose(fast.positions, slow.positions[::2], atol=1e-9)

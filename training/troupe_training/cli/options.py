@@ -48,6 +48,7 @@ def unit(text: str) -> float | str:
 
 # Options that go to the reader as they are, by their names there.
 READING = {
+    "fps": "fps",
     "up": "up",
     "unit": "unit",
     "root": "root",
@@ -90,7 +91,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--quaternion": {"choices": ["xyzw", "wxyz"], "help": "order of the root's quaternion in CSV files"},
     "--degrees": {"action": "store_true", "help": "angles of CSV files are in degrees"},
     "--joint-order": {"help": "order of the hinges in CSV files: tree, isaaclab, or names between commas"},
-    "--fps": {"type": float, "default": FPS, "help": "frames a second of the CSV files"},
+    "--fps": {"type": float, "help": f"frames a second of the files: CSV does not say it ({FPS:.0f} if left out)"},
     "--include": {"type": expression, "help": "regular expression: only files whose name it finds"},
     "--test-name": {
         "type": expression,

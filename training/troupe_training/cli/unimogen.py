@@ -120,7 +120,6 @@ OPTIONS["--packs"] = {
         "--legs",
         "--contact-joints",
         "--scale",
-        "--fps",
         "--test-name",
         "--cells",
     ),
@@ -173,7 +172,7 @@ def _own(args: argparse.Namespace) -> Wanted:
     suffixes = {p.suffix.lower() for p in args.source.rglob("*")}
     reader: MotionSource | None = None
     if args.urdf is not None:
-        robot = (args.urdf, args.end_effector, args.contact_joints, args.fps)
+        robot = (args.urdf, args.end_effector, args.contact_joints, args.fps or FPS)
         reader = RobotSource(*robot, reading(args), args.legs or ())
     elif ".bvh" in suffixes:
         reader = BvhSource(args.contact_joints, args.scale, reading(args))
