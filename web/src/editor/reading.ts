@@ -39,11 +39,23 @@ export async function understand(name: string, bytes: Uint8Array, rig: Rig): Pro
   const names = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
   const options = { ...tablesOf(rig), resample_fps: rig.fps };
   const asked = names.length > 1 ? names.map((animation) => ({ ...options, animation })) : [options];
-  const found = asked.map((one) => taken(reader.read(name, bytes, JSON.stringify(one))));
+  const found = asked.map((one) => taken(called(() => reader.read(name, bytes, JSON.stringify(one)))));
   const longest = found.reduce((best, one) => (one.clip.frames > best.clip.frames ? one : best));
   const { frames } = longest.clip;
   if (frames > MOST_FRAMES) throw new Error(`${name}: has ${frames} frames; at most ${MOST_FRAMES} are read`);
   return longest;
+}
+
+/** Calls the reader. Its errors name options, which the command line has. */
+function called<T>(read: () => T): T {
+  try {
+    return read();
+  } catch (error) {
+    const message = error instanceof Error ? error.message : String(error);
+    throw new Error(/--[a-z]/.test(message) ? `${message} (options of troupe clip convert)` : message, {
+      cause: error,
+    });
+  }
 }
 
 /** Copies what was read, and frees it. */
