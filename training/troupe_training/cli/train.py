@@ -11,7 +11,6 @@ from troupe_training.cli.options import OPTIONS, READING, READING_FLAGS, STOPPED
 from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
-from troupe_training.data.conventions import FPS
 from troupe_training.data.limits import measure as measure_limits
 from troupe_training.data.prepare import Choice
 from troupe_training.data.prepare import prepare as prepare_cache
@@ -92,9 +91,7 @@ def _source(args: argparse.Namespace) -> MotionSource:
     if args.urdf is None:
         return BvhSource(args.contact_joints, args.scale, reading(args))
     try:
-        return RobotSource(
-            args.urdf, args.end_effector, args.contact_joints, args.fps or FPS, reading(args), args.legs or ()
-        )
+        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps, reading(args), args.legs or ())
     except ValueError as error:
         raise SystemExit(str(error)) from error
 

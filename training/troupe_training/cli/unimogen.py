@@ -172,7 +172,7 @@ def _own(args: argparse.Namespace) -> Wanted:
     suffixes = {p.suffix.lower() for p in args.source.rglob("*")}
     reader: MotionSource | None = None
     if args.urdf is not None:
-        robot = (args.urdf, args.end_effector, args.contact_joints, args.fps or FPS)
+        robot = (args.urdf, args.end_effector, args.contact_joints, args.fps)
         reader = RobotSource(*robot, reading(args), args.legs or ())
     elif ".bvh" in suffixes:
         reader = BvhSource(args.contact_joints, args.scale, reading(args))

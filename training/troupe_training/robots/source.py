@@ -19,7 +19,7 @@ LEFT_AXIS = [1.0, 0.0, 0.0]  # ROS's +Y
 
 
 class RobotSource:
-    """Reads CSV files of ``fps`` frames a second in the order of the URDF's hinges."""
+    """Reads CSV files of ``fps`` frames a second, 30 if left out, in the order of the URDF's hinges."""
 
     suffix = ".csv"
 
@@ -28,7 +28,7 @@ class RobotSource:
         urdf: Path,
         end_effectors: Sequence[str] = (),
         contact_names: list[str] | None = None,
-        fps: float = FPS,
+        fps: float | None = None,
         given: FileOptions | None = None,
         legs: Sequence[str] = (),
     ):
@@ -45,7 +45,7 @@ class RobotSource:
 
     def options(self) -> dict[str, Any]:
         """Options that the result depends on besides the files. Caches with others are made again."""
-        about = {"urdf": str(self._urdf.resolve()), "end_effectors": self._end_effectors, "fps": self.fps}
+        about = {"urdf": str(self._urdf.resolve()), "end_effectors": self._end_effectors, "fps": self.fps or FPS}
         legs = {"legs": self._legs} if self._legs else {}
         return about | {"contact_joints": self.robot.contacts, **legs, **self._given}
 
