@@ -56,6 +56,7 @@ rust-test: runtime real-clips python-env
 python-test: python-env
 	cd training && OMP_NUM_THREADS=1 ../.venv/bin/python -m pytest --quiet --numprocesses auto
 	.venv/bin/python -m pytest --quiet bench/tests
+	.venv/bin/python -m pytest --quiet -c bindings/python/pyproject.toml --rootdir bindings/python bindings/python/tests
 
 # The viewer: its sources are checked, web/dist is what they build, and a browser uses it. Without npm it is left out, aloud.
 web-test: runtime
@@ -101,7 +102,7 @@ runtime:
 image:
 	@scripts/image.sh
 
-# A virtual environment with PyTorch and the training package, at .venv.
+# A virtual environment with PyTorch, the training package and the reader of motion files, at .venv. Rust builds the reader.
 python-env:
 	@scripts/python-env.sh
 

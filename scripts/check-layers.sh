@@ -20,6 +20,9 @@ keeps_out() {
     [ -z "$found" ] || fail "$crate depends on $found"
 }
 keeps_out troupe-motion tokio tonic axum ort prost troupe-proto troupe-engine troupe-character
+# Extensions of Python and pages of a browser have the reader alone.
+keeps_out troupe-reader-python tokio tonic axum ort prost troupe-proto troupe-engine troupe-character
+keeps_out troupe-reader-web tokio tonic axum ort prost troupe-proto troupe-engine troupe-character ufbx
 keeps_out troupe-engine tokio tonic axum troupe-proto troupe-character
 keeps_out troupe-character tokio tonic axum ort troupe-engine
 keeps_out troupe-client ort troupe-engine troupe-character troupe-server

@@ -21,6 +21,10 @@ mkdir -p target/python-wheel
 cp -r $client target/python-wheel/source
 "${pip[@]}" wheel --quiet --no-deps --no-build-isolation --wheel-dir target/python-wheel target/python-wheel/source
 "${pip[@]}" install --quiet --no-deps --force-reinstall target/python-wheel/*.whl
+# With the reader the client reads files of every format. Its tests cover both: with it and without.
+if compgen -G 'target/reader/*.whl' >/dev/null; then
+    "${pip[@]}" install --quiet --no-deps --force-reinstall target/reader/*.whl
+fi
 "${pip[@]}" check
 "$home/bin/python" $client/scripts/generate.py --check
 MYPYPATH=$client "$home/bin/mypy" --config-file mypy.ini $client/troupe $client/scripts

@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
 # The viewer in web/: `check` lints and tests its sources, `build` makes web/dist and checks that the committed one is the same
 # (WEB_DIST=any: does not compare), `e2e` runs the browser tests against a built troupe-server, `pictures` makes the pictures of
-# docs/pictures, `measure` prints what a crowd costs a browser.
-# It installs what it needs: the npm packages of the lock file, and Debian's Chromium if it has apt and root.
+# docs/pictures, `measure` prints what a crowd costs a browser. `reader` builds the reader of motion files as WebAssembly
+# (bindings/web) into web/src/reader, which is committed: all else needs no Rust. `reader` is due after a change of its sources.
+# It installs what it needs: the npm packages of the lock file, and Debian's Chromium if it has apt and root; for `reader` the
+# command wasm-bindgen, and rustup's target wasm32-unknown-unknown.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -32,8 +34,28 @@ browser() {
     export CHROMIUM
 }
 
+# What the WebAssembly is built of, as one number. Tests are not in it.
+reader_sources() {
+    find bindings/web motion/Cargo.toml motion/src/{read,bvh,glb,files,convert,robot} motion/src/{clip,skeleton}.rs -type f \
+        ! -path '*/tests/*' ! -name 'test*.rs' | LC_ALL=C sort | xargs cat | cksum | cut -d' ' -f1
+}
+
 case ${1:-} in
+reader)
+    version=$(sed -n 's/^wasm-bindgen = "=\(.*\)"$/\1/p' bindings/web/Cargo.toml)
+    tool=target/tools/bin/wasm-bindgen
+    [ "$("$tool" --version 2>/dev/null)" = "wasm-bindgen $version" ] ||
+        cargo install --quiet --root target/tools --version "$version" --bin wasm-bindgen wasm-bindgen-cli
+    rustup target add wasm32-unknown-unknown
+    # The same bytes wherever it is built.
+    RUSTFLAGS="--remap-path-prefix=$PWD=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo" cargo build --locked \
+        --profile wasm --target wasm32-unknown-unknown --package troupe-reader-web
+    "$tool" --target web --remove-name-section --remove-producers-section --out-dir web/src/reader \
+        "${CARGO_TARGET_DIR:-target}/wasm32-unknown-unknown/wasm/troupe_reader_web.wasm"
+    reader_sources >web/src/reader/sources
+    ;;
 check)
+    [ "$(reader_sources)" = "$(cat web/src/reader/sources)" ] || die "the reader has changed: run scripts/web.sh reader"
     packages
     npm --prefix web run check
     npm --prefix web test
@@ -54,6 +76,6 @@ e2e | pictures | measure)
     cd web && npm run "$1" -- "${@:2}"
     ;;
 *)
-    die "usage: scripts/web.sh check | build | e2e | pictures | measure [PLAYWRIGHT'S ARGUMENTS]"
+    die "usage: scripts/web.sh reader | check | build | e2e | pictures | measure [PLAYWRIGHT'S ARGUMENTS]"
     ;;
 esac

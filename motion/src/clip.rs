@@ -214,7 +214,11 @@ impl Clip {
             let to = (from + 1).min(last);
             let t = (at - from as f64) as f32;
             root_positions.push(self.root_positions[from].lerp(self.root_positions[to], t));
-            slerp_pose(self.rotations_at(from), self.rotations_at(to), t, out);
+            match t == 0.0 {
+                // Exactly, which an interpolation by nothing is not.
+                true => out.copy_from_slice(self.rotations_at(from)),
+                false => slerp_pose(self.rotations_at(from), self.rotations_at(to), t, out),
+            }
         }
         Ok(Self {
             skeleton: Arc::clone(&self.skeleton),

@@ -53,6 +53,20 @@ test('its tools stand in a frame of their own, clear of title and timeline', asy
   expect(background).not.toBe('rgba(0, 0, 0, 0)');
 });
 
+test('says what it understood of a file', async ({ page, open, watched }) => {
+  await open('mode=inbetween&clip=walk');
+  await expect.poll(() => page.evaluate(() => window.editor?.frames() ?? 0), { timeout: 45_000 }).toBeGreaterThan(65);
+  const input = page.locator('input[type="file"][accept*=".bvh"]');
+  const table = page.getByRole('table', { name: 'What was understood of the file' });
+  await expect(table).toHaveCount(0);
+  await input.setInputFiles('../examples/walk.bvh');
+  await expect(table.getByRole('row', { name: 'format BVH' })).toBeVisible();
+  await expect(table.getByRole('row', { name: 'up axis y' })).toHaveAttribute('title', /from feet to head/);
+  await input.setInputFiles({ name: 'wrong.bvh', mimeType: 'text/plain', buffer: Buffer.from('HIERARCHY ROOT a') });
+  await expect(page.getByText(/wrong\.bvh: line 1: /)).toBeVisible();
+  expect(watched.errors).toEqual([]);
+});
+
 function readBvh(text: string): { joints: number; rows: number[][]; count: number; seconds: number } {
   const [head = '', motion = ''] = text.split(/^MOTION\s*$/m);
   const count = /^Frames:\s*(\d+)/m.exec(motion);

@@ -50,7 +50,15 @@ def test_bvh_is_what_the_servers_own_tools_write(tmp_path: Path) -> None:
         ("nothing", "HIERARCHY"),
         ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Wrotation } MOTION", "Wrotation"),
         ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Zrotation }", "ends in the middle"),
-        ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Zrotation } MOTION Frames: 2 Frame Time: 1 5", "reshape"),
+        (
+            "HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Zrotation } MOTION Frames: 2 Frame Time: 1 5",
+            "2 frames are declared",
+        ),
+        (
+            "HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Zrotation } MOTION Frames: 1 Frame Time: 0 5",
+            "Frame Time is 0 s",
+        ),
+        ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Zrotation } MOTION Frames: 1 Frame Time: 1 nan", "not finite"),
     ],
 )
 def test_errors_name_what_is_no_bvh(tmp_path: Path, text: str, message: str) -> None:

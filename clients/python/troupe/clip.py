@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from troupe import arrays, notebook
 from troupe.arrays import F32
 from troupe.errors import InvalidArgumentError
-from troupe.formats import bvh, csv, glb, npz
+from troupe.formats import bvh, csv, glb, npz, reader
 from troupe.keyframe import Keyframe
 from troupe.skeleton import Skeleton
 
@@ -29,6 +30,8 @@ class Clip:
     """(frames, joints, 4) w x y z: the first joint's in the world, others relative to their parents."""
     contacts: F32 | None = field(default=None, repr=False)
     """(frames, contact joints) probability that each of `skeleton.contact_joints` is on the ground."""
+    info: dict[str, Any] | None = field(default=None, repr=False)
+    """What was understood of the file, if `read` made the clip: as `troupe clip info --json` prints it."""
 
     def __post_init__(self) -> None:
         """Refuses arrays that do not fit each other."""
@@ -81,6 +84,20 @@ class Clip:
         """Root and pose of every frame."""
         return [self.keyframe(frame) for frame in range(len(self))]
 
+    @staticmethod
+    def read(path: str | Path, skeleton: Skeleton | None = None, **options: Any) -> Clip:
+        """Reads a file of any format that Troupe knows, onto `skeleton` if one is given. Robots' files need one.
+
+        `options` have the names of those of `troupe clip`: up="z", unit="cm", fps=60, quaternion="wxyz", and so on.
+
+        Raises:
+            FailedPreconditionError: The package troupe-reader (`pip install ./bindings/python`) is not installed.
+            InvalidArgumentError: The file cannot be read; the message names the place and the option that decides.
+
+        """
+        found, fps, root, rotations, info = reader.read(path, skeleton, options)
+        return Clip(found, fps, root, rotations, info=info)
+
     def to_bvh(self, path: str | Path | None = None, *, units_per_metre: float = 100) -> str:
         """The clip as BVH text (Z X Y rotations, centimetres unless said otherwise); also written to `path`."""
         text = bvh.write(self.skeleton, self.fps, self.root, self.rotations, units_per_metre)
@@ -89,9 +106,18 @@ class Clip:
         return text
 
     @staticmethod
-    def from_bvh(path: str | Path, *, units_per_metre: float = 100) -> Clip:
-        """Reads a BVH file in which only the root moves in its parent. `on` brings it onto a pack's skeleton."""
-        return Clip(*bvh.read(Path(path).read_text(), units_per_metre))
+    def from_bvh(path: str | Path, *, units_per_metre: float | None = None, up: Literal["y"] | None = None) -> Clip:
+        """Reads a BVH file as Troupe writes it: Y up, centimetres, only the root moves. `on` brings it onto a pack's skeleton.
+
+        A person who stands along another axis, or whose height speaks for another unit, is refused. `up` and `units_per_metre`
+        say that the file is meant so. `read` finds both.
+
+        Raises:
+            InvalidArgumentError: The file is of another kind, or wrong; the message has the line.
+
+        """
+        path = Path(path)
+        return Clip(*bvh.read(path.read_bytes(), path.name, units_per_metre, up))
 
     def to_glb(self, path: str | Path | None = None) -> bytes:
         """The clip as binary glTF: a node a joint, a plain mesh a bone, one animation; also written to `path`."""
@@ -128,8 +154,14 @@ class Clip:
 
     @staticmethod
     def from_csv(path: str | Path, skeleton: Skeleton, fps: float = 30) -> Clip:
-        """Reads Unitree's CSV of a robot. The file knows no rate."""
-        return Clip(skeleton, fps, *csv.read(Path(path).read_text(), skeleton))
+        """Reads Unitree's CSV of a robot. The file knows no rate.
+
+        Raises:
+            InvalidArgumentError: The file is of another kind, such as with quaternions w x y z, degrees or another robot's.
+
+        """
+        path = Path(path)
+        return Clip(skeleton, fps, *csv.read(path.read_bytes(), path.name, skeleton))
 
     def to_html(self, title: str = "") -> str:
         """A page that plays the clip, without any other file."""

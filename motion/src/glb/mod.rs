@@ -17,6 +17,9 @@ mod write;
 #[cfg(feature = "files")]
 pub use document::Beside;
 #[cfg(feature = "files")]
-pub use read::{GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, parse, parse_beside};
+pub use read::{
+    GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, animation_names_beside, parse,
+    parse_beside,
+};
 pub(crate) use write::Builder;
 pub use write::{GlbError, write_glb};

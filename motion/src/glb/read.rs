@@ -120,7 +120,15 @@ pub(crate) struct Origin {
 /// # Errors
 /// [`GlbReadError::Format`] if the file is not glTF.
 pub fn animation_names(bytes: &[u8]) -> Result<Vec<String>, GlbReadError> {
-    Ok(names(&open(bytes, &|_| None)?.gltf))
+    animation_names_beside(bytes, &|_| None)
+}
+
+/// As [`animation_names`], for a file that may need others: `beside` gives their bytes by name.
+///
+/// # Errors
+/// As [`animation_names`].
+pub fn animation_names_beside(bytes: &[u8], beside: Beside<'_>) -> Result<Vec<String>, GlbReadError> {
+    Ok(names(&open(bytes, beside)?.gltf))
 }
 
 /// Reads an animation of a file that holds all of its bytes.

@@ -2,13 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::report::Up;
 use super::stance::{Sight, unit_by, up_by};
 use super::survey::Stance;
 
 /// Up axes and units that files of one origin show by themselves. A file that leaves one of them
 /// open takes what all others show.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Agreement {
     ups: BTreeMap<Up, usize>,
     /// By the unit in nanometres.

@@ -188,7 +188,7 @@ pub(super) fn angles(
             now.frame
         );
         match fitting(rows, robot, &reading, options) {
-            Some((AngleUnit::Degrees, _, name)) if most(rows) <= FULL_TURN_RAD => {
+            Some((AngleUnit::Degrees, _, name)) if most(rows, robot.hinges().len()) <= FULL_TURN_RAD => {
                 return Err(ReadErrorKind::Open {
                     topic: Topic::Angles,
                     what: "what the angles mean",
@@ -239,7 +239,7 @@ fn fitting(rows: &Rows, robot: &Robot, now: &(AngleUnit, Vec<usize>), options: &
         ),
     };
     let fits = |fit: &Fit| beyond(&rows.angles, robot, to_radians(fit.0), &fit.1).far_rad <= NOTED_RAD;
-    let is_large = most(rows) > FULL_TURN_RAD;
+    let is_large = most(rows, robot.hinges().len()) > FULL_TURN_RAD;
     let may_turn = options.angles.is_none();
     let may_order = options.joint_order.is_none();
     let degrees = (AngleUnit::Degrees, order.clone(), "--degrees");
@@ -255,11 +255,13 @@ fn fitting(rows: &Rows, robot: &Robot, now: &(AngleUnit, Vec<usize>), options: &
     found.next().map(|(fit, _)| fit)
 }
 
-/// The largest number, either way.
-fn most(rows: &Rows) -> f64 {
-    rows.angles
-        .iter()
-        .fold(0.0_f64, |most, angle| most.max(angle.abs()))
+/// The largest number of a frame, either way: the middle of all frames, so that no single frame
+/// decides what the numbers are.
+fn most(rows: &Rows, hinges: usize) -> f64 {
+    let of_row = |row: &[f64]| row.iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
+    let mut most: Vec<f64> = rows.angles.chunks_exact(hinges).map(of_row).collect();
+    most.sort_by(f64::total_cmp);
+    most.get(most.len() / 2).copied().unwrap_or_default()
 }
 
 /// For each column, the hinge that it is of.

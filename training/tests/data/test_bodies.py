@@ -20,8 +20,7 @@ from troupe_training.data.neutral import robot_neutral
 from troupe_training.data.rotations import six_d_to_matrix
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.models.unimogen.state import BodyKinematics
-from troupe_training.robots.build import build_robot
-from troupe_training.robots.urdf import read_urdf
+from troupe_training.robots.build import build_robot, describe
 from unimogen_support import biped, random_rotations
 
 
@@ -47,7 +46,7 @@ def test_the_same_bend_is_the_same_number_on_joints_with_other_axes():
 
 def robot_body(tmp_path) -> tuple[Body, object]:
     (tmp_path / "toy.urdf").write_text(biped_urdf())
-    robot = build_robot(read_urdf(tmp_path / "toy.urdf"))
+    robot = build_robot(describe(tmp_path / "toy.urdf"))
     skeleton = Skeleton(robot.names, robot.parents, robot.offsets.tolist(), [1.0, 0.0, 0.0], robot=robot.table())
     return body_of("toy", skeleton, robot_neutral(skeleton)), robot
 

@@ -133,6 +133,19 @@ def test_a_robot_without_a_mirror_image_is_refused(source: RobotSource, tmp_path
         mirror_of(replace(skeleton, robot=robot), [clip])
 
 
+def test_a_hinge_may_stand_anywhere_along_its_own_axis(source: RobotSource, tmp_path: Path):
+    skeleton, clip, _ = robot_clip(source, tmp_path)
+    offsets = [list(o) for o in skeleton.offsets]
+    offsets[skeleton.names.index("left_shoulder")][2] += 0.03  # ahead, as the axis of the roll
+    with pytest.raises(MirrorError, match=r": left_hand is 30 mm off the mirror image of right_hand; right_hand"):
+        mirror_of(replace(skeleton, offsets=offsets), [clip])
+    offsets[skeleton.names.index("left_hand")][2] -= 0.03
+    moved = replace(skeleton, offsets=offsets)
+    seen = mirror_of(moved, [clip]).clip(clip)
+    hand, partner = (skeleton.names.index(f"{side}_hand") for side in ("left", "right"))
+    np.testing.assert_allclose(seen.positions[:, hand], clip.positions[:, partner] * WORLD, atol=1e-5)
+
+
 def test_a_bvh_skeleton_with_mirrored_axes_is_mirrored_too(cache: Path):
     """Captures often give the right side's joints axes of their own; the images must not depend on them."""
     store = ClipStore(cache, "train")

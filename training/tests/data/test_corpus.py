@@ -47,6 +47,8 @@ def test_a_cached_body_is_not_made_again(bvh_folder: Path, tmp_path: Path, capsy
         "1",
     ]
     assert main(argv) == 0
+    assert "own: up axis: y (30); from feet to head" in capsys.readouterr().out
+    assert json.loads((tmp_path / "own" / "clips.json").read_text())["understood"][0][:2] == ["format", "bvh (30)"]
     before = (tmp_path / "own" / "bends.npy").stat().st_mtime_ns
     assert main(argv) == 0
     assert "own: cached" in capsys.readouterr().out

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from tests_support import random_rotations
-from troupe_training.data.bvh import BvhError, read_bvh
+from troupe_reader import ReadError
 from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.kinematics import Kinematics
 from troupe_training.data.roots import integrate_root
@@ -32,6 +32,12 @@ def test_prepare_keeps_good_clips_and_names_the_broken_one(cache: Path):
     index = json.loads((cache / "clips.json").read_text())
     assert len(index["clips"]) == 30
     assert list(index["dropped"]) == ["broken.bvh"]
+    understood = {what: values for what, values, _ in index["understood"]}
+    assert (understood["format"], understood["up axis"], understood["metres a unit"]) == (
+        "bvh (30)",
+        "y (30)",
+        "0.01 (30)",
+    )
     skeleton = ClipStore(cache, "train").skeleton
     assert skeleton.names[0] == "Hips"
     assert skeleton.left_axis == [1.0, 0.0, 0.0]
@@ -41,14 +47,14 @@ def test_prepare_keeps_good_clips_and_names_the_broken_one(cache: Path):
 def test_bvh_errors_say_where(tmp_path: Path, bvh_folder: Path):
     text = (bvh_folder / "walk_00.bvh").read_text()
     for broken, message in (
-        (text.replace("MOTION", "NOTION"), "no MOTION"),
-        (text.rsplit("\n", 2)[0] + "\n", "lines follow"),
-        (text.replace("Frame Time:", "Frame Rate:"), "Frame Time"),
+        (text.replace("MOTION", "NOTION"), 'expected .*MOTION.*, found "NOTION"'),
+        ("\n".join(text.split("\n")[:-6]) + "\n", "frames are declared"),
+        (text.replace("Frame Time:", "Frame Rate:"), "line .*Time"),
     ):
         path = tmp_path / "x.bvh"
         path.write_text(broken)
-        with pytest.raises(BvhError, match=message):
-            read_bvh(path)
+        with pytest.raises(ReadError, match=message):
+            BvhSource().load(path)
 
 
 def test_segments_start_in_the_segment_frame(cache: Path):
@@ -110,6 +116,14 @@ def test_keyframe_masks_keep_to_zero_to_ten_and_vary():
     assert len(np.unique(counts)) == 11
     as_served = mask[:, :4].min(-1).values == 1
     assert 0.5 < as_served.float().mean() < 0.8
+
+
+def test_a_number_of_frames_that_is_one_off_is_put_right(tmp_path: Path, bvh_folder: Path):
+    text = (bvh_folder / "walk_00.bvh").read_text()
+    path = tmp_path / "x.bvh"
+    path.write_text(text.rsplit("\n", 2)[0] + "\n")
+    report = BvhSource().load(path).report
+    assert report is not None and [note["topic"] for note in report["repairs"]].count("frames") == 1
 
 
 def test_slot_masks_always_give_the_context_root():

@@ -29,8 +29,7 @@ from troupe_training.models.unimogen.diffusion import cosine_signal, row_noise, 
 from troupe_training.models.unimogen.network import UniMoGen
 from troupe_training.models.unimogen.sampler import Character, Denoiser, sample
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D, Range, decode, encode
-from troupe_training.robots.build import build_robot
-from troupe_training.robots.urdf import read_urdf
+from troupe_training.robots.build import build_robot, describe
 from troupe_training.train.unimogen.stage import Trained, load
 from unimogen_support import biped, small_rotations
 
@@ -42,7 +41,7 @@ FRAMES = 20
 
 def robot(folder: Path) -> Body:
     (folder / "toy.urdf").write_text(biped_urdf())
-    built = build_robot(read_urdf(folder / "toy.urdf"))
+    built = build_robot(describe(folder / "toy.urdf"))
     skeleton = Skeleton(
         built.names, built.parents, built.offsets.round(9).tolist(), [1.0, 0.0, 0.0], robot=built.table()
     )

@@ -70,7 +70,7 @@ def test_the_cache_is_not_used_for_other_options(pack: Path, folder: Path):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--end-effector", "beak=neck:0,0,0"], "there is no joint 'neck'"),
+        (["--end-effector", "beak=neck:0,0,0"], 'no joint "neck"'),
         (["--include", "swim"], "has a name that fits 'swim'"),
         (["--scale", "0.01"], "--scale is for BVH files"),
     ],

@@ -6,10 +6,11 @@ import re
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import torch
 
+from troupe_reader.options import FileOptions
 from troupe_training.data.conventions import FPS
 from troupe_training.data.store import BALANCE
 from troupe_training.models.motionbricks.config import PRESETS
@@ -37,11 +38,41 @@ def expression(text: str) -> str:
     return text
 
 
+def unit(text: str) -> float | str:
+    """Metres a unit, or the unit's name, which the reader checks."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+# Options that go to the reader as they are, by their names there.
+READING = {
+    "fps": "fps",
+    "up": "up",
+    "unit": "unit",
+    "root": "root",
+    "rest_pose": "rest_pose",
+    "leading_pose": "leading_pose",
+    "max_slide": "max_slide_m",
+    "quaternion": "quaternion",
+    "degrees": "degrees",
+    "joint_order": "joint_order",
+}
+READING_FLAGS = tuple(f"--{name.replace('_', '-')}" for name in READING)
+
+
+def reading(args: argparse.Namespace) -> FileOptions:
+    """The options for the reader that were given."""
+    given = {key: getattr(args, name) for name, key in READING.items()}
+    return cast(FileOptions, {key: value for key, value in given.items() if value is not None and value is not False})
+
+
 OPTIONS: dict[str, dict[str, Any]] = {
     # motion
     "source": {"type": Path, "help": "folder of BVH or CSV files, searched recursively"},
     "--contact-joints": {"nargs": "+", "help": "joints that touch the ground; found by name if left out"},
-    "--scale": {"type": float, "help": "metres per unit of the files; from the pelvis height if left out"},
+    "--scale": {"type": float, "help": "metres per unit of the files, as --unit; found by the body if left out"},
     "--urdf": {"type": Path, "help": "the robot whose motion the CSV files hold; without it BVH files are read"},
     "--end-effector": {
         "action": "append",
@@ -49,7 +80,18 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "metavar": "NAME=JOINT:x,y,z",
         "help": "a point fixed to a robot's joint, metres in its URDF frame; adds to or replaces toes and hands",
     },
-    "--fps": {"type": float, "default": FPS, "help": "frames a second of the CSV files"},
+    "--legs": {"nargs": "+", "help": "the last joints of a robot's legs, left before right; found by name if left out"},
+    # what a file may leave open; the reader's errors name them
+    "--up": {"choices": ["x", "y", "z", "-x", "-y", "-z"], "help": "the axis that points up in BVH files: --up=-z"},
+    "--unit": {"type": unit, "help": "metres a unit of BVH files, or m, ft, dm, cmu, in, cm, mm"},
+    "--root": {"help": "the joint that is the character's root in BVH files"},
+    "--rest-pose": {"choices": ["t", "a", "standing", "none"], "help": "rest pose of BVH files"},
+    "--leading-pose": {"choices": ["find", "keep", "drop"], "help": "a pose before the motion; left out if found"},
+    "--max-slide": {"type": float, "help": "farthest that a joint may move in its parent and be held there, metres"},
+    "--quaternion": {"choices": ["xyzw", "wxyz"], "help": "order of the root's quaternion in CSV files"},
+    "--degrees": {"action": "store_true", "help": "angles of CSV files are in degrees"},
+    "--joint-order": {"help": "order of the hinges in CSV files: tree, isaaclab, or names between commas"},
+    "--fps": {"type": float, "help": f"frames a second of the files: CSV does not say it ({FPS:.0f} if left out)"},
     "--include": {"type": expression, "help": "regular expression: only files whose name it finds"},
     "--test-name": {
         "type": expression,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from troupe_training.cli.options import OPTIONS, STOPPED, command
+from troupe_training.cli.options import OPTIONS, READING, READING_FLAGS, STOPPED, command, reading
 from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
@@ -53,7 +53,17 @@ OPTIONS["--into-body"] = {
     "metavar": "NAME",
     "help": "write into the file of this body of the pack, not into its manifest",
 }
-FILES = ("source", "--contact-joints", "--scale", "--urdf", "--end-effector", "--fps", "--include", "--test-name")
+FILES = (
+    "source",
+    "--contact-joints",
+    "--scale",
+    "--urdf",
+    "--end-effector",
+    "--legs",
+    *READING_FLAGS,
+    "--include",
+    "--test-name",
+)
 DATA = (*FILES, "--split-list", "--cells", "--mirror", "--workers", "--cache")
 COMPUTING = ("--minutes", "--steps", "--frames-per-step", "--seed", "--device", "--threads")
 TRAINING = ("--run", "--preset", "--balance", *COMPUTING)
@@ -79,9 +89,9 @@ def _source(args: argparse.Namespace) -> MotionSource:
     if args.urdf is not None and args.scale is not None:
         raise SystemExit("--scale is for BVH files: a robot's are in metres")
     if args.urdf is None:
-        return BvhSource(args.contact_joints, args.scale)
+        return BvhSource(args.contact_joints, args.scale, reading(args))
     try:
-        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps)
+        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps, reading(args), args.legs or ())
     except ValueError as error:
         raise SystemExit(str(error)) from error
 
@@ -97,7 +107,10 @@ def _prepare_once(args: argparse.Namespace) -> None:
     if Path(made["source"]) != args.source.resolve():
         raise SystemExit(f"{args.cache} was made from {made['source']}; {advice}")
     wanted = _source(args).options() | asdict(_choice(args))
-    for option, value in made.get("options", wanted).items():
+    options = made.get("options", wanted)
+    # Options of the reader are there only if they were given.
+    for option in [*options, *(key for key in [*READING.values(), "legs"] if key in wanted and key not in options)]:
+        value = options.get(option)
         if value != wanted.get(option):
             raise SystemExit(f"{args.cache} was made with {option} = {value}, not {wanted.get(option)}; {advice}")
 

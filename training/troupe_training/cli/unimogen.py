@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from troupe_training.cli.options import OPTIONS, STOPPED, command
+from troupe_training.cli.options import OPTIONS, READING_FLAGS, STOPPED, command, reading
 from troupe_training.data.bodies import Body
 from troupe_training.data.bodies_store import BALANCE, Corpus
 from troupe_training.data.bvh_source import BvhSource
@@ -112,7 +112,18 @@ OPTIONS["--packs"] = {
 
 @command(
     ("--bodies", "--source"),
-    *("--data", "--name", "--urdf", "--end-effector", "--contact-joints", "--scale", "--fps", "--test-name", "--cells"),
+    *(
+        "--data",
+        "--name",
+        "--urdf",
+        "--end-effector",
+        "--legs",
+        "--contact-joints",
+        "--scale",
+        "--test-name",
+        "--cells",
+    ),
+    *READING_FLAGS,
     *("--licence", "--credit", "--workers", "--cache"),
     group=GROUP,
     cache=CACHE,
@@ -161,9 +172,10 @@ def _own(args: argparse.Namespace) -> Wanted:
     suffixes = {p.suffix.lower() for p in args.source.rglob("*")}
     reader: MotionSource | None = None
     if args.urdf is not None:
-        reader = RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps)
+        robot = (args.urdf, args.end_effector, args.contact_joints, args.fps)
+        reader = RobotSource(*robot, reading(args), args.legs or ())
     elif ".bvh" in suffixes:
-        reader = BvhSource(args.contact_joints, args.scale)
+        reader = BvhSource(args.contact_joints, args.scale, reading(args))
     elif ".glb" not in suffixes:
         hint = "; CSV files need their robot's --urdf" if ".csv" in suffixes else ""
         raise SystemExit(f"no .bvh or .glb file under {args.source}{hint}")

@@ -1,12 +1,15 @@
-"""A folder of BVH files as motion: finds the pelvis, the unit and the sides, and brings every file to 30 fps."""
+"""A folder of BVH files as motion. The reader finds the pelvis, the up axis and the unit; the sides are found here."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from troupe_training.data.bvh import Bvh, BvhError, read_bvh
-from troupe_training.data.clips import Clip, FileMotion, resample, skeleton_of
+import troupe_reader
+from troupe_reader.options import FileOptions
+from troupe_training.data.clips import Clip, ClipError, FileMotion, skeleton_of
+from troupe_training.data.reader import file_motion
 from troupe_training.data.sides import side_pairs
 from troupe_training.data.skeleton import Skeleton
 
@@ -14,33 +17,33 @@ CONTACT_WORDS = ("foot", "toe", "ankle")
 
 
 class BvhSource:
-    """Reads BVH files; ``scale`` is metres per unit, from the pelvis height if left out."""
+    """Reads BVH files; ``scale`` is metres per unit, found by the body's proportions if left out."""
 
     suffix = ".bvh"
 
-    def __init__(self, contact_names: list[str] | None = None, scale: float | None = None):
+    def __init__(
+        self, contact_names: list[str] | None = None, scale: float | None = None, given: FileOptions | None = None
+    ):
         self.contact_names = contact_names
         self.scale = scale
+        self._given: FileOptions = given or {}
+        self._agreement: troupe_reader.Agreement | None = None
 
     def options(self) -> dict[str, Any]:
         """Options that the result depends on besides the files. Caches with others are made again."""
-        return {"contact_joints": self.contact_names, "scale": self.scale}
+        return {"contact_joints": self.contact_names, "scale": self.scale, **self._given}
+
+    def survey(self, files: Sequence[Path]) -> None:
+        """Finds what all files show, for those that leave it open."""
+        self._agreement = troupe_reader.survey(files, **self._reading())
 
     def load(self, path: Path) -> FileMotion:
-        """Parses one file. Raises `BvhError` with the reason if it cannot be used."""
-        bvh = read_bvh(path)
-        positions, rotations, local = bvh.world()
-        first = _pelvis(bvh, local, rotations)
-        positions, rotations, local = positions[:, first:], rotations[:, first:], local[:, first:]
-        joints, scale = bvh.joints[first:], self.scale
-        if scale is None:  # a pelvis more than ten units high can only be in centimetres
-            scale = 0.01 if np.median(np.abs(positions[:, 0, 1])) > 10 else 1.0
-        positions, local = positions * scale, local * scale
-        if len(joints) > 1 and np.ptp(local[:, 1:], axis=0).max() > 1e-3:
-            raise BvhError("bones change length over time")
-        positions, rotations = resample(positions, rotations, 1.0 / bvh.frame_time)
-        parents = [j.parent - first if j.parent >= first else -1 for j in joints]
-        return FileMotion([j.name for j in joints], parents, local[0], positions, rotations)
+        """Reads one file. Raises `ValueError` with the reason if it cannot be used."""
+        options: FileOptions = {"agreement": self._agreement, **self._reading()}
+        return file_motion(troupe_reader.read(path, name=path.name, **options))
+
+    def _reading(self) -> FileOptions:
+        return {"unit": self.scale, **self._given} if self.scale is not None else self._given
 
     def skeleton(self, names: list[str], parents: list[int], offsets: np.ndarray, clips: list[Clip]) -> Skeleton:
         """The skeleton with the usual offsets; its left axis points from the right hip to the left one."""
@@ -48,33 +51,18 @@ class BvhSource:
         offsets[0] = 0.0
         left, right = _hips(names, parents)
         axis = offsets[left] - offsets[right]
-        axis = np.round(axis / np.linalg.norm(axis), 3)
+        length = np.linalg.norm(axis)
+        if length < 1e-6:  # hips without length stand where the pelvis does
+            axis, length = _knees(names, parents, offsets, left, right)
+        axis = np.round(axis / length, 3)
         found = [n for n in names if any(w in n.lower() for w in CONTACT_WORDS)]
         contact_names = self.contact_names if self.contact_names is not None else found
         unknown = [n for n in contact_names if n not in names]
         if unknown or not contact_names:
-            raise BvhError(
+            raise ClipError(
                 f"contact joints {unknown or '(none found by name)'} are not among {names}; set --contact-joints"
             )
         return skeleton_of(names, parents, offsets, 6, [float(v) for v in axis], contact_names, clips)
-
-
-def _pelvis(bvh: Bvh, local_positions: np.ndarray, rotations: np.ndarray) -> int:
-    """The joint that is the character's root: below joints (``joint_Root``) that only carry it, standing or moving.
-
-    A joint carries its only child where the child has a position of its own and either the joint never moves or the
-    child moves relative to it.
-    """
-    positions = {"Xposition", "Yposition", "Zposition"}
-    joint = 0
-    while sum(j.parent == joint for j in bvh.joints) == 1 and positions <= set(bvh.joints[joint + 1].channels):
-        tolerance = 1e-3 * max(np.abs(local_positions).max(), 1e-9)
-        still = max(np.ptp(v[:, joint], axis=0).max() for v in (local_positions, rotations)) < 1e-6
-        carried = np.ptp(local_positions[:, joint + 1], axis=0).max() > tolerance
-        if not (still or carried):
-            break
-        joint += 1
-    return joint
 
 
 def _hips(names: list[str], parents: list[int]) -> tuple[int, int]:
@@ -82,5 +70,17 @@ def _hips(names: list[str], parents: list[int]) -> tuple[int, int]:
     hips = [j for j, parent in enumerate(parents) if parent == 0]
     pairs = side_pairs([names[j] for j in hips])
     if not pairs:
-        raise BvhError(f"cannot tell the left from the right hip among {[names[j] for j in hips]}")
+        raise ClipError(f"cannot tell the left from the right hip among {[names[j] for j in hips]}")
     return hips[pairs[0][0]], hips[pairs[0][1]]
+
+
+def _knees(
+    names: list[str], parents: list[int], offsets: np.ndarray, left: int, right: int
+) -> tuple[np.ndarray, np.floating[Any]]:
+    """From the right to the left of the joints on the hips, and its length."""
+    on = [next((j for j, parent in enumerate(parents) if parent == hip), None) for hip in (left, right)]
+    if on[0] is not None and on[1] is not None:
+        axis = offsets[on[0]] - offsets[on[1]]
+        if (length := np.linalg.norm(axis)) >= 1e-6:
+            return axis, length
+    raise ClipError(f"{names[left]} and {names[right]} stand in one place at rest, so left and right are unclear")

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path, PurePath
@@ -39,6 +40,7 @@ class FileMotion:
     positions: np.ndarray  # [F, J, 3]
     rotations: np.ndarray  # [F, J, 3, 3]
     notes: list[str] = field(default_factory=list)
+    report: dict[str, Any] | None = None  # what the reader understood of the file
 
 
 @dataclass
@@ -61,6 +63,9 @@ class MotionSource(Protocol):
     def options(self) -> dict[str, Any]:
         """Options that the result depends on besides the files. Caches with others are made again."""
 
+    def survey(self, files: Sequence[Path]) -> None:
+        """Looks at all files before any is loaded: what they agree on decides for those that leave it open."""
+
     def load(self, path: Path) -> FileMotion:
         """Reads one file. Raises `ValueError` with the reason if it cannot be used."""
 
@@ -79,31 +84,6 @@ def with_suffix(file: str, ending: str) -> str:
     """``walk.csv`` and ``_M`` to ``walk_M.csv``."""
     path = PurePath(file)
     return path.stem + ending + path.suffix
-
-
-def resample_times(frames: int, rate: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Where 30 fps lie in motion of another rate: the frame before each, and the share of the next; None at 30 fps."""
-    if abs(rate - FPS) < 5e-4 * FPS or frames < 2:
-        return None
-    times = np.arange(0.0, frames - 1 + 1e-6, rate / FPS)
-    before = np.minimum(times.astype(int), frames - 2)
-    return before, times - before
-
-
-def mix(values: np.ndarray, times: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Linear interpolation along the first axis at what `resample_times` gives."""
-    before, share = times
-    weight = share.reshape((-1,) + (1,) * (values.ndim - 1))
-    return values[before] * (1 - weight) + values[before + 1] * weight
-
-
-def resample(positions: np.ndarray, rotations: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """To 30 fps: linear positions, and rotations by the nearest matrix to the linear mean."""
-    times = resample_times(len(positions), rate)
-    if times is None:
-        return positions, rotations
-    u, _, v = np.linalg.svd(mix(rotations, times))
-    return mix(positions, times), u @ v
 
 
 def cut(file: str, motion: FileMotion) -> tuple[list[Clip], list[str]]:

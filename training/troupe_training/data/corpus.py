@@ -1,8 +1,9 @@
 """A cache of motion of many bodies, in terms that mean the same on each (`data/bodies.py`).
 
-A folder a body: ``body.json``; ``clips.json``, which frames belong to which clip, what it shows, which split it is of, what was
-dropped and why; ``bends.npy`` (`int16` ``[F, J, 6]``), ``roots.npy`` (positions ``[F, 3]``, metres), ``headings.npy`` (``[F]``,
-radians) and ``contacts.npy`` (``[F, C]`` of 0/1). A body that is there already, made from the same options, is not made again.
+A folder a body: ``body.json``; ``clips.json``, which frames belong to which clip, what it shows, which split it is of, what
+was understood of the files, what was dropped and why; ``bends.npy`` (`int16` ``[F, J, 6]``), ``roots.npy`` (positions
+``[F, 3]``, metres), ``headings.npy`` (``[F]``, radians) and ``contacts.npy`` (``[F, C]`` of 0/1). A body that is there already,
+made from the same options, is not made again.
 """
 
 import json
@@ -33,6 +34,7 @@ from troupe_training.data.gaits import feet_of, with_root_motion
 from troupe_training.data.gltf import Rig, read_glb
 from troupe_training.data.neutral import average_pose, robot_neutral, straightened
 from troupe_training.data.prepare import drop_odd_skeletons, files_of, load_file
+from troupe_training.data.reader import printed, understood
 from troupe_training.data.rotations import columns_to_matrix
 from troupe_training.data.skeleton import Skeleton
 
@@ -90,6 +92,7 @@ class Made:
     clips: list[Clip]
     dropped: dict[str, str]
     notes: dict[str, list[str]]
+    understood: list[list[str]]  # of the files: `data/reader.py`
 
 
 def kebab(name: str) -> str:
@@ -120,7 +123,10 @@ def make_corpus(wanted: Iterable[Wanted], cache: Path, workers: int = 1) -> list
             if done.exists() and json.loads(done.read_text())["options"] == json.loads(json.dumps(options)):
                 print(f"{name}: cached")
             else:
-                _write(folder, one, make(), options)
+                made = make()
+                _write(folder, one, made, options)
+                for row in printed(made.understood):
+                    print(f"{name}: {row}")
             names.append(name)
     text = report(cache, names)
     (cache / "report.md").write_text(text)
@@ -144,6 +150,7 @@ def _rig_name(path: Path) -> str:
 def _from_files(one: Wanted, reader: MotionSource, workers: int) -> Made:
     """A folder of BVH or CSV files, which share a skeleton."""
     files = files_of(one.source, reader, None)
+    reader.survey(files)
     with ProcessPoolExecutor(workers) as pool:
         results = pool.map(partial(load_file, source=reader), files, chunksize=1 + len(files) // (16 * workers))
         loaded = list(tqdm(results, total=len(files), desc=one.name))
@@ -162,7 +169,8 @@ def _from_files(one: Wanted, reader: MotionSource, workers: int) -> Made:
         neutral = straightened(skeleton, average_pose([c.six_d for c in clips], skeleton.left_axis))
     dropped = {file.file: file.dropped for file in loaded if file.dropped is not None}
     notes = {file.file: file.notes for file in kept if file.notes}
-    return Made(body_of(one.name, skeleton, neutral), clips, dropped, notes)
+    table = understood(file.report for file in kept if file.report is not None)
+    return Made(body_of(one.name, skeleton, neutral), clips, dropped, notes, table)
 
 
 def _from_rig(path: Path) -> Made:
@@ -192,7 +200,9 @@ def _from_rig(path: Path) -> Made:
         columns = moved.motion.rotations
         six_d = np.concatenate([columns[..., 0], columns[..., 1]], -1).astype(np.float32)
         clips.append(Clip(name, name, 0, moved.motion.positions.astype(np.float32), six_d))
-    return Made(_rig_body(_rig_name(path), rig, names, parents, feet, clips), clips, dropped, notes)
+    return Made(
+        _rig_body(_rig_name(path), rig, names, parents, feet, clips), clips, dropped, notes, understood(rig.reports)
+    )
 
 
 def _rig_body(name: str, rig: Rig, names: list[str], parents: list[int], feet: list[int], clips: list[Clip]) -> Body:
@@ -230,8 +240,8 @@ def _write(folder: Path, one: Wanted, made: Made, options: dict[str, Any]) -> No
     body.save(folder / "body.json")
     for name, parts in arrays.items():
         np.save(folder / f"{name}.npy", np.concatenate(parts))
-    about = {"options": options, "dropped": made.dropped, "notes": made.notes, "round_trip_m": worst}
-    (folder / "clips.json").write_text(json.dumps(about | {"clips": index}, indent=1))
+    about = {"options": options, "understood": made.understood, "dropped": made.dropped, "notes": made.notes}
+    (folder / "clips.json").write_text(json.dumps(about | {"round_trip_m": worst, "clips": index}, indent=1))
 
 
 def _neutral_six_d(body: Body, clip: Clip) -> np.ndarray:

@@ -16,7 +16,7 @@ import torch
 from troupe_training.data.clips import Clip, with_suffix
 from troupe_training.data.rotations import columns_to_matrix, quat_to_matrix
 from troupe_training.data.sides import side_pairs
-from troupe_training.data.skeleton import RobotTable, Skeleton
+from troupe_training.data.skeleton import HingeTable, RobotTable, Skeleton
 
 WORLD = np.diag([-1.0, 1.0, 1.0])
 MAX_BONE_ERROR_M = 0.005
@@ -102,12 +102,29 @@ def _root_axes(skeleton: Skeleton) -> np.ndarray:
 
 
 def _bone_errors(skeleton: Skeleton, partners: list[int], local: np.ndarray) -> list[float]:
-    """How far each joint's offset is from the mirror image of its partner's, metres."""
+    """How far each joint's offset is from the mirror image of its partner's, metres.
+
+    A hinge may stand anywhere along its own axis: that moves nothing but the offsets of the joints on it.
+    """
     offsets, errors = np.array(skeleton.offsets), [0.0]
+    hinges = skeleton.robot["hinges"] if skeleton.robot is not None else []
+    axes = {skeleton.names.index(hinge["joint"]): (np.array(hinge["axis"]), _rest(hinge)) for hinge in hinges}
+    along = np.zeros((skeleton.joint_count, 3))  # from the mirror image of each joint's place, in its own axes
     for k in range(1, skeleton.joint_count):
         parent = skeleton.parents[k]
-        errors.append(float(np.linalg.norm(offsets[partners[k]] - local[parent].T @ offsets[k])))
+        off = offsets[partners[k]] - local[parent].T @ offsets[k] + along[parent]
+        if partners[k] in axes:
+            axis, rest = axes[partners[k]]
+            along[k] = (off @ rest @ axis) * axis
+            off = off - rest @ along[k]
+        errors.append(float(np.linalg.norm(off)))
     return errors
+
+
+def _rest(hinge: HingeTable) -> np.ndarray:
+    """The rotation of a hinge's joint relative to its parent at angle 0."""
+    matrix: np.ndarray = quat_to_matrix(torch.tensor(hinge["rest"], dtype=torch.float64)).numpy()
+    return matrix
 
 
 def _robot_axes(skeleton: Skeleton, robot: RobotTable, partners: list[int]) -> tuple[np.ndarray, list[str]]:
@@ -124,10 +141,7 @@ def _robot_axes(skeleton: Skeleton, robot: RobotTable, partners: list[int]) -> t
             errors.append(f"{name} turns, {skeleton.names[partner]} does not")
             continue
         hinge, other = hinges[j], hinges[partner]
-        rest, other_rest = (
-            quat_to_matrix(torch.tensor(h["rest"], dtype=torch.float64)).numpy() for h in (hinge, other)
-        )
-        local[j] = rest.T @ local[j] @ other_rest
+        local[j] = _rest(hinge).T @ local[j] @ _rest(other)
         seen, axis = local[j].T @ np.array(hinge["axis"]), np.array(other["axis"])
         sign = -1 if seen @ axis > 0 else 1  # the mirrored angle's
         if np.linalg.norm(seen + sign * axis) > MAX_AXIS_ERROR:

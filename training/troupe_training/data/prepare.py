@@ -1,8 +1,9 @@
 """``prepare``: a folder of BVH files, or of a robot's CSV files -> cached arrays that training reads.
 
 The cache holds, for all clips end to end: world joint positions ``[F, J, 3]`` (metres), world rotations in 6D
-``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, which files
-were dropped, cut or look odd, and why; ``skeleton.json`` is the skeleton that all kept clips share.
+``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, what was
+understood of the files, and which files were dropped, cut or look odd, and why; ``skeleton.json`` is the skeleton that all kept
+clips share.
 """
 
 import json
@@ -30,6 +31,7 @@ from troupe_training.data.clips import (
 )
 from troupe_training.data.conventions import FPS
 from troupe_training.data.mirror import mirror_of
+from troupe_training.data.reader import printed, understood
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.data.store import ClipEntry
 
@@ -68,6 +70,7 @@ class Loaded:
     offsets: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     clips: list[Clip] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    report: dict[str, Any] | None = None
     dropped: str | None = None
 
 
@@ -77,8 +80,9 @@ def load_file(path: Path, source: MotionSource) -> Loaded:
         motion = source.load(path)
         clips, notes = cut(path.name, motion)
     except (ValueError, LookupError, ArithmeticError, OSError, MemoryError) as error:
-        return Loaded(path.name, dropped=str(error) or type(error).__name__)
-    return Loaded(path.name, motion.names, motion.parents, motion.offsets, clips, notes)
+        reason = str(error).removeprefix(f"{path.name}: ")
+        return Loaded(path.name, dropped=reason or type(error).__name__)
+    return Loaded(path.name, motion.names, motion.parents, motion.offsets, clips, notes, motion.report)
 
 
 def files_of(folder: Path, source: MotionSource, include: str | None) -> list[Path]:
@@ -121,6 +125,7 @@ def prepare(
     """
     source, choice = source or BvhSource(), choice or Choice()
     files = files_of(folder, source, choice.include)
+    source.survey(files)
     with ProcessPoolExecutor(workers) as pool:
         results = pool.map(partial(load_file, source=source), files, chunksize=1 + len(files) // (16 * workers))
         loaded = list(tqdm(results, total=len(files), desc="prepare"))
@@ -131,6 +136,7 @@ def prepare(
     clips = [clip for one in kept for clip in one.clips]
     offsets = np.median([one.offsets for one in kept], axis=0)
     notes = {one.file: one.notes for one in kept if one.notes}
+    table = understood(one.report for one in kept if one.report is not None)
     try:
         skeleton = source.skeleton(kept[0].names, kept[0].parents, offsets, clips)
         if choice.mirror:
@@ -148,7 +154,7 @@ def prepare(
             notes.setdefault(clip.file, []).append(text)
     dropped = {one.file: one.dropped for one in loaded if one.dropped is not None}
     tested = [choice.tests(c) for c in clips]
-    about = {"source": str(folder.resolve()), "options": source.options() | asdict(choice)}
+    about = {"source": str(folder.resolve()), "options": source.options() | asdict(choice), "understood": table}
     held_out = [choice.holds_out(c) for c in clips]
     _write(cache, skeleton, clips, tested, held_out, about | {"dropped": dropped, "notes": notes})
     if split_list is not None:
@@ -158,6 +164,7 @@ def prepare(
         print(
             f"{sum(held_out)} clips are of held-out cells: neither trained on nor, but for the test clips among them, tested"
         )
+    print(*printed(table), sep="\n")
     _report(clips, sum(tested), dropped, notes)
 
 

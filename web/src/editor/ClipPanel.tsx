@@ -6,6 +6,7 @@ import {
   Group,
   Select,
   Stack,
+  Table,
   Text,
   Tooltip,
   ActionIcon,
@@ -85,8 +86,27 @@ export function ClipPanel({ editor }: { editor: Editor }) {
             {file}: {doc.clip.frames} frames at {rig.fps} Hz, {rig.skeleton.names.length} joints
           </Text>
         )}
+        <UnderstoodTable />
       </Stack>
     </Panel>
+  );
+}
+
+/** What was understood of the opened file. The evidence shows when the pointer rests on a row. */
+function UnderstoodTable() {
+  const rows = useEditor((state) => state.understood);
+  if (rows.length === 0) return null;
+  return (
+    <Table fz="xs" verticalSpacing={2} aria-label="What was understood of the file">
+      <Table.Tbody>
+        {rows.map(([what, value, evidence], row) => (
+          <Table.Tr key={row} title={evidence}>
+            <Table.Td c="dimmed">{what}</Table.Td>
+            <Table.Td>{what === 'repaired' || what === 'odd' ? evidence : value}</Table.Td>
+          </Table.Tr>
+        ))}
+      </Table.Tbody>
+    </Table>
   );
 }
 

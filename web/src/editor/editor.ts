@@ -13,6 +13,7 @@ import { begin, change, endGesture, redo, undo } from './history';
 import { reach } from './ik';
 import { limbsOf, type Limb } from './limbs';
 import { fillRequest, variantsOf, type FillOptions } from './request';
+import type { Row } from './reading';
 import { rigOf } from './rig';
 import type { Doc, Gap, Target } from './segment';
 import * as segment from './segment';
@@ -58,8 +59,8 @@ export class Editor {
     const { rig } = useEditor.getState();
     if (!rig) return;
     await this.busy(async () => {
-      const clip = await readClip(file, rig);
-      this.show(clip, file.name);
+      const { clip, rows } = await readClip(file, rig);
+      this.show(clip, file.name, rows);
       this.opened = file;
     });
   }
@@ -267,6 +268,7 @@ export class Editor {
     useEditor.setState({
       history: undefined,
       captured: undefined,
+      understood: [],
       file: '',
       filled: undefined,
       frame: 0,
@@ -275,13 +277,13 @@ export class Editor {
     useEditor.setState({ isPlaying: false, handle: undefined });
   }
 
-  private show(clip: Clip, file: string): void {
+  private show(clip: Clip, file: string, understood: readonly Row[] = []): void {
     const { rig } = useEditor.getState();
     if (!rig || this.isDisposed) return;
     const doc = segment.newDoc(clip, rig, file);
     this.clear();
     const range = { from: 0, to: clip.frames };
-    useEditor.setState({ captured: clip, file, history: begin(doc), range, frame: doc.gap.start });
+    useEditor.setState({ captured: clip, file, understood, history: begin(doc), range, frame: doc.gap.start });
   }
 
   private async busy(work: () => Promise<void>): Promise<void> {

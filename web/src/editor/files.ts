@@ -1,9 +1,9 @@
-// Clips from and to files: the name's ending decides.
+// Clips from and to files.
 import type { Clip, Rig } from './clip';
-import { readBvh, writeBvh } from './bvh';
-import { readCsv, writeCsv } from './csv';
-import { readGlb, writeGlb } from './glb';
-import { onSkeleton } from './recording';
+import { writeBvh } from './bvh';
+import { writeCsv } from './csv';
+import { writeGlb } from './glb';
+import { understand, type Understood } from './reading';
 
 export type Format = 'bvh' | 'glb' | 'csv';
 
@@ -11,28 +11,16 @@ export type Format = 'bvh' | 'glb' | 'csv';
 const MOST_BYTES = 256 * 1024 * 1024;
 
 /** What a file chooser offers. */
-export const ACCEPTED = '.bvh,.glb,.csv';
-
-export function formatOf(file: string): Format {
-  const ending = /\.([^.]*)$/.exec(file.toLowerCase())?.[1] ?? '';
-  if (ending === 'bvh' || ending === 'glb' || ending === 'csv') return ending;
-  throw new Error(`${file}: is neither BVH, glb nor CSV; the name ends in .bvh, .glb or .csv`);
-}
+export const ACCEPTED = '.bvh,.glb,.gltf,.csv,.npz,.npy';
 
 /** Formats that a clip of a rig can be written as. */
 export function formatsFor(rig: Rig): Format[] {
   return rig.hinges.length > 0 ? ['bvh', 'glb', 'csv'] : ['bvh', 'glb'];
 }
 
-export async function readClip(file: File, rig: Rig): Promise<Clip> {
-  const format = formatOf(file.name);
+export async function readClip(file: File, rig: Rig): Promise<Understood> {
   if (file.size > MOST_BYTES) throw new Error(`${file.name}: has ${file.size} bytes; at most ${MOST_BYTES} are read`);
-  if (format === 'csv') return readCsv(await file.text(), rig, file.name);
-  const read =
-    format === 'bvh'
-      ? readBvh(await file.text(), file.name)
-      : await readGlb(await file.arrayBuffer(), rig.fps, file.name);
-  return onSkeleton(read, rig, file.name);
+  return understand(file.name, new Uint8Array(await file.arrayBuffer()), rig);
 }
 
 export async function writeClip(clip: Clip, rig: Rig, format: Format): Promise<Blob> {

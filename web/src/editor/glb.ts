@@ -1,62 +1,22 @@
-// glb: any skeleton animation in, a node a joint and slim bones out. glTF's axes and units are
-// Troupe's own.
+// Writes glb: a node a joint, and slim bones. glTF's axes and units are Troupe's own.
 import {
   AnimationClip,
-  AnimationMixer,
   BufferGeometry,
   Float32BufferAttribute,
   Mesh,
   MeshStandardMaterial,
   Object3D,
   Quaternion,
-  LoopOnce,
   QuaternionKeyframeTrack,
   Vector3,
   VectorKeyframeTrack,
 } from 'three';
 import { GLTFExporter } from 'three/examples/jsm/exporters/GLTFExporter.js';
-import { GLTFLoader } from 'three/examples/jsm/loaders/GLTFLoader.js';
 import type { Clip, Rig } from './clip';
 import { jointsOf } from './clip';
-import { checkLength, type Recording } from './recording';
 
 /** Bones shorter than this get no mesh, metres. */
 const MIN_BONE_M = 1e-3;
-
-/** Reads the longest animation of a glb, sampled at `fps` frames a second. */
-export async function readGlb(glb: ArrayBuffer, fps: number, file: string): Promise<Recording> {
-  const gltf = await new GLTFLoader().parseAsync(glb, '').catch((error: unknown) => {
-    throw new Error(
-      `${file}: is not a glb that can be read: ${error instanceof Error ? error.message : String(error)}`,
-    );
-  });
-  const [clip] = [...gltf.animations].sort((a, b) => b.duration - a.duration);
-  if (!clip) throw new Error(`${file}: has no animation`);
-  const nodes: Object3D[] = [];
-  gltf.scene.traverse((node) => nodes.push(node));
-  // The loader takes marks such as dots out of names and keeps the file's own beside them.
-  const names = nodes.map(({ name, userData }) => (typeof userData['name'] === 'string' ? userData['name'] : name));
-  const frames = Math.floor(clip.duration * fps + 1e-3) + 1;
-  checkLength(frames, file);
-  const places = new Float32Array(frames * nodes.length * 3);
-  const turns = new Float32Array(frames * nodes.length * 4);
-  const mixer = new AnimationMixer(gltf.scene);
-  const action = mixer.clipAction(clip);
-  action.clampWhenFinished = true;
-  action.setLoop(LoopOnce, 1).play();
-  const [place, turn, scale] = [new Vector3(), new Quaternion(), new Vector3()];
-  for (let f = 0; f < frames; f++) {
-    action.time = Math.min(f / fps, clip.duration);
-    mixer.update(0);
-    gltf.scene.updateMatrixWorld(true);
-    nodes.forEach((node, n) => {
-      node.matrixWorld.decompose(place, turn, scale);
-      place.toArray(places, (f * nodes.length + n) * 3);
-      turn.toArray(turns, (f * nodes.length + n) * 4);
-    });
-  }
-  return { names, fps, frames, places, turns };
-}
 
 /** Writes a clip as glb. */
 export async function writeGlb(clip: Clip, rig: Rig): Promise<ArrayBuffer> {

@@ -4,9 +4,10 @@ import { forward } from '../stage/kinematics';
 import type { Pose } from '../stage/types';
 import type { Rig } from './clip';
 import { copyPose, poseAt, quaternionAt } from './clip';
-import { hingeAngle, readCsv } from './csv';
+import { hingeAngle } from './csv';
 import { reach } from './ik';
 import { limbsOf, type Limb } from './limbs';
+import { understand } from './reading';
 import { example, robot } from './testing';
 
 function world({ skeleton }: Rig, { root, rotations }: Pose) {
@@ -141,9 +142,10 @@ describe('two bones', () => {
   });
 });
 
-describe('hinges', () => {
+describe('hinges', async () => {
   const robotRig = robot();
-  const stand = readCsv('0,0,0.7,0,0,0,1,-0.3,0,0,0.6,-0.3,0', robotRig, 'stand.csv');
+  const row = new TextEncoder().encode('0,0,0.7,0,0,0,1,-0.3,0,0,0.6,-0.3,0');
+  const { clip: stand } = await understand('stand.csv', row, robotRig);
   const [leg] = limbsOf(robotRig, stand);
 
   it('bring a foot to its place within their limits', () => {

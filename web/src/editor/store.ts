@@ -3,6 +3,7 @@ import { create } from 'zustand';
 import type { Pack } from '../wire/types';
 import type { Clip, Rig } from './clip';
 import type { History } from './history';
+import type { Row } from './reading';
 import type { FillOptions, Variant } from './request';
 import type { Doc, Range } from './segment';
 
@@ -41,6 +42,8 @@ export interface EditorState {
   rig: Rig | undefined;
   /** Name of the clip; empty without one. */
   file: string;
+  /** What was understood of the file; empty for a clip without one. */
+  understood: readonly Row[];
   /** The clip as it was opened. */
   captured: Clip | undefined;
   history: History<Doc> | undefined;
@@ -71,6 +74,7 @@ export const INITIAL: EditorState = {
   packs: [],
   rig: undefined,
   file: '',
+  understood: [],
   captured: undefined,
   history: undefined,
   frame: 0,

@@ -1,9 +1,11 @@
 // What the editor's tests share: the project's example on its own skeleton, and a small robot.
 import { readFileSync } from 'node:fs';
 import { Quaternion, Vector3 } from 'three';
-import { readBvh } from './bvh';
+import * as reader from '../reader/troupe_reader_web';
 import type { Clip, Rig } from './clip';
-import { onSkeleton, type Recording } from './recording';
+
+// Node has no address to load the reader from.
+reader.initSync({ module: readFileSync(new URL('../reader/troupe_reader_web_bg.wasm', import.meta.url)) });
 
 const LIMITS = { contextFrames: 4, maxTargets: 4, minFrames: 12, maxFrames: 64, framesPerToken: 4 };
 
@@ -11,34 +13,22 @@ export function exampleText(): string {
   return readFileSync(new URL('../../../examples/walk.bvh', import.meta.url), 'utf8');
 }
 
-/** A rig with the joints of a recording, whose first frame gives the offsets. */
-export function rigFor({ names, places, turns }: Recording, parents: readonly number[]): Rig {
-  const offsets = new Float32Array(names.length * 3);
-  parents.forEach((parent, j) => {
-    if (parent < 0) return;
-    const back = new Quaternion().fromArray(turns, parent * 4).invert();
-    const offset = new Vector3().fromArray(places, j * 3).sub(new Vector3().fromArray(places, parent * 3));
-    offset.applyQuaternion(back).toArray(offsets, j * 3);
-  });
-  const skeleton = { names, parents: Int16Array.from(parents), offsets };
-  return {
+/** Parents of the joints of examples/walk.bvh, in the file's order. */
+export const WALK_PARENTS = [-1, 0, 1, 2, 3, 2, 5, 6, 7, 2, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19];
+
+export function example(): { rig: Rig; clip: Clip } {
+  const read = reader.read('walk.bvh', new TextEncoder().encode(exampleText()), '{}');
+  const { fps, frames, roots, rotations, names, parents, offsets } = read;
+  const rig = {
     pack: 'human',
     fps: 30,
-    skeleton,
+    skeleton: { names, parents, offsets },
     leftAxis: new Vector3(0, -1, 0),
     hinges: [],
     contactJoints: [],
     limits: LIMITS,
   };
-}
-
-/** Parents of the joints of examples/walk.bvh, in the file's order. */
-export const WALK_PARENTS = [-1, 0, 1, 2, 3, 2, 5, 6, 7, 2, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19];
-
-export function example(): { rig: Rig; clip: Clip } {
-  const recording = readBvh(exampleText(), 'walk.bvh');
-  const rig = rigFor(recording, WALK_PARENTS);
-  return { rig, clip: onSkeleton(recording, rig, 'walk.bvh') };
+  return { rig, clip: { fps, frames, roots, rotations } };
 }
 
 /** A pelvis with one leg of six hinges, and a foot that is fixed. Limits in radians. */

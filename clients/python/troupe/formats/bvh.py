@@ -1,19 +1,27 @@
-"""BVH: written as the server's own tools do, and read where only the root moves in its parent."""
+"""BVH: written as the server's own tools do, and read as they write it.
+
+A file of another kind is refused, because its frames would be wrong: `motion/tests/shared_files.json` has examples of each.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from typing import NoReturn
 
 import numpy as np
 
 from troupe import rotation
 from troupe.arrays import F32, F64
 from troupe.errors import InvalidArgumentError
+from troupe.formats import body
 from troupe.skeleton import Skeleton
 
 OFFSET_TOLERANCE_M = 5e-3
 """How far a bone may be from another skeleton's."""
-_AXES = {"X": 0, "Y": 1, "Z": 2}
+_AXES = {"x": 0, "y": 1, "z": 2}
+_SLIDE_M = 1e-4
+"""How far a joint below the root may move in its parent."""
+_FRAME_TIMES_S = (1e-3, 1.0)
+_WAY_ON = "`Clip.read` and `troupe clip convert` read more kinds of files"
 
 
 def write(skeleton: Skeleton, fps: float, root: F32, rotations: F32, units_per_metre: float = 100) -> str:
@@ -67,45 +75,54 @@ def _zxy(q: F64) -> F64:
     return np.stack([first, np.arctan2(r21, r11), np.arctan2(r02, r00)], axis=-1)
 
 
-def read(text: str, units_per_metre: float = 100) -> tuple[Skeleton, float, F32, F32]:
-    """Skeleton, rate, roots and rotations of a text.
+def read(
+    data: bytes, name: str, units_per_metre: float | None = None, up: str | None = None
+) -> tuple[Skeleton, float, F32, F32]:
+    """Skeleton, rate, roots and rotations of a file with the Y axis up, in centimetres unless a unit is given.
+
+    A person who does not stand along Y is refused unless `up` is given, and one of a height that speaks for another unit unless
+    the unit is given.
 
     Raises:
-        InvalidArgumentError: It is no BVH of one root, or a joint below the root has position channels that move it.
+        InvalidArgumentError: It is of another kind, or no BVH; the message has the file's name and the line.
 
     """
-    tokens = iter(text.split())
     try:
-        skeleton, channels = _hierarchy(tokens, units_per_metre)
-        _expect(tokens, "Frames:")
-        count = int(next(tokens))
-        _expect(tokens, "Frame")
-        _expect(tokens, "Time:")
-        frame_time = float(next(tokens))
-        values = np.array(list(tokens), np.float64).reshape(count, sum(map(len, channels)))
-    except (StopIteration, ValueError) as error:
-        if isinstance(error, InvalidArgumentError):
-            raise
-        message = f"bvh: {str(error) or 'it ends in the middle'}"
-        raise InvalidArgumentError(message, field="bvh", allowed="a BVH file with one root") from error
-    root = skeleton.offsets[0].astype(np.float64) * np.ones((count, 1))
-    rotations = np.zeros((count, len(channels), 4), np.float64)
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        _refuse(name, f"byte {error.start} is no UTF-8")
+    words = _Words(text, name)
+    units = 100.0 if units_per_metre is None else units_per_metre
+    names, parents, offsets, channels = _hierarchy(words)
+    fps, values = _frames(words, sum(map(len, channels)))
+    roots = np.zeros((len(values), 3)) + offsets[0]
+    rotations = np.zeros((len(values), len(channels), 4), np.float64)
     column = 0
-    for joint, names in enumerate(channels):
-        turned = np.zeros((count, 4))
+    for joint, of in enumerate(channels):
+        turned = np.zeros((len(values), 4))
         turned[:, 0] = 1
-        for name in names:
+        for channel in of:
             value, column = values[:, column], column + 1
-            axis = _AXES[name[0]]
-            if name.endswith("rotation"):
+            axis = _AXES[channel[0]]
+            if channel.endswith("rotation"):
                 turned = _turned(turned, axis, np.radians(value))
             elif joint == 0:
-                root[:, axis] = value / units_per_metre
-            elif np.abs(value / units_per_metre - skeleton.offsets[joint][axis]).max() > OFFSET_TOLERANCE_M:
-                message = f"bvh: joint {skeleton.names[joint]} moves in its parent; only the root may"
-                raise InvalidArgumentError(message, field="bvh")
+                roots[:, axis] = value
+            elif np.ptp(value) > 2 * _SLIDE_M * units:
+                _refuse(name, f"joint {names[joint]} moves in its parent; only the root may")
+            else:
+                offsets[joint][axis] = np.median(value)
         rotations[:, joint] = turned
-    return skeleton, 1 / frame_time, root.astype(np.float32), rotations.astype(np.float32)
+    skeleton = Skeleton(tuple(names), tuple(parents), (np.array(offsets) / units).astype(np.float32))
+    found = skeleton, fps, (roots / units).astype(np.float32), rotations.astype(np.float32)
+    odd = body.odd(*found, is_unit_given=units_per_metre is not None, is_up_given=up is not None)
+    if odd is not None:
+        _refuse(name, odd)
+    return found
+
+
+def _refuse(name: str, reason: str) -> NoReturn:
+    raise InvalidArgumentError(f"{name}: {reason}; {_WAY_ON}", field="bvh", allowed="a BVH file as Troupe writes it")
 
 
 def _turned(before: F64, axis: int, angle: F64) -> F64:
@@ -116,47 +133,118 @@ def _turned(before: F64, axis: int, angle: F64) -> F64:
     return turned
 
 
-def _expect(tokens: Iterator[str], *words: str) -> str:
-    token = next(tokens)
-    if token not in words:
-        raise ValueError(f"{token!r} stands where {' or '.join(words)} belongs")
-    return token
+class _Words:
+    """The words of a text, one after the other, with the line of the last one."""
+
+    def __init__(self, text: str, name: str) -> None:
+        self._lines = text.splitlines()
+        self._ahead: list[str] = []
+        self.line = 0
+        self._name = name
+
+    def refuse(self, reason: str) -> NoReturn:
+        _refuse(self._name, f"line {self.line}: {reason}")
+
+    def next(self) -> str:
+        while not self._ahead:
+            if self.line == len(self._lines):
+                self.refuse("the file ends in the middle")
+            self._ahead = self._lines[self.line].split()[::-1]
+            self.line += 1
+        return self._ahead.pop()
+
+    def expect(self, *allowed: str) -> str:
+        word = self.next()
+        if word not in allowed:
+            self.refuse(f"{word[:40]!r} stands where {' or '.join(allowed)} belongs")
+        return word
+
+    def number(self) -> float:
+        word = self.next()
+        try:
+            number = float(word)
+        except ValueError:
+            self.refuse(f"{word[:40]!r} is no number")
+        if not np.isfinite(number):
+            self.refuse(f"{word[:40]!r} is not finite")
+        return number
+
+    def count(self) -> int:
+        word = self.next()
+        if not (word.isascii() and word.isdigit()):
+            self.refuse(f"{word[:40]!r} is no count")
+        return int(word)
+
+    def numbers(self) -> F64:
+        """All numbers that follow."""
+        first = self.line
+        rest = " ".join([*self._ahead[::-1], *self._lines[first:]]).split()
+        try:
+            numbers = np.array(rest, np.float64)
+        except ValueError:
+            numbers = np.array([np.nan])
+        if np.isfinite(numbers).all():
+            return numbers
+        # One of them is wrong: one by one, for its line.
+        while True:
+            self.number()
 
 
-def _hierarchy(tokens: Iterator[str], units: float) -> tuple[Skeleton, list[list[str]]]:
+def _frames(words: _Words, channels: int) -> tuple[float, F64]:
+    """Rate in frames a second, and the values (frames, channels)."""
+    words.expect("Frames:")
+    frames = words.count()
+    words.expect("Frame")
+    words.expect("Time:")
+    frame_time_s = words.number()
+    low, high = _FRAME_TIMES_S
+    if not low <= frame_time_s <= high:
+        words.refuse(f"Frame Time is {frame_time_s:g} s; allowed: {low:g} to {high:g}")
+    numbers = words.numbers()
+    if numbers.size != frames * channels or frames == 0:
+        words.refuse(f"{frames} frames are declared, and {numbers.size} numbers follow, {channels} a frame")
+    return 1 / frame_time_s, numbers.reshape(frames, channels)
+
+
+def _hierarchy(words: _Words) -> tuple[list[str], list[int], list[list[float]], list[list[str]]]:
+    """Names, parents, offsets in the file's unit, and channels in small letters."""
     names: list[str] = []
     parents: list[int] = []
     offsets: list[list[float]] = []
     channels: list[list[str]] = []
-    _expect(tokens, "HIERARCHY")
-    _expect(tokens, "ROOT")
+    words.expect("HIERARCHY")
+    words.expect("ROOT")
     stack: list[int] = []
     opening = "ROOT"
     while True:
         if opening in ("ROOT", "JOINT"):
-            names.append(next(tokens))
+            name = words.next()
+            if name in names:
+                words.refuse(f"two joints have the name {name}")
+            names.append(name)
             parents.append(stack[-1] if stack else -1)
             stack.append(len(names) - 1)
-            _expect(tokens, "{")
-            _expect(tokens, "OFFSET")
-            offsets.append([float(next(tokens)) / units for _ in range(3)])
-            _expect(tokens, "CHANNELS")
-            channels.append([next(tokens) for _ in range(int(next(tokens)))])
-            unknown = [
-                name for name in channels[-1] if name[:1] not in _AXES or name[1:] not in ("position", "rotation")
-            ]
-            if unknown:
-                raise ValueError(f"unknown channel {unknown[0]!r}")
+            words.expect("{")
+            words.expect("OFFSET")
+            offsets.append([words.number() for _ in range(3)])
+            words.expect("CHANNELS")
+            channels.append([_channel(words) for _ in range(words.count())])
         elif opening == "End":
             for word in ("Site", "{", "OFFSET"):
-                _expect(tokens, word)
+                words.expect(word)
             for _ in range(3):
-                float(next(tokens))
-            _expect(tokens, "}")
+                words.number()
+            words.expect("}")
         elif stack:
             stack.pop()
-        else:
-            break
-        opening = _expect(tokens, *(("JOINT", "End", "}") if stack else ("MOTION",)))
-    array = np.array(offsets, np.float32)
-    return Skeleton(tuple(names), tuple(parents), array), channels
+        opening = words.expect(*(("JOINT", "End", "}") if stack else ("MOTION",)))
+        if opening == "MOTION":
+            return names, parents, offsets, channels
+
+
+def _channel(words: _Words) -> str:
+    word = words.next()
+    channel = word.lower()
+    if channel[:1] not in _AXES or channel[1:] not in ("position", "rotation"):
+        words.refuse(f"unknown channel {word[:40]!r}")
+    return channel

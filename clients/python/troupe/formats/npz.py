@@ -53,7 +53,8 @@ def read(path: str | Path) -> tuple[Skeleton, float, F32, F32, F32 | None]:
         needed = ("quaternions", "root", "fps", "joint_names", "parents", "offsets")
         missing = [name for name in needed if name not in archive]
         if missing:
-            raise InvalidArgumentError(f"npz: lacks {', '.join(missing)}", field="npz", allowed=", ".join(needed))
+            message = f"npz: lacks {', '.join(missing)}; `Clip.read` and `troupe clip convert` read other archives"
+            raise InvalidArgumentError(message, field="npz", allowed=", ".join(needed))
         skeleton = Skeleton(
             names=tuple(str(name) for name in archive["joint_names"]),
             parents=tuple(int(parent) for parent in archive["parents"]),

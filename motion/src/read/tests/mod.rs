@@ -9,3 +9,4 @@ mod kinds;
 mod people;
 mod rigs;
 mod robots;
+mod shared;

@@ -200,6 +200,17 @@ fn degrees_are_found_beyond_a_full_turn_and_asked_for_below() {
         error.contains("--degrees") && error.contains("left_knee"),
         "{error}"
     );
+    // One frame beyond a full turn does not make degrees of the others.
+    let text = write_csv(&truth).unwrap();
+    let (first, others) = text.split_once('\n').unwrap();
+    let broken = rows(first, |row| row[10] = 40.0) + others;
+    let error = with("walk.csv", broken.as_bytes(), &on_g1())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("left_knee") && error.contains("in frame 0"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -12,10 +12,12 @@ use super::files::{self, Keep};
 const PAGE: &str = "index.html";
 /// Folder of the files whose names change with their content.
 pub(in crate::api) const ASSETS: &str = "/assets/";
-/// The page may load scripts, pictures and data only from its own server. The component library
-/// sets styles, and dropped files are read as blobs.
-const POLICY: &str = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
-    connect-src 'self' blob: data:; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+/// The page may load scripts, pictures and data only from its own server. It compiles WebAssembly,
+/// which reads files of motion. The component library sets styles, and dropped files are read as
+/// blobs.
+const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; \
+    img-src 'self' data: blob:; connect-src 'self' blob: data:; worker-src 'self' blob:; frame-ancestors 'none'; \
+    base-uri 'none'; form-action 'none'";
 
 #[derive(Embed)]
 #[folder = "../web/dist"]

@@ -1,0 +1,29 @@
+//! The reader, kinematics and robots of `troupe-motion` for Python: `troupe_reader._native`.
+//!
+//! `troupe_reader/_native.pyi` has the types and documents them. Arrays are float32, axes are
+//! Troupe's, and quaternions are (w, x, y, z). Work of any length lets other threads of Python run.
+
+mod arrays;
+mod clip;
+mod errors;
+mod files;
+mod options;
+mod read;
+mod robot;
+mod skeleton;
+
+use pyo3::prelude::*;
+
+#[pymodule(gil_used = false)]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("ReadError", module.py().get_type::<errors::ReadError>())?;
+    module.add_class::<clip::Clip>()?;
+    module.add_class::<read::Agreement>()?;
+    module.add_class::<robot::RobotDescription>()?;
+    module.add_class::<skeleton::Skeleton>()?;
+    module.add_function(wrap_pyfunction!(read::animations, module)?)?;
+    module.add_function(wrap_pyfunction!(read::read, module)?)?;
+    module.add_function(wrap_pyfunction!(read::survey, module)?)?;
+    module.add_function(wrap_pyfunction!(robot::read_robot, module)?)?;
+    Ok(())
+}

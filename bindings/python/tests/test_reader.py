@@ -1,0 +1,103 @@
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import troupe_reader
+
+BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT LeftLeg
+  {
+    OFFSET 10 -90 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site { OFFSET 0 -5 0 }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: 0.0333333
+0 95 0 0 0 0 0 0 0
+0 95 1 0 0 0 0 10 0
+0 95 2 0 0 0 0 20 0
+"""
+OPTIONS = {"up": "y", "unit": "cm", "leading_pose": "keep"}
+
+
+def skeleton() -> troupe_reader.Skeleton:
+    return troupe_reader.Skeleton(["pelvis", "foot"], [-1, 0], [[0, 0, 0], [0, -1, 0]])
+
+
+def test_a_file_and_its_bytes_give_the_same(tmp_path: Path):
+    path = tmp_path / "walk.bvh"
+    path.write_text(BVH)
+    of_path = troupe_reader.read(path, **OPTIONS)
+    of_bytes = troupe_reader.read(BVH.encode(), name="walk.bvh", **OPTIONS)
+    assert len(of_path) == 3 and of_path.skeleton.names[0] == "Hips"
+    np.testing.assert_array_equal(of_path.rotations, of_bytes.rotations)
+    np.testing.assert_allclose(of_path.root_positions[:, 2], [0, 0.01, 0.02], atol=1e-6)
+    report = of_path.report
+    assert report is not None and report["format"]["value"] == "bvh" and report["unit_m"]["basis"] == "given"
+    assert of_path.table()[0][0] == "format"
+
+
+def test_errors_are_the_readers_own(tmp_path: Path):
+    with pytest.raises(troupe_reader.ReadError, match=r"walk\.bvh: .*line 3"):
+        troupe_reader.read(b"HIERARCHY\nROOT a\n{ OFFSET x 0 0", name="walk.bvh")
+    with pytest.raises(FileNotFoundError, match="missing"):
+        troupe_reader.read(tmp_path / "missing.bvh")
+    with pytest.raises(ValueError, match="need a name"):
+        troupe_reader.read(BVH.encode())
+    with pytest.raises(TypeError, match='no option "ups"'):
+        troupe_reader.read(BVH.encode(), name="walk.bvh", ups="y")
+    with pytest.raises(ValueError, match="allowed: x, y, z"):
+        troupe_reader.read(BVH.encode(), name="walk.bvh", up="w")
+
+
+def test_a_survey_notes_what_it_cannot_read(tmp_path: Path):
+    (tmp_path / "wrong.bvh").write_text("HIERARCHY")
+    (tmp_path / "notes.txt").write_text("no motion")
+    agreement = troupe_reader.survey(tmp_path)
+    assert list(agreement.refused) == [str(tmp_path / "wrong.bvh")]
+    assert agreement.up is None and agreement.unit_m is None
+    again = pickle.loads(pickle.dumps(agreement))
+    assert again.refused == agreement.refused and again.up is None
+
+
+def test_world_and_resampling_of_arrays():
+    half = np.sqrt(0.5)
+    rotations = np.zeros((3, 2, 4))
+    rotations[..., 0] = 1
+    rotations[2, 0] = [half, 0, 0, half]  # a quarter turn about Z: down becomes +X
+    clip = troupe_reader.Clip(skeleton(), 60, [[0, 1, 0], [1, 1, 0], [2, 1, 0]], rotations)
+    assert clip.report is None and clip.table() == []
+    positions, turned = clip.world()
+    np.testing.assert_allclose(positions[0, 1], [0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(positions[2, 1], [3, 1, 0], atol=1e-6)
+    assert turned.shape == (3, 2, 4)
+    halved = clip.resample(30)
+    assert len(halved) == 2
+    np.testing.assert_allclose(halved.root_positions[1], [2, 1, 0], atol=1e-6)
+
+
+def test_a_skeleton_comes_back_from_its_tables():
+    hinge = {"joint": "foot", "axis": [1, 0, 0], "rest": [1, 0, 0, 0]}
+    limits = {"lower_rad": -1, "upper_rad": 1, "max_speed_rad_per_s": 9}
+    robot = troupe_reader.Skeleton.of_tables(skeleton().table, {"name": "toy", "hinges": [hinge | limits]})
+    assert robot.names == skeleton().names and robot.robot is not None and robot.robot["name"] == "toy"
+    half = np.sqrt(0.5)
+    pose = robot.pose([[1, 0, 0, 0]], [[np.pi / 2]])
+    np.testing.assert_allclose(pose[0], [[1, 0, 0, 0], [half, half, 0, 0]], atol=1e-6)
+
+
+def test_wrong_arrays_are_refused():
+    with pytest.raises(ValueError, match=r"allowed: \[frames, 2, 4\]"):
+        troupe_reader.Clip(skeleton(), 30, np.zeros((1, 3)), np.zeros((1, 3, 4)))
+    with pytest.raises(ValueError, match="allowed: as many of each"):
+        troupe_reader.Skeleton(["a"], [-1, 0], np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="no hinges"):
+        skeleton().pose([[1, 0, 0, 0]], [[0.0]])

@@ -1,0 +1,44 @@
+"""Options of reading, as keyword arguments. They have the names of the command line's."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, TypedDict
+
+if TYPE_CHECKING:
+    from troupe_reader._native import Agreement, Skeleton
+
+
+class FileOptions(TypedDict, total=False):
+    """What a file may leave open. `None` is as if the option were not given."""
+
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None
+    """The axis that points up."""
+    unit: float | str | None
+    """Metres a unit of the file, or the unit's name: m, ft, dm, cmu, in, cm, mm."""
+    fps: float | None
+    """Frames a second of the file; for glTF, the rate at which it is sampled."""
+    resample_fps: float | None
+    """Rate to which the clip is brought, Hz."""
+    animation: str | None
+    """Name of a glTF file's animation."""
+    root: str | None
+    """Name of the joint that is the character's root."""
+    rest_pose: Literal["t", "a", "standing", "none"] | None
+    """Rest pose of the file's skeleton."""
+    leading_pose: Literal["find", "keep", "drop"] | None
+    """Whether a pose before the motion is kept. By default it is left out if it is found."""
+    max_slide_m: float | None
+    """Farthest that a joint may move in its parent and still be held there, metres."""
+    strip_namespaces: bool | None
+    """Whether joints' names lose what stands before a `:` or `|`."""
+    skeleton: "Skeleton | None"
+    """The skeleton to read onto, joints by name. Robots' files need one."""
+    other_bones: bool | None
+    """Whether the file's bones may differ from the skeleton's in length."""
+    quaternion: Literal["xyzw", "wxyz"] | None
+    """Order of a robot's quaternion."""
+    degrees: bool | None
+    """Whether a robot's angles are in degrees."""
+    joint_order: str | Sequence[str] | None
+    """Order of a robot's hinges: `tree`, `isaaclab`, or the names of joints."""
+    agreement: "Agreement | None"
+    """What the other files of the folder show."""

@@ -1,0 +1,107 @@
+//! The reader of `troupe-motion` for the viewer, as WebAssembly.
+//!
+//! Options come as JSON, and so does the report. Axes are Troupe's. Quaternions are (x, y, z, w),
+//! as three.js has them.
+
+mod options;
+
+use glam::Vec3;
+use troupe_motion::Clip;
+use troupe_motion::glb::animation_names;
+use troupe_motion::read::{self as reader, Report, Source, Understood};
+use wasm_bindgen::prelude::*;
+
+/// A file that was read.
+#[wasm_bindgen]
+pub struct Read {
+    clip: Clip,
+    report: Report,
+}
+
+/// Reads a file on its own skeleton, or on the one that `options` (JSON) has.
+///
+/// # Errors
+/// The reader's own words, or what is wrong with the options.
+#[wasm_bindgen]
+pub fn read(name: &str, bytes: &[u8], options: &str) -> Result<Read, JsError> {
+    let options = options::parse(options).map_err(|error| JsError::new(&error))?;
+    let Understood { clip, report, .. } = reader::read(&Source::new(name, bytes), &options)?;
+    Ok(Read { clip, report })
+}
+
+/// Names of a glTF file's animations.
+///
+/// # Errors
+/// If the file is not glTF.
+#[wasm_bindgen]
+pub fn animations(bytes: &[u8]) -> Result<Vec<String>, JsError> {
+    Ok(animation_names(bytes)?)
+}
+
+#[wasm_bindgen]
+impl Read {
+    /// Frames a second.
+    #[wasm_bindgen(getter)]
+    pub fn fps(&self) -> f32 {
+        self.clip.fps
+    }
+
+    /// Number of frames, at least 1.
+    #[wasm_bindgen(getter)]
+    pub fn frames(&self) -> usize {
+        self.clip.frames()
+    }
+
+    /// 3 a frame: world places of joint 0, metres.
+    #[wasm_bindgen(getter)]
+    pub fn roots(&self) -> Vec<f32> {
+        flat(&self.clip.root_positions)
+    }
+
+    /// 4 a joint a frame: joint 0 in the world, others relative to their parents.
+    #[wasm_bindgen(getter)]
+    pub fn rotations(&self) -> Vec<f32> {
+        let mut flat = Vec::with_capacity(4 * self.clip.rotations.len());
+        let quaternions = self.clip.rotations.iter();
+        quaternions.for_each(|q| flat.extend(q.to_array()));
+        flat
+    }
+
+    /// Names of the joints.
+    #[wasm_bindgen(getter)]
+    pub fn names(&self) -> Vec<String> {
+        let joints = self.clip.skeleton.joints.iter();
+        joints.map(|joint| joint.name.clone()).collect()
+    }
+
+    /// Index of each joint's parent, -1 for the root.
+    #[wasm_bindgen(getter)]
+    pub fn parents(&self) -> Vec<i16> {
+        let joints = self.clip.skeleton.joints.iter();
+        joints
+            .map(|joint| joint.parent.map_or(-1, |parent| parent as i16))
+            .collect()
+    }
+
+    /// 3 a joint: places in the parents at rest, metres.
+    #[wasm_bindgen(getter)]
+    pub fn offsets(&self) -> Vec<f32> {
+        let joints = self.clip.skeleton.joints.iter();
+        flat(&joints.map(|joint| joint.offset_m).collect::<Vec<_>>())
+    }
+
+    /// What was understood, as JSON: rows of what, its value, and one line of evidence.
+    ///
+    /// # Errors
+    /// None that is known: rows are text.
+    #[wasm_bindgen(getter)]
+    pub fn table(&self) -> Result<String, JsError> {
+        Ok(serde_json::to_string(&self.report.rows())?)
+    }
+}
+
+fn flat(vectors: &[Vec3]) -> Vec<f32> {
+    let mut flat = Vec::with_capacity(3 * vectors.len());
+    vectors.iter().for_each(|v| flat.extend(v.to_array()));
+    flat
+}
