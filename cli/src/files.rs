@@ -3,69 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::{Args, ValueEnum};
 use troupe_client::{ClientError, Pack};
 use troupe_motion::bvh::{self, BvhFile, BvhWriteOptions};
 use troupe_motion::clip::Clip;
-use troupe_motion::files::{self, ReadOptions};
+use troupe_motion::files;
 use troupe_motion::glb::write_glb;
+use troupe_motion::read::{self, Basis, Options, Report, Source, Understood};
 use troupe_motion::robot::write_csv;
 use troupe_motion::skeleton::Skeleton;
 use troupe_proto::v1;
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::reading::Reading;
 use crate::term::Term;
-
-const CLIPS: &str = "Clip files";
-
-/// How clip files relate to the pack's skeleton.
-#[derive(Debug, Clone, Copy, Args)]
-pub struct Scale {
-    /// Length unit of BVH files. All other formats are in metres.
-    #[arg(long, help_heading = CLIPS, value_enum, default_value_t = Unit::Cm)]
-    pub unit: Unit,
-
-    /// Also take clips whose bones have other lengths. Their rotations are played on the pack's
-    /// bones.
-    #[arg(long, help_heading = CLIPS)]
-    pub other_bones: bool,
-}
-
-impl Default for Scale {
-    /// Centimetres, and only clips with the pack's bones.
-    fn default() -> Self {
-        Self {
-            unit: Unit::Cm,
-            other_bones: false,
-        }
-    }
-}
-
-/// A length unit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Unit {
-    /// Millimetres.
-    Mm,
-    /// Centimetres.
-    Cm,
-    /// Metres.
-    M,
-    /// Inches.
-    In,
-}
-
-impl Unit {
-    /// Metres in one unit.
-    pub fn metres(self) -> f32 {
-        match self {
-            Self::Mm => 0.001,
-            Self::Cm => 0.01,
-            Self::M => 1.0,
-            Self::In => 0.0254,
-        }
-    }
-}
 
 /// The file of a clip that is named without its ending: the first existing file of a format that
 /// [`read_clip`] takes. If none exists, the name in the format of the pack's own clips: CSV of a
@@ -88,13 +39,16 @@ pub fn clip_in(folder: &Path, name: &str, pack: &Pack) -> PathBuf {
     path.into()
 }
 
-/// Reads a clip of any format onto a pack's skeleton and at its rate.
+/// Reads a clip of any format onto a pack's skeleton and at its rate. What was repaired, what looks
+/// odd and an assumed rate are noted, a line each.
 ///
 /// # Errors
 /// [`Failure::Input`] with the file and what is wrong with it.
-pub fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> Result<Clip, Failure> {
-    let clip = read_clip_on(path, pack.skeleton(), scale, Some(pack.fps()))
-        .map_err(|why| Failure::file(path, why))?;
+pub fn read_clip(path: &Path, pack: &Pack, reading: &Reading, term: &Term) -> Result<Clip, Failure> {
+    let options = reading.options(Some(pack.skeleton()));
+    let Understood { clip, report, .. } =
+        understand(path, options, Some(pack.fps())).map_err(|why| Failure::file(path, why))?;
+    note(path, &report, term);
     if (clip.fps - pack.fps()).abs() < 1e-2 {
         return Ok(Clip {
             fps: pack.fps(),
@@ -113,37 +67,83 @@ pub fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> Result<
 }
 
 /// Reads a clip onto a skeleton at the file's own rate, joints by name or by the hinges of the
-/// skeleton's robot. The animation of a glb is sampled at `glb_fps`. The path may end with `#` and
-/// the name of one animation of several.
+/// skeleton's robot. The animation of a glTF file is sampled at `gltf_fps`, unless `--fps` says
+/// otherwise. The path may end with `#` and the name of one animation of several.
 ///
 /// # Errors
 /// A sentence that says what is wrong with the file.
 pub fn read_clip_on(
     path: &Path,
     skeleton: &Arc<Skeleton>,
-    scale: Scale,
-    glb_fps: Option<f32>,
+    reading: &Reading,
+    gltf_fps: Option<f32>,
 ) -> Result<Clip, String> {
+    Ok(understand(path, reading.options(Some(skeleton)), gltf_fps)?.clip)
+}
+
+/// Reads a file of motion, and says what was understood of it. Names and rates as for
+/// [`read_clip_on`].
+///
+/// # Errors
+/// A sentence that says what is wrong with the file.
+pub(super) fn understand(
+    path: &Path,
+    mut options: Options,
+    gltf_fps: Option<f32>,
+) -> Result<Understood, String> {
     let (path, animation) = split_animation(path);
-    let options = ReadOptions {
-        bvh_unit_m: scale.unit.metres(),
-        glb_fps,
-        animation,
-        ..ReadOptions::default()
-    };
-    let options = match scale.other_bones {
-        true => ReadOptions {
-            max_offset_error_m: f32::INFINITY,
-            ..options
-        },
-        false => options,
-    };
-    files::read_clip(&path, skeleton, &options).map_err(|e| match e {
-        e if e.is_offset_mismatch() => {
-            format!("{e}; is --unit right? --other-bones plays the clip on the pack's own bones")
-        }
-        e => e.to_string(),
+    let bytes = std::fs::read(&path).map_err(|e| e.to_string())?;
+    options.animation = animation.or(options.animation);
+    if is_gltf(&path, &bytes) {
+        options.fps = options.fps.or(gltf_fps);
+    }
+    let read = with_source(&path, &bytes, |source| read::read(source, &options));
+    let understood = read.map_err(|error| error.kind.to_string())?;
+    let has_animations = matches!(
+        understood.report.format.value,
+        read::Format::Glb | read::Format::Gltf | read::Format::Fbx
+    );
+    match options.animation {
+        Some(name) if !has_animations => Err(format!(
+            "animation {name:?}: only .glb, .gltf and .fbx files have animations with names"
+        )),
+        _ => Ok(understood),
+    }
+}
+
+/// Does something with a file as a source of the reader, which also finds the files beside it.
+pub(super) fn with_source<T>(path: &Path, bytes: &[u8], does: impl FnOnce(&Source<'_>) -> T) -> T {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let beside = |name: &str| std::fs::read(folder.join(name)).ok();
+    does(&Source {
+        name: &path.to_string_lossy(),
+        bytes,
+        beside: &beside,
     })
+}
+
+/// Whether a file is glTF, binary or text.
+fn is_gltf(path: &Path, bytes: &[u8]) -> bool {
+    bytes.starts_with(b"glTF")
+        || bytes.trim_ascii_start().starts_with(b"{")
+        || ending(path).as_deref() == Some("gltf")
+}
+
+/// Notes what a user must know of a file that was read: repairs, oddities, and an assumed rate.
+pub(super) fn note(path: &Path, report: &Report, term: &Term) {
+    let path = path.display();
+    for repair in &report.repairs {
+        term.note(format_args!("{path}: {}", repair.text));
+    }
+    for oddity in &report.oddities {
+        term.note(format_args!("{path}: odd: {}", oddity.text));
+    }
+    if report.fps.basis == Basis::Assumed {
+        term.note(format_args!(
+            "{path}: read at {} frames per second: {}",
+            report.fps.value, report.fps.evidence
+        ));
+    }
 }
 
 /// Splits `horse.glb#Walk` into a file and the name of an animation in it, unless a file of the
@@ -233,21 +233,21 @@ impl Format {
         ))
     }
 
-    /// Writes a clip: BVH in the unit of `scale`, all other formats in metres. CSV and `qpos` have
-    /// 30 rows a second.
-    pub(super) fn write(self, clip: &Clip, path: &Path, scale: Scale) -> Result<(), Failure> {
+    /// Writes a clip: BVH in the unit of `--unit` or in centimetres, all other formats in metres. CSV
+    /// and `qpos` have 30 rows a second.
+    pub(super) fn write(self, clip: &Clip, path: &Path, reading: &Reading) -> Result<(), Failure> {
         let bytes = self
-            .bytes(clip, scale)
+            .bytes(clip, reading)
             .map_err(|why| Failure::output(path, why))?;
         std::fs::write(path, bytes).map_err(|e| Failure::output(path, e))
     }
 
-    fn bytes(self, clip: &Clip, scale: Scale) -> Result<Vec<u8>, String> {
+    fn bytes(self, clip: &Clip, reading: &Reading) -> Result<Vec<u8>, String> {
         let rows = || clip.resample(files::DEFAULT_FPS).map_err(|e| e.to_string());
         match self.0 {
             files::Format::Bvh => {
                 let options = BvhWriteOptions {
-                    units_per_metre: 1.0 / scale.unit.metres(),
+                    units_per_metre: reading.bvh_units_per_metre(),
                     ..BvhWriteOptions::default()
                 };
                 let file = BvhFile::from_clip(clip, &options).map_err(|e| e.to_string())?;
@@ -285,36 +285,33 @@ mod tests {
     #[test]
     fn a_robots_clip_is_written_and_read() {
         let pack = Pack::try_from(crate::testing::hopper()).unwrap();
-        let scale = Scale {
-            unit: Unit::Cm,
-            other_bones: false,
-        };
+        let reading = &Reading::default();
         let folder = std::env::temp_dir().join(format!("troupe-robot-csv-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join("hop.CSV");
         std::fs::write(&path, "2,1,0.9,0,0,0,1,0.4\n2.1,1,0.9,0,0,0,1,0.5\n").unwrap();
-        let clip = read_clip(&path, &pack, scale, &Term::new(true)).unwrap();
+        let clip = read_clip(&path, &pack, reading, &Term::new(true)).unwrap();
         assert_eq!((clip.frames(), clip.root_positions[1].z), (2, 2.1));
-        Format::of(&path).unwrap().write(&clip, &path, scale).unwrap();
+        Format::of(&path).unwrap().write(&clip, &path, reading).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.ends_with("0.000000,1.000000,0.500000\n"), "{text}");
         let qpos = folder.join("hop.npy");
-        Format::of(&qpos).unwrap().write(&clip, &qpos, scale).unwrap();
-        let again = read_clip(&qpos, &pack, scale, &Term::new(true)).unwrap();
+        Format::of(&qpos).unwrap().write(&clip, &qpos, reading).unwrap();
+        let again = read_clip(&qpos, &pack, reading, &Term::new(true)).unwrap();
         assert!(again.root_positions[1].abs_diff_eq(clip.root_positions[1], 1e-6));
         std::fs::write(&path, "2,1,0.9\n").unwrap();
-        let failure = read_clip(&path, &pack, scale, &Term::new(true))
+        let failure = read_clip(&path, &pack, reading, &Term::new(true))
             .unwrap_err()
             .to_string();
         assert!(
-            failure.contains("hop.CSV: line 1: 3 columns; robot hopper has 8"),
+            failure.contains("hop.CSV: 3 columns; robot hopper has 8"),
             "{failure}"
         );
         let human = Pack::try_from(crate::testing::pair()).unwrap();
-        let failure = read_clip(&path, &human, scale, &Term::new(true))
+        let failure = read_clip(&path, &human, reading, &Term::new(true))
             .unwrap_err()
             .to_string();
-        assert!(failure.contains("no robot's"), "{failure}");
+        assert!(failure.contains("angles of a robot's hinges"), "{failure}");
         std::fs::remove_dir_all(folder).unwrap();
     }
 
@@ -367,10 +364,7 @@ mod tests {
     #[test]
     fn a_glb_is_read_onto_the_packs_skeleton_at_its_rate() {
         let pack = Pack::try_from(crate::testing::pair()).unwrap();
-        let scale = Scale {
-            unit: Unit::Cm,
-            other_bones: false,
-        };
+        let reading = &Reading::default();
         let clip = Clip::new(
             Arc::clone(pack.skeleton()),
             60.0,
@@ -380,9 +374,9 @@ mod tests {
         let path = std::env::temp_dir().join(format!("troupe-pair-{}.glb", std::process::id()));
         Format::of(&path)
             .unwrap()
-            .write(&clip.unwrap(), &path, scale)
+            .write(&clip.unwrap(), &path, reading)
             .unwrap();
-        let read = read_clip(&path, &pack, scale, &Term::new(true)).unwrap();
+        let read = read_clip(&path, &pack, reading, &Term::new(true)).unwrap();
         assert_eq!((read.fps, read.frames()), (30.0, 3));
         assert!(read.root_positions[1].abs_diff_eq(Vec3::Z * 2.0, 1e-5));
         let mut other = crate::testing::pair();
@@ -392,18 +386,18 @@ mod tests {
             z: 0.0,
         });
         let other = Pack::try_from(other).unwrap();
-        let failure = read_clip(&path, &other, scale, &Term::new(true))
+        let failure = read_clip(&path, &other, reading, &Term::new(true))
             .unwrap_err()
             .to_string();
         assert!(
             failure.contains("\"Foot\" stands 0.6") && failure.contains("--other-bones"),
             "{failure}"
         );
-        let scale = Scale {
+        let reading = &Reading {
             other_bones: true,
-            ..scale
+            ..Reading::default()
         };
-        assert!(read_clip(&path, &other, scale, &Term::new(true)).is_ok());
+        assert!(read_clip(&path, &other, reading, &Term::new(true)).is_ok());
         std::fs::remove_file(path).unwrap();
     }
 }

@@ -12,7 +12,8 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::feasibility::verdict;
-use crate::files::{Format, Scale};
+use crate::files::Format;
+use crate::reading::Reading;
 use crate::film::draw_motion;
 use crate::output::print;
 use crate::path::Path;
@@ -117,7 +118,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
     let making = client.follow(&pack, &request(&path, command)).await?;
     let made = making.whole().await?;
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
-    format.write(&made.clip, &command.out, Scale::default())?;
+    format.write(&made.clip, &command.out, &Reading::default())?;
     if let Some(file) = &command.picture {
         let png = draw(&path, &pack, &made.clip, command).map_err(Failure::Other)?;
         std::fs::write(file, png).map_err(|e| Failure::output(file, e))?;

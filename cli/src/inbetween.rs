@@ -71,7 +71,7 @@ pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Fa
     } else {
         splice(&filled.clip, from, to, &filled.generated).map_err(|e| Failure::Other(e.to_string()))?
     };
-    format.write(&clip, &command.out, command.gap.scale)?;
+    format.write(&clip, &command.out, &command.gap.reading)?;
 
     let out = command.out.display();
     let (frames, generated) = (clip.frames(), filled.generated.frames());

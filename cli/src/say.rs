@@ -9,7 +9,8 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, Scale, read_clip};
+use crate::files::{Format, read_clip};
+use crate::reading::Reading;
 use crate::film::draw_motion;
 use crate::output::print;
 use crate::tokens::Tokens;
@@ -63,7 +64,7 @@ pub(crate) struct Say {
     pub(crate) picture: Option<PathBuf>,
 
     #[command(flatten)]
-    pub(crate) scale: Scale,
+    pub(crate) reading: Reading,
 
     /// Print what was done as JSON.
     #[arg(long)]
@@ -80,7 +81,7 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
     let outs = outs(&command.out, made.others.len());
     for (clip, out) in [&made.clip].into_iter().chain(&made.others).zip(&outs) {
-        format.write(clip, out, command.scale)?;
+        format.write(clip, out, &command.reading)?;
     }
     if let Some(file) = &command.picture {
         let png = draw(command, &pack, &made.clip).map_err(Failure::Other)?;
@@ -136,7 +137,7 @@ fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failu
         prompt = prompt.seconds(std::time::Duration::from(seconds).as_secs_f32());
     }
     if let Some(file) = &command.past {
-        let clip = read_clip(file, pack, command.scale, &context.term)?;
+        let clip = read_clip(file, pack, &command.reading, &context.term)?;
         let keys = Key::all(&clip);
         prompt = prompt.after(&keys[keys.len().saturating_sub(most_past(pack))..]);
     }

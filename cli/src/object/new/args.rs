@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use crate::files::Scale;
+use crate::reading::Reading;
 use crate::pack_folder::PackFrom;
 
 const THING: &str = "The object";
@@ -199,7 +199,7 @@ pub(crate) struct New {
     pub(super) pack: PackFrom,
 
     #[command(flatten)]
-    pub(super) scale: Scale,
+    pub(super) reading: Reading,
 }
 
 /// A value for one frame.
