@@ -1,15 +1,17 @@
 //! Reading clips and writing motion.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::ValueEnum;
 use troupe_client::{ClientError, Pack};
 use troupe_motion::bvh::{self, BvhFile, BvhWriteOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::files;
 use troupe_motion::glb::write_glb;
 use troupe_motion::read::{self, Basis, Options, Report, Source, Understood};
-use troupe_motion::robot::write_csv;
+use troupe_motion::robot::{reference, sonic_files, write_csv};
 use troupe_motion::skeleton::Skeleton;
 use troupe_proto::v1;
 
@@ -188,16 +190,29 @@ fn ending(path: &Path) -> Option<String> {
     path.extension().map(|e| e.to_string_lossy().to_lowercase())
 }
 
-/// A format to write motion in, which follows from a file's ending.
+/// A layout of a robot's motion for its tracker, 50 frames a second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Layout {
+    /// BeyondMimic's arrays in an .npz.
+    #[value(name = "beyondmimic")]
+    BeyondMimic,
+    /// SONIC's CSV files in a folder.
+    Sonic,
+}
+
+/// A format to write motion in, which follows from a file's ending or is a tracker's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Format(files::Format);
+pub(super) enum Format {
+    File(files::Format),
+    Tracker(Layout),
+}
 
 impl Format {
-    pub(super) const BVH: Self = Self(files::Format::Bvh);
+    pub(super) const BVH: Self = Self::File(files::Format::Bvh);
 
     /// The format of a file by its ending.
     pub(super) fn of(path: &Path) -> Result<Self, Failure> {
-        files::Format::of_ending(path).map(Self).ok_or_else(|| {
+        files::Format::of_ending(path).map(Self::File).ok_or_else(|| {
             Failure::file(
                 path,
                 "the ending says the format and must be .bvh or .glb, .npz for arrays, or .csv or .npy for a robot",
@@ -205,9 +220,33 @@ impl Format {
         })
     }
 
+    /// The format of a layout, or of a file by its ending.
+    pub(super) fn of_layout(path: &Path, layout: Option<Layout>) -> Result<Self, Failure> {
+        match layout {
+            None => Self::of(path),
+            Some(Layout::BeyondMimic) if ending(path).as_deref() != Some("npz") => {
+                let why = "--layout beyondmimic writes one file, whose ending must be .npz";
+                Err(Failure::file(path, why))
+            }
+            Some(Layout::Sonic) if path.is_file() => {
+                let why = "--layout sonic writes several files into a folder, but this is a file";
+                Err(Failure::file(path, why))
+            }
+            Some(layout) => Ok(Self::Tracker(layout)),
+        }
+    }
+
+    /// Whether it holds hinge angles, so only a robot's motion.
+    pub(super) fn is_for_robots(self) -> bool {
+        match self {
+            Self::File(format) => format.is_for_robots(),
+            Self::Tracker(_) => true,
+        }
+    }
+
     /// Checks that clips of a server's pack can be written in this format, before any work on them.
     pub(super) async fn check(self, context: &Context, pack: &str, path: &Path) -> Result<(), Failure> {
-        if !self.0.is_for_robots() {
+        if !self.is_for_robots() {
             return Ok(());
         }
         let (_, pack) = context.connect_to_pack(pack).await?;
@@ -216,7 +255,7 @@ impl Format {
 
     /// The same for a known pack.
     pub(super) fn fits(self, pack: &Pack, path: &Path) -> Result<(), Failure> {
-        if !self.0.is_for_robots() || pack.robot().is_some() {
+        if !self.is_for_robots() || pack.robot().is_some() {
             return Ok(());
         }
         let body = match pack.body() {
@@ -226,41 +265,67 @@ impl Format {
         Err(Failure::file(
             path,
             format_args!(
-                "{body} of pack `{}` is no robot, whose angles .{} holds; write .bvh or .glb",
-                pack.name(),
-                self.0.ending()
+                "{body} of pack `{}` is no robot, whose angles {self} holds; write .bvh or .glb",
+                pack.name()
             ),
         ))
     }
 
     /// Writes a clip: BVH in the unit of `--unit` or in centimetres, all other formats in metres. CSV
-    /// and `qpos` have 30 rows a second.
+    /// and `qpos` have 30 rows a second, trackers' layouts 50.
     pub(super) fn write(self, clip: &Clip, path: &Path, reading: &Reading) -> Result<(), Failure> {
-        let bytes = self
-            .bytes(clip, reading)
-            .map_err(|why| Failure::output(path, why))?;
+        let bytes = match self {
+            Self::File(format) => bytes(format, clip, reading),
+            Self::Tracker(Layout::BeyondMimic) => files::write_beyond_mimic(clip).map_err(|e| e.to_string()),
+            Self::Tracker(Layout::Sonic) => return write_sonic(clip, path),
+        };
+        let bytes = bytes.map_err(|why| Failure::output(path, why))?;
         std::fs::write(path, bytes).map_err(|e| Failure::output(path, e))
     }
+}
 
-    fn bytes(self, clip: &Clip, reading: &Reading) -> Result<Vec<u8>, String> {
-        let rows = || clip.resample(files::DEFAULT_FPS).map_err(|e| e.to_string());
-        match self.0 {
-            files::Format::Bvh => {
-                let options = BvhWriteOptions {
-                    units_per_metre: reading.bvh_units_per_metre(),
-                    ..BvhWriteOptions::default()
-                };
-                let file = BvhFile::from_clip(clip, &options).map_err(|e| e.to_string())?;
-                Ok(bvh::write(&file).into_bytes())
-            }
-            files::Format::Glb => write_glb(clip).map_err(|e| e.to_string()),
-            files::Format::Npz => files::write_npz(clip).map_err(|e| e.to_string()),
-            files::Format::Csv => write_csv(&rows()?)
-                .map(String::into_bytes)
-                .map_err(|e| e.to_string()),
-            files::Format::Npy => files::write_qpos(&rows()?).map_err(|e| e.to_string()),
+/// As a sentence names it: an ending, or an option.
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(format) => write!(f, ".{}", format.ending()),
+            Self::Tracker(Layout::BeyondMimic) => f.write_str("--layout beyondmimic"),
+            Self::Tracker(Layout::Sonic) => f.write_str("--layout sonic"),
         }
     }
+}
+
+/// The whole file of a clip.
+fn bytes(format: files::Format, clip: &Clip, reading: &Reading) -> Result<Vec<u8>, String> {
+    let rows = || clip.resample(files::DEFAULT_FPS).map_err(|e| e.to_string());
+    match format {
+        files::Format::Bvh => {
+            let options = BvhWriteOptions {
+                units_per_metre: reading.bvh_units_per_metre(),
+                ..BvhWriteOptions::default()
+            };
+            let file = BvhFile::from_clip(clip, &options).map_err(|e| e.to_string())?;
+            Ok(bvh::write(&file).into_bytes())
+        }
+        files::Format::Glb => write_glb(clip).map_err(|e| e.to_string()),
+        files::Format::Npz => files::write_npz(clip).map_err(|e| e.to_string()),
+        files::Format::Csv => write_csv(&rows()?)
+            .map(String::into_bytes)
+            .map_err(|e| e.to_string()),
+        files::Format::Npy => files::write_qpos(&rows()?).map_err(|e| e.to_string()),
+    }
+}
+
+/// Writes SONIC's files into a folder, whose name is that of the motion.
+fn write_sonic(clip: &Clip, folder: &Path) -> Result<(), Failure> {
+    let reference = reference(clip).map_err(|e| Failure::output(folder, e))?;
+    std::fs::create_dir_all(folder).map_err(|e| Failure::output(folder, e))?;
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    for (file, text) in sonic_files(&reference, &name) {
+        let path = folder.join(file);
+        std::fs::write(&path, text).map_err(|e| Failure::output(&path, e))?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -274,7 +339,7 @@ mod tests {
         assert_eq!(Format::of(Path::new("a/b.BVH")).unwrap(), Format::BVH);
         for format in files::Format::ALL {
             let path = PathBuf::from(format!("b.{}", format.ending()));
-            assert_eq!(Format::of(&path).unwrap(), Format(format));
+            assert_eq!(Format::of(&path).unwrap(), Format::File(format));
         }
         for path in ["b.fbx", "bvh", "b."] {
             let failure = Format::of(Path::new(path)).unwrap_err().to_string();
@@ -313,6 +378,18 @@ mod tests {
             .to_string();
         assert!(failure.contains("angles of a robot's hinges"), "{failure}");
         std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn a_layout_says_what_its_files_are() {
+        let of = |path: &str, layout| Format::of_layout(Path::new(path), Some(layout));
+        assert_eq!(
+            of("walk.npz", Layout::BeyondMimic).unwrap(),
+            Format::Tracker(Layout::BeyondMimic)
+        );
+        assert_eq!(of("walk", Layout::Sonic).unwrap(), Format::Tracker(Layout::Sonic));
+        let failure = of("walk.csv", Layout::BeyondMimic).unwrap_err().to_string();
+        assert!(failure.contains("must be .npz"), "{failure}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::feasibility::verdict;
-use crate::files::Format;
+use crate::files::{Format, Layout};
 use crate::reading::Reading;
 use crate::film::draw_motion;
 use crate::output::print;
@@ -41,6 +41,10 @@ pub(crate) struct Generate {
     /// robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
+
+    /// Layout of a robot's motion for its tracker.
+    #[arg(long, value_enum)]
+    pub(crate) layout: Option<Layout>,
 
     /// Model pack. Default: the first that has the body, or follows paths.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
@@ -109,7 +113,7 @@ impl FromStr for Word {
 }
 
 pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Failure> {
-    let format = Format::of(&command.out)?;
+    let format = Format::of_layout(&command.out, command.layout)?;
     let path = Path::read(&command.path)?;
     let (client, pack) = connect(context, command).await?;
     let pack = pack.of_body(&command.skeleton)?;

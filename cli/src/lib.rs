@@ -2,6 +2,7 @@
 //! code; and what `troupe-eval` shares with it: how to connect, read clips and print.
 
 mod args;
+mod clip;
 mod connection;
 mod context;
 mod describe;
@@ -81,6 +82,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Generate(command) => generate::run(&context, &command).await,
         Command::Say(command) => say::run(&context, &command).await,
         Command::Describe(command) => describe::run(&context, &command).await,
+        Command::Clip(command) => clip::run(&context, &command).await,
         Command::Packs(command) => packs::run(&context, &command).await,
         Command::Drive(command) => drive::run(&context, &command).await,
         Command::Film(command) => film::run(&context, &command).await,

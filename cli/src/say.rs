@@ -9,7 +9,7 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, read_clip};
+use crate::files::{Format, Layout, read_clip};
 use crate::reading::Reading;
 use crate::film::draw_motion;
 use crate::output::print;
@@ -37,6 +37,10 @@ pub(crate) struct Say {
     /// robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
+
+    /// Layout of a robot's motion for its tracker.
+    #[arg(long, value_enum)]
+    pub(crate) layout: Option<Layout>,
 
     /// Model pack. Default: the first that acts out words.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
@@ -72,7 +76,7 @@ pub(crate) struct Say {
 }
 
 pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure> {
-    let format = Format::of(&command.out)?;
+    let format = Format::of_layout(&command.out, command.layout)?;
     let (client, pack) = context.connect_to_able("text", &command.pack).await?;
     format.fits(&pack, &command.out)?;
     let asked = std::time::Instant::now();
@@ -120,8 +124,8 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
 /// A file for each character: the first has the given name, others have their number in it.
 fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = out.extension().unwrap_or_default().to_string_lossy();
-    let numbered = (2..others + 2).map(|number| out.with_file_name(format!("{stem}-{number}.{ending}")));
+    let ending = out.extension().map_or_else(String::new, |ending| format!(".{}", ending.display()));
+    let numbered = (2..others + 2).map(|number| out.with_file_name(format!("{stem}-{number}{ending}")));
     std::iter::once(out.to_owned()).chain(numbered).collect()
 }
 
@@ -174,7 +178,7 @@ mod tests {
     fn each_character_has_a_file() {
         let names = ["takes/wave.glb", "takes/wave-2.glb", "takes/wave-3.glb"];
         assert_eq!(outs(Path::new("takes/wave.glb"), 2), names.map(PathBuf::from));
-        assert_eq!(outs(Path::new("wave"), 0), [PathBuf::from("wave")]);
+        assert_eq!(outs(Path::new("wave"), 1), ["wave", "wave-2"].map(PathBuf::from));
     }
 
     #[test]
