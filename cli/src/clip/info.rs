@@ -71,9 +71,9 @@ pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure
         false => {
             for report in &reports {
                 let mut table = table();
-                table.set_header([&*report.file, "value", "evidence"]);
+                table.set_header(["what", "value", "evidence"]);
                 table.add_rows(report.rows());
-                print(&table.to_string())?;
+                print(&format!("{}\n{table}", report.file))?;
             }
         }
     }

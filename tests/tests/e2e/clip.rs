@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::sync::Arc;
 
 use serde_json::Value;
 use troupe_motion::bvh::{self, BvhFile, BvhOptions, BvhWriteOptions};
@@ -39,7 +40,7 @@ async fn convert(from: &Path, out: &Path, more: &[&str]) -> Output {
     clip(arguments).await
 }
 
-fn read_bvh(path: &Path, skeleton: &std::sync::Arc<Skeleton>) -> Clip {
+fn read_bvh(path: &Path, skeleton: &Arc<Skeleton>) -> Clip {
     let file = bvh::parse(&std::fs::read_to_string(path).unwrap()).unwrap();
     file.to_clip_on(skeleton, &BvhOptions::default()).unwrap()
 }
@@ -237,7 +238,7 @@ async fn what_cannot_be_written_is_said_before_any_work() {
     let pack = shared().pack().await;
     let file = folder.write_clip("walk.bvh", &walk(&pack));
     for (out, more, wanted) in [
-        ("out.fbx", &[][..], ".bvh or .glb"),
+        ("out.fbx", &[] as &[&str], ".bvh or .glb"),
         ("out.csv", &[], "the motion is no robot's"),
         ("out.csv", &["--layout", "beyondmimic"], "must be .npz"),
         ("out.bvh", &["--up", "w"], "x, y, z, -x, -y or -z"),
