@@ -11,8 +11,8 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::read_clip;
-use crate::reading::Reading;
 use crate::output::print;
+use crate::reading::Reading;
 
 /// Put a clip into words.
 ///

@@ -271,8 +271,8 @@ impl Format {
         ))
     }
 
-    /// Writes a clip: BVH in the unit of `--unit` or in centimetres, all other formats in metres. CSV
-    /// and `qpos` have 30 rows a second, trackers' layouts 50.
+    /// Writes a clip: BVH in the unit of `--unit` or in centimetres, all other formats in metres.
+    /// CSV and `qpos` have 30 rows a second, trackers' layouts 50.
     pub(super) fn write(self, clip: &Clip, path: &Path, reading: &Reading) -> Result<(), Failure> {
         let bytes = match self {
             Self::File(format) => bytes(format, clip, reading),

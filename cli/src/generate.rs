@@ -13,10 +13,10 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::feasibility::verdict;
 use crate::files::{Format, Layout};
-use crate::reading::Reading;
 use crate::film::draw_motion;
 use crate::output::print;
 use crate::path::Path;
+use crate::reading::Reading;
 
 const SAMPLING: &str = "Style and sampling";
 /// Have a body follow a path.

@@ -15,18 +15,18 @@ const CENTIMETRE_M: f64 = 0.01;
 /// What a file may leave open. Without an option, the file's own motion decides if it can.
 #[derive(Debug, Clone, Default, Args)]
 pub struct Reading {
-    /// Axis of the file that points up: x, y, z, -x, -y or -z. Default: the one along which the body
-    /// stands.
+    /// Axis of the file that points up: x, y, z, -x, -y or -z. Default: the one along which the
+    /// body stands.
     #[arg(long, help_heading = CLIPS, value_name = "AXIS", value_parser = up, allow_hyphen_values = true)]
     pub up: Option<Up>,
 
     /// Unit of length of the file: m, ft, dm, cmu, in, cm or mm. Default: the one in which the body
-    /// has its size. A BVH file that the command writes has this unit too, or else centimetres.
+    /// has its size. `inbetween` and `say` also write BVH files in it, else in centimetres.
     #[arg(long, help_heading = CLIPS, value_name = "UNIT", value_parser = unit_m)]
     pub unit: Option<f64>,
 
-    /// Frames a second of the file. Default: as the file says; 30 for a robot's .csv and .npy. A glTF
-    /// file is sampled at this rate.
+    /// Frames a second of the file. Default: as the file says; 30 for a robot's .csv and .npy. A
+    /// glTF file is sampled at this rate.
     #[arg(long, help_heading = CLIPS, value_name = "HZ")]
     pub fps: Option<f32>,
 
@@ -42,8 +42,8 @@ pub struct Reading {
     #[arg(long, help_heading = CLIPS, value_name = "POSE", value_parser = rest_pose)]
     pub rest_pose: Option<RestPose>,
 
-    /// What to do with a first frame in the rest pose: find, keep or drop. Find leaves it out if the
-    /// motion jumps from it.
+    /// What to do with a first frame in the rest pose: find, keep or drop. Find leaves it out if
+    /// the motion jumps from it, but keeps all frames of a clip on a pack's skeleton.
     #[arg(long, help_heading = CLIPS, value_name = "WAY", value_parser = leading_pose)]
     pub leading_pose: Option<LeadingPose>,
 

@@ -10,9 +10,9 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::{Format, Layout, read_clip};
-use crate::reading::Reading;
 use crate::film::draw_motion;
 use crate::output::print;
+use crate::reading::Reading;
 use crate::tokens::Tokens;
 use crate::values::Seconds;
 
@@ -124,7 +124,9 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
 /// A file for each character: the first has the given name, others have their number in it.
 fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = out.extension().map_or_else(String::new, |ending| format!(".{}", ending.display()));
+    let ending = out
+        .extension()
+        .map_or_else(String::new, |ending| format!(".{}", ending.display()));
     let numbered = (2..others + 2).map(|number| out.with_file_name(format!("{stem}-{number}{ending}")));
     std::iter::once(out.to_owned()).chain(numbered).collect()
 }

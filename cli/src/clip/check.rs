@@ -182,7 +182,9 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
 /// Which of [`ENDINGS`] a file has, in any case.
 fn ending(path: &Path) -> Option<&'static str> {
     let ending = path.extension()?.to_str()?;
-    ENDINGS.into_iter().find(|known| known.eq_ignore_ascii_case(ending))
+    ENDINGS
+        .into_iter()
+        .find(|known| known.eq_ignore_ascii_case(ending))
 }
 
 fn table_of(checked: &[Checked]) -> Table {
@@ -230,7 +232,10 @@ mod tests {
             std::fs::write(folder.join(path).join(name), "").unwrap();
         }
         let files = files_in(&folder).unwrap();
-        let names: Vec<_> = files.iter().map(|file| file.strip_prefix(&folder).unwrap()).collect();
+        let names: Vec<_> = files
+            .iter()
+            .map(|file| file.strip_prefix(&folder).unwrap())
+            .collect();
         assert_eq!(
             names,
             ["dance.CSV", "walk/joint_pos.csv", "wave.bvh"].map(Path::new)

@@ -14,9 +14,9 @@ use crate::reading::Reading;
 
 /// Write a file of motion in another format.
 ///
-/// The ending of OUT says the format: .bvh (in centimetres), .glb or .npz, or .csv and .npy (qpos) of
-/// a robot. The clip keeps its rate, but robots' rows are 30 a second. What was repaired is noted on
-/// standard error. Files are read onto their own skeletons; a robot's files need --pack,
+/// The ending of OUT says the format: .bvh (in centimetres), .glb or .npz, or .csv and .npy (qpos)
+/// of a robot. The clip keeps its rate, but robots' rows are 30 a second. What was repaired is
+/// noted on standard error. Files are read onto their own skeletons; a robot's files need --pack,
 /// --pack-folder or --urdf.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
@@ -26,8 +26,8 @@ Examples:
   troupe clip convert wave.csv wave.npz --pack-folder models/g1 --layout beyondmimic
   troupe clip convert wave.csv waves/wave --pack-folder models/g1 --layout sonic")]
 pub(super) struct Convert {
-    /// File to read: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk names
-    /// one animation of several.
+    /// File to read: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk
+    /// names one animation of several.
     #[arg(value_name = "IN")]
     from: PathBuf,
 

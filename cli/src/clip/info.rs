@@ -26,8 +26,8 @@ Examples:
   troupe clip info dance.fbx horse.glb#Walk --json
   troupe clip info wave.csv --pack-folder models/g1 --picture wave.png")]
 pub(super) struct Info {
-    /// Motion clips: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk names
-    /// one animation of several.
+    /// Motion clips: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk
+    /// names one animation of several.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 

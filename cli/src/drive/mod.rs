@@ -11,9 +11,9 @@ use troupe_client::FrameOptions;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::Format;
-use crate::reading::Reading;
 use crate::output::print;
 use crate::path::Path;
+use crate::reading::Reading;
 use crate::take::{Event, Take, follow, pack_of, print_events};
 
 pub(crate) use self::args::Drive;

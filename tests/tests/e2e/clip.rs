@@ -164,7 +164,10 @@ async fn a_check_of_a_folder_fails_for_what_is_refused() {
     let path = folder.file("");
     let path = path.to_str().unwrap();
     let table = printed(&clip(["check", path]).await);
-    assert!(table.contains("walk.bvh") && !table.contains("notes.txt"), "{table}");
+    assert!(
+        table.contains("walk.bvh") && !table.contains("notes.txt"),
+        "{table}"
+    );
 
     let broken = "HIERARCHY\nROOT Hips\n{\n  OFFSET 0 x 0\n";
     std::fs::write(folder.file("broken.bvh"), broken).unwrap();
@@ -212,10 +215,7 @@ async fn a_robots_motion_is_written_for_trackers_and_read_back() {
     printed(&convert(&file, &sonic, &layout("sonic")).await);
     assert!(sonic.join("metadata.txt").is_file());
 
-    for (file, format) in [
-        (&npz, "beyond_mimic"),
-        (&sonic.join("joint_pos.csv"), "sonic"),
-    ] {
+    for (file, format) in [(&npz, "beyond_mimic"), (&sonic.join("joint_pos.csv"), "sonic")] {
         let reports = info(file, &onto).await;
         assert_eq!(reports[0]["format"]["value"], format);
         assert_eq!(reports[0]["fps"]["value"], 50.0);

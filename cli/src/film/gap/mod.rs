@@ -12,8 +12,8 @@ use self::picture::{GapPicture, Segment, WIDTH};
 use super::{Film, write};
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::reading::Reading;
 use crate::fill::{Filled, Gap, Sampling, fill};
+use crate::reading::Reading;
 use crate::splice::splice;
 
 /// Generated poses without --poses.

@@ -6,8 +6,8 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use crate::reading::Reading;
 use crate::pack_folder::PackFrom;
+use crate::reading::Reading;
 
 const THING: &str = "The object";
 const USE: &str = "What happens";

@@ -106,7 +106,13 @@ mod tests {
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let pack = pack_folder::read(&repository.join("models/human")).unwrap();
         let skeleton = pack.skeleton();
-        let clip = read_clip_on(&repository.join("examples/walk.bvh"), skeleton, &Reading::default(), None).unwrap();
+        let clip = read_clip_on(
+            &repository.join("examples/walk.bvh"),
+            skeleton,
+            &Reading::default(),
+            None,
+        )
+        .unwrap();
         for (frame, height) in [(0, 0.45), (20, 0.4), (70, 0.5)] {
             let standing = Pose::of(&clip, frame);
             let pose = seated(skeleton, &standing, height).unwrap();
