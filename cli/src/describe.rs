@@ -26,8 +26,8 @@ Examples:
   troupe describe walk.bvh --from 300 --to 500 --seed 3
   troupe describe horse.glb#Walk --json")]
 pub(crate) struct Describe {
-    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one
-    /// animation of several.
+    /// Motion clip: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk
+    /// names one animation of several.
     #[arg(value_name = "CLIP")]
     pub(crate) clip: PathBuf,
 

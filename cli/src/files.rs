@@ -20,22 +20,26 @@ use crate::failure::Failure;
 use crate::reading::Reading;
 use crate::term::Term;
 
+/// Endings of formats that are read, but not written.
+const ONLY_READ: [&str; 2] = ["gltf", "fbx"];
+
 /// The file of a clip that is named without its ending: the first existing file of a format that
 /// [`read_clip`] takes. If none exists, the name in the format of the pack's own clips: CSV of a
 /// robot, else BVH.
 pub fn clip_in(folder: &Path, name: &str, pack: &Pack) -> PathBuf {
     let first = match pack.robot() {
-        Some(_) => files::Format::Csv,
-        None => files::Format::Bvh,
+        Some(_) => "csv",
+        None => "bvh",
     };
     let (name, animation) = match name.split_once('#') {
         Some((name, animation)) => (name, format!("#{animation}")),
         None => (name, String::new()),
     };
-    let file = |format: files::Format| folder.join(format!("{name}.{}", format.ending()));
+    let file = |ending: &str| folder.join(format!("{name}.{ending}"));
     let there = std::iter::once(first)
-        .chain(files::Format::ALL)
-        .find(|format| file(*format).is_file());
+        .chain(files::Format::ALL.map(files::Format::ending))
+        .chain(ONLY_READ)
+        .find(|ending| file(ending).is_file());
     let mut path = file(there.unwrap_or(first)).into_os_string();
     path.push(animation);
     path.into()

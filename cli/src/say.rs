@@ -50,8 +50,8 @@ pub(crate) struct Say {
     #[arg(long, value_name = "SECONDS")]
     pub(crate) seconds: Option<Seconds>,
 
-    /// Go on from the end of this clip: .bvh, .glb or .npz, or a robot's .csv or .npy.
-    /// horse.glb#Walk names one animation of several.
+    /// Go on from the end of this clip: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or
+    /// .npy. horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) past: Option<PathBuf>,
 
