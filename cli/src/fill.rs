@@ -18,8 +18,8 @@ const SAMPLING: &str = "Pack and sampling";
 /// A gap of a clip, and how to fill it.
 #[derive(Debug, Args)]
 pub(crate) struct Gap {
-    /// Motion clip: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv (root x y z qx qy qz qw, then
-    /// the hinges' angles) or .npy (qpos). horse.glb#Walk names one animation of several.
+    /// Motion clip: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv (root x y z qx qy qz qw,
+    /// then the hinges' angles) or .npy (qpos). horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) clip: PathBuf,
 
