@@ -69,7 +69,7 @@ def compile_ratio(reference: list[str]) -> float | None:
     beside = sum(unit["duration"] for unit in units if unit["name"] in reference)
     # A build that reused crates says nothing about a first one.
     whole = {unit["name"] for unit in units} >= {*reference, "troupe-server"}
-    return sum(unit["duration"] for unit in units) / beside if whole else None
+    return sum(unit["duration"] for unit in units) / beside if whole and beside else None
 
 
 def figures(limits: dict) -> list[tuple[str, float | None, float]]:
