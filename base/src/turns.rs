@@ -29,12 +29,12 @@ pub struct ClientId {
     pub group: u64,
     /// The clients of a group share evenly.
     pub own: u64,
-    /// The group counts as so many groups; 0 as 1.
+    /// Number of groups that the group counts as; 0 as 1.
     pub share: u32,
 }
 
 impl ClientId {
-    /// The group counts as so many groups, at least 1.
+    /// Number of groups that the group counts as, at least 1.
     pub fn share(&self) -> u64 {
         u64::from(self.share.max(1))
     }

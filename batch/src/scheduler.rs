@@ -37,11 +37,12 @@
 //!
 //! # Limits
 //! A request that does not fit is refused as a whole, at once. But if its client has less waiting
-//! than others, the least urgent unstarted calls of the client with most leave the full queue for a
-//! call. A call is also refused if it would wait for longer than [`Limits::max_wait`], judged by
-//! the rate at which calls left the queue lately, and by what may go before it: of each other
-//! client at most as much as its own client has waiting. Characters that idle workers are about to
-//! take do not count as waiting. Cancelled, replaced and expired work is dropped before it starts.
+//! than others, the least urgent calls of the client with most leave the full queue for a call, if
+//! possible unstarted ones. A call is also refused if it would wait for longer than
+//! [`Limits::max_wait`], judged by the rate at which calls left the queue lately, and by what may
+//! go before it: of each other client at most as much as its own client has waiting. Characters
+//! that idle workers are about to take do not count as waiting. Cancelled, replaced and expired
+//! work is dropped before it starts.
 
 mod callers;
 mod event;
@@ -60,8 +61,8 @@ use super::order::{Class, Order};
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
 
-/// A client calls for little if it has at most one in so many of [`Limits::shared_batch_time`]
-/// waiting.
+/// A client calls for little if the work that it has waiting is at most this part of
+/// [`Limits::shared_batch_time`].
 const SMALL_PART: u64 = 4;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -182,7 +183,7 @@ impl Scheduler {
     ) {
         let has = self.queue.work_of(&order) + order.cost() * characters as u64;
         let is_small = has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
-        self.callers.came(&order, is_small);
+        self.callers.came(now, &order, is_small);
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);
         let leaving = older.map_or((0, 0), Waiting::pending);
@@ -319,7 +320,9 @@ impl Scheduler {
     ) -> Vec<RequestSlice> {
         let (mut room, mut own) = (wanted, self.places_of_calls(wanted));
         let (mut calls, mut work_of_calls) = (0, 0);
-        let mut shares = self.callers.shares(self.within(self.limits.shared_batch_time));
+        let mut shares = self
+            .callers
+            .shares(now, self.within(self.limits.shared_batch_time));
         let mut slices: Vec<RequestSlice> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;

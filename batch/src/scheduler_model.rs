@@ -83,6 +83,8 @@ pub(super) struct Model {
     working: BTreeSet<Name>,
     /// The clients of all requests, whether they had little waiting, and whether it was a call.
     arrivals: Vec<(ClientId, bool, bool)>,
+    /// When the latest call came.
+    called: Option<Instant>,
 }
 
 /// Whether two names take turns with each other.
@@ -110,6 +112,7 @@ impl Model {
             nows: BTreeMap::new(),
             working: BTreeSet::new(),
             arrivals: Vec::new(),
+            called: None,
         }
     }
 
@@ -274,10 +277,13 @@ impl Model {
             if group == order.client.group && (client == order.client || work <= own) {
                 return None;
             }
-            let last = (waiting.iter())
-                .filter(|(_, known)| known.order.client == client && known.next == 0)
-                .max_by_key(|(request, known)| (known.due, *request));
-            let &(request, known) = last?;
+            let of_client = |started: bool| {
+                let calls = waiting.iter();
+                let calls =
+                    calls.filter(|(_, known)| known.order.client == client && (known.next > 0) == started);
+                calls.max_by_key(|(request, known)| (known.due, *request))
+            };
+            let &(request, known) = of_client(false).or_else(|| of_client(true))?;
             out.push(request);
             freed += known.left();
             waiting.retain(|(other, _)| *other != request);
@@ -297,6 +303,9 @@ impl Model {
             let is_small = has <= self.within(self.limits.shared_batch_time)[0] / 4;
             let is_call = order.class == Class::Request;
             self.arrivals.push((order.client, is_small, is_call));
+            if is_call {
+                self.called = Some(self.now);
+            }
         }
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
@@ -407,7 +416,8 @@ impl Model {
             }
             large = if is_small { large } else { Some(client) };
         }
-        share > 1.0 / 16.0
+        let lately = |called| self.now - called < Duration::from_secs(3);
+        share > 1.0 / 16.0 && self.called.is_some_and(lately)
     }
 
     /// The work that a worker does in the longest time of a batch, and in that of a client's calls;

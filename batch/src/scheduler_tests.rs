@@ -56,6 +56,16 @@ impl Setup {
         }
     }
 
+    /// Characters of the least work turn out to take a millisecond each.
+    fn take_a_ms_each(&mut self) {
+        for _ in 0..200 {
+            self.step(Event::Tried {
+                work: 10,
+                took: MS * 10,
+            });
+        }
+    }
+
     fn pass(&mut self, ms: u32) {
         self.now += MS * ms;
     }
@@ -615,35 +625,32 @@ fn a_group_with_a_larger_share_gets_more() {
 
 #[test]
 fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
-    // The client of three more calls, the characters of each, and what the large call has of the
-    // next batch.
+    // The client of three more calls, the characters of each, their age, and what the large call
+    // has of the next batch.
     let [same, connection, other]: [fn(u64) -> (u64, u64); 3] =
         [|_| (1, 1), |n| (1, 2 + n), |n| (2 + n, 2 + n)];
     let cases = [
-        (same, 1, 50),
-        (connection, 1, 10),
-        (other, 1, 10),
-        (other, 13, 13),
+        (same, 1, 0, 50),
+        (connection, 1, 0, 10),
+        (other, 1, 0, 10),
+        (other, 1, 4_000, 47),
+        (other, 13, 0, 13),
     ];
-    for (client, small, characters) in cases {
+    for (client, small, age_ms, characters) in cases {
         let mut setup = Setup::busy(Limits {
             max_batch_time: MS * 101 / 2,
             shared_batch_time: MS * 21 / 2,
             ..limits(1, 64)
         });
-        for _ in 0..200 {
-            setup.step(Event::Tried {
-                work: 10,
-                took: MS * 10,
-            });
-        }
+        setup.take_a_ms_each();
         let (large, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
         for number in 0..3 {
             setup.arrive(small, from(client(number), Order::request(setup.now)));
         }
+        setup.pass(age_ms);
         let taken = setup.ready(0);
         let of_large = taken.iter().find(|(request, _)| *request == large).unwrap();
-        assert_eq!(of_large.1, characters, "{small} of {:?}", client(0));
+        assert_eq!(of_large.1, characters, "{small} of {:?}, {age_ms}", client(0));
     }
 }
 
@@ -653,12 +660,7 @@ fn many_clients_fill_a_batch_together() {
         shared_batch_time: MS * 21 / 2,
         ..limits(1, 64)
     });
-    for _ in 0..200 {
-        setup.step(Event::Tried {
-            work: 10,
-            took: MS * 10,
-        });
-    }
+    setup.take_a_ms_each();
     for client in 0..60 {
         setup.arrive(1, from((client, client), Order::request(setup.now)));
     }
@@ -671,16 +673,29 @@ fn a_batch_of_dear_work_is_short_too() {
         max_batch_time: MS * 66,
         ..limits(1, 64)
     });
-    for _ in 0..200 {
-        setup.step(Event::Tried {
-            work: 10,
-            took: MS * 10,
-        });
-    }
+    setup.take_a_ms_each();
     let dear = Order {
         work: 30,
         ..Order::request(setup.now)
     };
     let (dear, _) = setup.arrive(50, dear);
     assert_eq!(setup.ready(0), [(dear, 2)]);
+}
+
+#[test]
+fn a_call_that_has_started_makes_room_if_all_have() {
+    let mut setup = Setup::busy(Limits {
+        max_queued: 10,
+        ..limits(1, 2)
+    });
+    let (first, _) = setup.arrive(6, from((1, 1), Order::request(setup.now)));
+    let (second, _) = setup.arrive(4, from((1, 2), Order::request(setup.now)));
+    assert_eq!(setup.ready(0), [(first, 1), (second, 1)]);
+    setup.arrive(2, from((3, 3), Order::request(setup.now)));
+    let (small, actions) = setup.arrive(1, from((2, 1), Order::request(setup.now)));
+    assert!(
+        matches!(actions[..], [Action::PushOut { request, .. }] if request.0 == first),
+        "{actions:?}"
+    );
+    assert!(setup.ready(0).iter().any(|(request, _)| *request == small));
 }

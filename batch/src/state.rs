@@ -396,7 +396,11 @@ impl State {
                 }
                 Action::PushOut { request, refusal } => {
                     self.metrics.rejected(Rejection::PushedOut);
+                    let has_started = self.jobs.get(&request).is_some_and(|job| job.has_started);
                     self.answer(request, refusal.into(), replies);
+                    if has_started {
+                        self.cancel(request);
+                    }
                 }
                 Action::Supersede { request } => {
                     self.metrics.rejected(Rejection::Superseded);

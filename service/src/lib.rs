@@ -258,11 +258,20 @@ impl Service {
         Ok(described(table, table.find("name", name)?))
     }
 
-    /// Why a client's call of InBetween with one character would be refused by this pack's queue
-    /// now. None: it would wait there, or this says nothing about it.
+    /// Why a client's call of InBetween with one character would be refused now, if it is for this
+    /// pack or any other. None: some pack has room, or this says nothing about it.
     pub fn refusal_of(&self, pack: &str, client: ClientId) -> Option<ServiceError> {
-        let loaded = self.table().ok()?.find("pack", pack).ok()?;
+        let table = self.table().ok()?;
+        let loaded = table.find("pack", pack).ok()?;
         let order = streamed::order(Instant::now(), self.common.timeout, client);
+        // The head of a call does not name its pack.
+        let has_room = |other: &Arc<LoadedPack>| {
+            let fills = other.pack.manifest.capabilities.has(Capability::Inbetween);
+            fills && !Arc::ptr_eq(other, loaded) && other.batcher.has_room(&order, 1)
+        };
+        if table.all().any(has_room) {
+            return None;
+        }
         loaded.batcher.refuse(&order, 1).map(Into::into)
     }
 

@@ -2,15 +2,19 @@
 //! part of a batch, so that those with little wait for a short time. If all ask for much, they wait
 //! for each other anyway, and whole batches serve them faster.
 
+use std::time::{Duration, Instant};
+
 use troupe_base::turns::ClientId;
 
 use crate::order::{Class, Order};
 
 /// Weight of the latest call in the measured shares.
 const WEIGHT: f32 = 1.0 / 32.0;
-/// Share of small calls from which on they count. A client that asks for much, and again when it is
-/// answered, has little waiting now and then.
+/// Share of small calls above which they count. A client that sends its next large call after each
+/// answer has little waiting for a moment, so single small calls say nothing.
 const MIN_SHARE: f32 = 1.0 / 16.0;
+/// Without a call for so long, none is expected.
+const MEMORY: Duration = Duration::from_secs(3);
 
 /// The clients of the latest calls.
 #[derive(Debug, Default)]
@@ -21,11 +25,13 @@ pub(super) struct Callers {
     of_clients: f32,
     /// The same for other groups.
     of_groups: f32,
+    /// When the latest call came.
+    called: Option<Instant>,
 }
 
 impl Callers {
     /// A request came. It is small if its client has little of its class waiting.
-    pub(super) fn came(&mut self, order: &Order, is_small: bool) {
+    pub(super) fn came(&mut self, now: Instant, order: &Order, is_small: bool) {
         let client = order.client;
         if !is_small {
             self.large = Some(client);
@@ -33,6 +39,7 @@ impl Callers {
         if order.class != Class::Request {
             return;
         }
+        self.called = Some(now);
         let differs = |differ: fn(&ClientId, &ClientId) -> bool| {
             let differs = self.large.is_some_and(|large| differ(&large, &client));
             f32::from(u8::from(is_small && differs))
@@ -43,8 +50,9 @@ impl Callers {
     }
 
     /// The parts of the next batch, of at most so much work each.
-    pub(super) fn shares(&self, work: u64) -> Shares {
-        let is_shared = self.of_clients > MIN_SHARE;
+    pub(super) fn shares(&self, now: Instant, work: u64) -> Shares {
+        let lately = |called| now.saturating_duration_since(called) < MEMORY;
+        let is_shared = self.of_clients > MIN_SHARE && self.called.is_some_and(lately);
         Shares {
             work: if is_shared { work } else { u64::MAX },
             of_groups: self.of_groups > MIN_SHARE,

@@ -263,8 +263,8 @@ impl Queue {
     }
 
     /// The calls that must go so that `lacking` characters have room for a call of `characters`:
-    /// of those who have most work waiting, the least urgent that have not started. None if the
-    /// call's own client would have as much waiting as they.
+    /// of those who have most work waiting, the least urgent, if possible ones that have not
+    /// started. None if the call's own client would have as much waiting as they.
     pub(super) fn in_the_way(
         &self,
         order: &Order,
@@ -303,7 +303,7 @@ impl Queue {
             if heaviest == own.group && (!is_other || work <= own_work) {
                 return None;
             }
-            let request = self.last_unstarted(line.groups.get(heaviest)?.members.get(member)?, &chosen)?;
+            let request = self.last_of(line.groups.get(heaviest)?.members.get(member)?, &chosen)?;
             let (left, work) = self.requests.get(&request)?.pending();
             chosen.push(request);
             freed += left;
@@ -313,13 +313,14 @@ impl Queue {
         Some(chosen)
     }
 
-    /// The least urgent request of which nothing has started, but for those in `without`.
-    fn last_unstarted(&self, member: &Member, without: &[RequestId]) -> Option<RequestId> {
+    /// The least urgent request but for those in `without`: one of which nothing has started, if
+    /// there is one.
+    fn last_of(&self, member: &Member, without: &[RequestId]) -> Option<RequestId> {
         let started = |request: &RequestId| self.requests.get(request).is_none_or(|waiting| waiting.next > 0);
         let requests = member.ready.iter().rev().map(|&(_, request)| request);
-        requests
-            .into_iter()
-            .find(|request| !without.contains(request) && !started(request))
+        let mut others = requests.filter(|request| !without.contains(request));
+        let unstarted = others.clone().find(|request| !started(request));
+        unstarted.or_else(|| others.next())
     }
 
     /// Waiting work of a client, in the class of an order.

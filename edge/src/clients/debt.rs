@@ -1,7 +1,7 @@
 //! Debts: what clients owe after a queue had no room for their calls.
 //!
 //! A refused call has a hint when to come again. If the client comes earlier, the server looks at
-//! the queue before it reads the call (`port/early.rs`). This costs a fraction of a call that is
+//! its queues before it reads the call (`port/early.rs`). This costs a fraction of a call that is
 //! read, decoded and then refused.
 
 use std::sync::atomic::{AtomicBool, Ordering};

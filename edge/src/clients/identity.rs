@@ -69,7 +69,7 @@ pub struct Quota {
     pub streams: Option<usize>,
     /// Most bytes of requests and answers in transfer.
     pub bytes: Option<usize>,
-    /// The key counts as so many clients in the queues of packs; missing: 1.
+    /// Number of clients that the key counts as in the queues of packs; missing: 1.
     pub share: Option<u32>,
 }
 

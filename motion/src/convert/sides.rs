@@ -29,9 +29,9 @@ pub(super) fn left_axis_of(joints: &[Joint]) -> Option<Vec3> {
     None
 }
 
-/// The mean direction from right to left in the root's frame of reference, between the joints
-/// nearest to the root whose names differ only in left and right and that are not in one place.
-/// CMU's hips have no length, so that the next joints show it.
+/// The mean direction from right to left, in the root's frame of reference. It is that between two
+/// joints whose names differ only in left and right: of those that are apart, the nearest to the
+/// root. CMU's hips are in one place, so the next joints show it.
 pub(super) fn left_axis_in(joints: &[Joint], rotations: &[Quat]) -> Option<Vec3> {
     let depth = |joint: usize| std::iter::successors(joints[joint].parent, |&j| joints[j].parent).count();
     let mut pairs: Vec<(usize, usize)> = (0..joints.len())

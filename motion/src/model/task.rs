@@ -287,7 +287,7 @@ const SOME_FRAMES: usize = 64;
 /// The [work](Task::work) of a task that is not known yet: one pass of each of three stages.
 pub const USUAL_WORK: u32 = 3 * SOME_FRAMES as u32;
 
-/// The [work](Task::work) of so many passes over so many frames.
+/// The [work](Task::work) of `passes` passes over `frames` frames.
 pub fn work_of(frames: usize, passes: u32) -> u32 {
     u32::try_from(frames.max(1)).map_or(u32::MAX, |frames| frames.saturating_mul(passes.max(1)))
 }

@@ -1,5 +1,5 @@
-//! Refuses calls of InBetween at their head, if their client comes back too early and the queue is
-//! still full. One answer serves all such calls of a moment.
+//! Refuses calls of InBetween at their head, if their client comes back too early and no pack has
+//! room for it. One answer serves all such calls of a moment.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};

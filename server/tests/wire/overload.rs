@@ -13,6 +13,7 @@ use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 use tonic::Code;
 use tonic_types::StatusExt as _;
+use troupe_proto::v1;
 
 use crate::common::attacks::{answer, begin};
 use crate::common::calls::{ids, open, step, stepped, walk};
@@ -295,7 +296,7 @@ async fn a_call_of_the_client_with_most_leaves_a_full_queue_for_another() {
         calls.push(tokio::spawn(async move {
             client.in_between(request(characters)).await.map(drop)
         }));
-        // The worker takes the first one meanwhile.
+        // The worker takes the first one in this time.
         tokio::time::sleep(Duration::from_millis(500)).await;
     }
     server
@@ -312,8 +313,8 @@ async fn a_call_of_the_client_with_most_leaves_a_full_queue_for_another() {
     calls.pop().unwrap().await.unwrap().unwrap();
 }
 
-/// A server whose queue is full: one call is in the engine, and one waits.
-async fn full_server() -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
+/// A server whose queues of these packs are full: one call is in the engine, and one waits.
+async fn full_server(packs: &[&str]) -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
     let server = TestServer::start_with(|config| {
         config.max_batch = 1;
         config.fixed.max_queued_characters = Some(1);
@@ -321,23 +322,49 @@ async fn full_server() -> (TestServer, Vec<tokio::task::JoinHandle<()>>) {
     .await;
     server.gate.close();
     let mut waiting = Vec::new();
-    for _ in 0..2 {
+    for pack in packs.iter().chain(packs) {
         let mut client = server.grpc().await;
+        let call = v1::InBetweenRequest {
+            pack: (*pack).to_owned(),
+            ..request(1)
+        };
         waiting.push(tokio::spawn(async move {
-            client.in_between(request(1)).await.unwrap();
+            client.in_between(call).await.unwrap();
         }));
-        // The worker takes the first one meanwhile.
+        // The workers take the first ones in this time.
         tokio::time::sleep(Duration::from_millis(500)).await;
     }
-    server
-        .metric("troupe_pending_characters{model=\"toy\"", "1")
-        .await;
+    for pack in packs {
+        let name = format!("troupe_pending_characters{{model=\"{pack}\"");
+        server.metric(&name, "1").await;
+    }
     (server, waiting)
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_debt_refuses_no_call_that_another_pack_may_have_room_for() {
+    let (server, waiting) = full_server(&["toy"]).await;
+    let path = "/v1/inbetween";
+    let body = serde_json::to_vec(&request(1)).unwrap();
+    let mut stream = begin(&server, path, body.len(), &body).await;
+    let refused = answer(&mut stream).await;
+    assert!(refused.starts_with("HTTP/1.1 429 "), "{refused}");
+    // The head does not say which pack the call is for, so its body is read.
+    let head = format!(
+        "POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 1000\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes()).await.unwrap();
+    let silent = tokio::time::timeout(Duration::from_millis(200), answer(&mut stream)).await;
+    assert!(silent.is_err(), "{silent:?}");
+    server.gate.open();
+    for call in waiting {
+        call.await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_client_with_a_debt_is_refused_before_its_call_is_read() {
-    let (server, waiting) = full_server().await;
+    let (server, waiting) = full_server(&["toy", "other"]).await;
     let path = "/v1/inbetween";
     // A whole call first: its client gets a hint, and so a debt.
     let body = serde_json::to_vec(&request(1)).unwrap();
@@ -419,7 +446,9 @@ fn cost_of_a_refusal() {
         .enable_all()
         .build()
         .unwrap();
-    let (server, _waiting) = serving.block_on(serving.spawn(full_server())).unwrap();
+    let (server, _waiting) = serving
+        .block_on(serving.spawn(full_server(&["toy", "other"])))
+        .unwrap();
     let address = server.handle.address();
     let asking = tokio::runtime::Builder::new_current_thread()
         .enable_all()

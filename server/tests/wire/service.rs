@@ -7,12 +7,14 @@ use reqwest::StatusCode;
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
 use tonic::Code;
+use tonic::transport::Channel;
 use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
 use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
 use tonic_reflection::pb::v1::{ServerReflectionRequest, ServerReflectionResponse};
 use tonic_types::StatusExt as _;
 use troupe_proto::v1;
+use troupe_proto::v1::motion_client::MotionClient;
 use troupe_server::api::ErrorBody;
 
 use crate::common::{JOINTS, TestServer, character, framed, keyframe, request};
@@ -152,7 +154,7 @@ async fn concurrent_callers_share_batches_and_get_their_own_frames() {
     .await;
     let channel = server.channel().await;
     let call = |x: f32| {
-        let mut client = v1::motion_client::MotionClient::new(channel.clone());
+        let mut client = MotionClient::new(channel.clone());
         async move {
             let asked = v1::InBetweenRequest {
                 pack: String::new(),
@@ -216,15 +218,19 @@ async fn a_large_request_is_split_and_joined_in_order() {
     server.metric("troupe_batch_size_count{model=\"toy\"", "4").await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_full_queue_refuses_with_a_retry_hint() {
+/// A call on its way.
+type Call = tokio::task::JoinHandle<Result<tonic::Response<v1::InBetweenResponse>, tonic::Status>>;
+
+/// A server whose queue is full: of one client, a call of four characters is in the engine, and
+/// another one waits.
+async fn full_server() -> (TestServer, MotionClient<Channel>, [Call; 2]) {
     let server = TestServer::start_with(|config| {
         config.fixed.max_characters_per_request = 4;
         config.fixed.max_queued_characters = Some(4);
     })
     .await;
     server.gate.close();
-    let mut client = server.grpc().await;
+    let client = server.grpc().await;
     let call = || {
         let mut client = client.clone();
         tokio::spawn(async move { client.in_between(request(4)).await })
@@ -235,7 +241,12 @@ async fn a_full_queue_refuses_with_a_retry_hint() {
     server
         .metric("troupe_pending_characters{model=\"toy\"", "4")
         .await;
+    (server, client, [running, waiting])
+}
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_full_queue_refuses_with_a_retry_hint() {
+    let (server, mut client, calls) = full_server().await;
     let status = client.in_between(request(1)).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
     assert_eq!(status.get_details_error_info().unwrap().reason, "QUEUE_FULL");
@@ -251,7 +262,7 @@ async fn a_full_queue_refuses_with_a_retry_hint() {
     assert!(body.error.retry_after_ms.unwrap() >= 10);
 
     server.gate.open();
-    for answer in [running, waiting] {
+    for answer in calls {
         assert_eq!(answer.await.unwrap().unwrap().into_inner().characters.len(), 4);
     }
     server
@@ -264,23 +275,7 @@ async fn a_full_queue_refuses_with_a_retry_hint() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_full_queue_makes_room_for_a_client_with_less_waiting() {
-    let server = TestServer::start_with(|config| {
-        config.fixed.max_characters_per_request = 4;
-        config.fixed.max_queued_characters = Some(4);
-    })
-    .await;
-    server.gate.close();
-    let large = server.grpc().await;
-    let call = || {
-        let mut client = large.clone();
-        tokio::spawn(async move { client.in_between(request(4)).await })
-    };
-    let running = call();
-    server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
-    let waiting = call();
-    server
-        .metric("troupe_pending_characters{model=\"toy\"", "4")
-        .await;
+    let (server, _, [running, waiting]) = full_server().await;
     let mut small = server.grpc().await;
     let small = tokio::spawn(async move { small.in_between(request(1)).await });
     let status = waiting.await.unwrap().unwrap_err();
