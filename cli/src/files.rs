@@ -7,10 +7,11 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use troupe_client::{ClientError, Pack};
 use troupe_motion::bvh::{self, BvhFile, BvhWriteOptions};
-use troupe_motion::clip::Clip;
+use troupe_motion::clip::{Clip, ClipError};
 use troupe_motion::files;
 use troupe_motion::glb::write_glb;
-use troupe_motion::read::{self, Basis, Options, Report, Source, Understood};
+use troupe_motion::looping;
+use troupe_motion::read::{self, Basis, Options, ReadErrorKind, Report, Source, Understood};
 use troupe_motion::robot::{reference, sonic_files, write_csv};
 use troupe_motion::skeleton::Skeleton;
 use troupe_proto::v1;
@@ -84,35 +85,48 @@ pub fn read_clip_on(
     reading: &Reading,
     gltf_fps: Option<f32>,
 ) -> Result<Clip, String> {
-    Ok(understand(path, reading.options(Some(skeleton)), gltf_fps)?.clip)
+    let understood = understand(path, reading.options(Some(skeleton)), gltf_fps);
+    Ok(understood.map_err(|why| why.to_string())?.clip)
+}
+
+/// Why a file of motion was not understood.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Misread {
+    /// The file system's error.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// What is wrong with the file.
+    #[error(transparent)]
+    Kind(#[from] ReadErrorKind),
+    /// An animation is named, but the format has none.
+    #[error("animation {0:?}: only .glb, .gltf and .fbx files have animations with names")]
+    Animation(String),
 }
 
 /// Reads a file of motion, and says what was understood of it. Names and rates as for
 /// [`read_clip_on`].
 ///
 /// # Errors
-/// A sentence that says what is wrong with the file.
+/// [`Misread`], without the path.
 pub(super) fn understand(
     path: &Path,
     mut options: Options,
     gltf_fps: Option<f32>,
-) -> Result<Understood, String> {
+) -> Result<Understood, Misread> {
     let (path, animation) = split_animation(path);
-    let bytes = std::fs::read(&path).map_err(|e| e.to_string())?;
+    let bytes = std::fs::read(&path)?;
     options.animation = animation.or(options.animation);
     if is_gltf(&path, &bytes) {
         options.fps = options.fps.or(gltf_fps);
     }
     let read = with_source(&path, &bytes, |source| read::read(source, &options));
-    let understood = read.map_err(|error| error.kind.to_string())?;
+    let understood = read.map_err(|error| error.kind)?;
     let has_animations = matches!(
         understood.report.format.value,
         read::Format::Glb | read::Format::Gltf | read::Format::Fbx
     );
     match options.animation {
-        Some(name) if !has_animations => Err(format!(
-            "animation {name:?}: only .glb, .gltf and .fbx files have animations with names"
-        )),
+        Some(name) if !has_animations => Err(Misread::Animation(name)),
         _ => Ok(understood),
     }
 }
@@ -297,6 +311,20 @@ impl fmt::Display for Format {
             Self::Tracker(Layout::Sonic) => f.write_str("--layout sonic"),
         }
     }
+}
+
+/// Makes a motion loop, and notes how far poses were changed.
+///
+/// # Errors
+/// [`ClipError`] if it has one frame.
+pub(super) fn close(clip: &Clip, term: &Term) -> Result<Clip, ClipError> {
+    let looped = looping::close(clip)?;
+    term.note(format_args!(
+        "looped: joints turned by up to {:.1}°, the root raised or lowered by up to {:.0} mm",
+        looped.turned_rad.to_degrees(),
+        1e3 * looped.raised_m
+    ));
+    Ok(looped.clip)
 }
 
 /// The whole file of a clip.

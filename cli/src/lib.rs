@@ -17,6 +17,7 @@ mod graphics;
 mod inbetween;
 mod object;
 mod output;
+mod own_body;
 mod pack_folder;
 mod packs;
 mod path;

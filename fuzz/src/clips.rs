@@ -91,7 +91,10 @@ pub fn csv(bytes: &[u8]) {
     let clips = understand("walk.csv", bytes, None, &|_| None);
     for clip in &clips {
         let written = write_csv(clip).expect("a robot's clip");
-        assert_eq!(read_again("again.csv", written.as_bytes(), clip).frames(), clip.frames());
+        assert_eq!(
+            read_again("again.csv", written.as_bytes(), clip).frames(),
+            clip.frames()
+        );
     }
     planted_clips(&clips);
 }

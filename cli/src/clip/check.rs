@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use comfy_table::Table;
 use serde::Serialize;
-use troupe_motion::read::{self, Agreement, Options, Report};
+use troupe_motion::read::{self, Agreement, Options, ReadErrorKind, Report, Understood};
 
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{understand, with_source};
+use crate::files::{Misread, understand, with_source};
 use crate::output::{print, table, to_json};
 use crate::reading::Reading;
 
@@ -23,8 +23,8 @@ const COLUMNS: [&str; 6] = ["format", "up axis", "unit", "rate", "rest pose", "f
 
 /// Check all files of motion in a folder and in those below it.
 ///
-/// A file that leaves its up axis or unit open takes what the other files show. Each file is fine,
-/// repaired, odd or refused. The exit code is 0 if all are fine or repaired, and 1 if any is odd or
+/// A file that leaves its up axis or unit open takes what the other files show. Each animation of a
+/// file is checked. Each file is fine, repaired, odd or refused. The exit code is 0 if all are fine or repaired, and 1 if any is odd or
 /// refused. Files are read onto their own skeletons; a robot's files need --pack, --pack-folder or
 /// --urdf.
 #[derive(Debug, Args)]
@@ -85,13 +85,28 @@ impl Verdict {
 /// A file with its verdict, and either a report or an error.
 #[derive(Debug, Serialize)]
 struct Checked {
-    /// Path within the folder.
+    /// Path within the folder, with # and the animation if the file has several.
     file: String,
     verdict: Verdict,
     #[serde(skip_serializing_if = "Option::is_none")]
     report: Option<Report>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
+}
+
+impl Checked {
+    fn of(file: String, understood: Result<Understood, Misread>) -> Self {
+        let (verdict, report, error) = match understood {
+            Ok(understood) => (Verdict::of(&understood.report), Some(understood.report), None),
+            Err(why) => (Verdict::Refused, None, Some(why.to_string())),
+        };
+        Self {
+            file,
+            verdict,
+            report,
+            error,
+        }
+    }
 }
 
 pub(super) async fn run(context: &Context, command: &Check) -> Result<(), Failure> {
@@ -109,7 +124,7 @@ pub(super) async fn run(context: &Context, command: &Check) -> Result<(), Failur
     let bar = context.term.bar(files.len(), "reading files");
     let mut checked = Vec::with_capacity(files.len());
     for file in &files {
-        checked.push(check(&command.folder, file, &options));
+        checked.extend(check(&command.folder, file, &options));
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -141,16 +156,22 @@ fn agreement(files: &[PathBuf], options: &Options) -> Agreement {
     agreement
 }
 
-fn check(folder: &Path, file: &Path, options: &Options) -> Checked {
-    let (verdict, report, error) = match understand(file, options.clone(), None) {
-        Ok(understood) => (Verdict::of(&understood.report), Some(understood.report), None),
-        Err(why) => (Verdict::Refused, None, Some(why)),
-    };
-    Checked {
-        file: file.strip_prefix(folder).unwrap_or(file).display().to_string(),
-        verdict,
-        report,
-        error,
+/// Checks a file, or each of its animations if it has several.
+fn check(folder: &Path, file: &Path, options: &Options) -> Vec<Checked> {
+    let name = file.strip_prefix(folder).unwrap_or(file).display().to_string();
+    match understand(file, options.clone(), None) {
+        Err(Misread::Kind(ReadErrorKind::SeveralAnimations(animations))) => {
+            let one = |animation: String| {
+                let name = format!("{name}#{animation}");
+                let options = Options {
+                    animation: Some(animation),
+                    ..options.clone()
+                };
+                Checked::of(name, understand(file, options, None))
+            };
+            animations.into_iter().map(one).collect()
+        }
+        understood => vec![Checked::of(name, understood)],
     }
 }
 

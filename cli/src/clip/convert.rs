@@ -8,7 +8,7 @@ use serde_json::json;
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, Layout, note, understand};
+use crate::files::{Format, Layout, close, note, understand};
 use crate::output::print;
 use crate::reading::Reading;
 
@@ -22,7 +22,7 @@ use crate::reading::Reading;
 #[command(after_long_help = "\
 Examples:
   troupe clip convert dance.fbx dance.bvh
-  troupe clip convert horse.glb#Walk walk.npz
+  troupe clip convert horse.glb#Walk walk.npz --loop
   troupe clip convert wave.csv wave.npz --pack-folder models/g1 --layout beyondmimic
   troupe clip convert wave.csv waves/wave --pack-folder models/g1 --layout sonic")]
 pub(super) struct Convert {
@@ -38,6 +38,11 @@ pub(super) struct Convert {
     /// Layout of a robot's motion for its tracker.
     #[arg(long, value_enum)]
     layout: Option<Layout>,
+
+    /// Make the motion loop: its last frame leads into its first. The difference of the two poses is
+    /// spread over all frames; the way and the heading stay.
+    #[arg(long = "loop")]
+    loops: bool,
 
     /// Print what was done as JSON.
     #[arg(long)]
@@ -63,9 +68,13 @@ pub(super) async fn run(context: &Context, command: &Convert) -> Result<(), Fail
         return Err(Failure::file(&command.out, why));
     }
     note(&command.from, &understood.report, &context.term);
+    let clip = match command.loops {
+        true => close(&understood.clip, &context.term).map_err(|e| Failure::file(&command.from, e))?,
+        false => understood.clip,
+    };
     // --unit is that of the file that was read.
-    format.write(&understood.clip, &command.out, &Reading::default())?;
-    let (frames, out) = (understood.clip.frames(), command.out.display());
+    format.write(&clip, &command.out, &Reading::default())?;
+    let (frames, out) = (clip.frames(), command.out.display());
     if command.json {
         return print(&format!(
             "{:#}",

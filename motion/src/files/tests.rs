@@ -256,10 +256,7 @@ fn every_format_reads_what_its_writer_wrote() {
         (Format::Npy, &robot, write_qpos(&robot).unwrap()),
     ] {
         // The content decides about the format if it can, whatever the ending.
-        let endings = [
-            format.ending(),
-            if format == Format::Csv { "CSV" } else { "dat" },
-        ];
+        let endings = [format.ending(), if format == Format::Csv { "CSV" } else { "dat" }];
         for ending in endings {
             let read = read_on(&format!("clip.{ending}"), &bytes, &clip.skeleton).unwrap();
             same(&read, clip, 1e-4);

@@ -117,15 +117,26 @@ fn errors_in_rows_name_the_place() {
             format!("{row}\n\n{row},0.1\n"),
             "line 3: 37 columns; the first row has 36",
         ),
-        (format!("{row},0.1\n"), "37 columns; robot g1_29dof_rev_1_0 has 36"),
-        (cell(10, "high"), "line 1, column 11: \"high\" is no finite number"),
+        (
+            format!("{row},0.1\n"),
+            "37 columns; robot g1_29dof_rev_1_0 has 36",
+        ),
+        (
+            cell(10, "high"),
+            "line 1, column 11: \"high\" is no finite number",
+        ),
         (cell(10, "inf"), "line 1, column 11: \"inf\" is no finite number"),
-        (cell(5, "0.9"), "frame 0: the length of the root's quaternion is 1.3"),
+        (
+            cell(5, "0.9"),
+            "frame 0: the length of the root's quaternion is 1.3",
+        ),
         ("time,x,y".to_owned(), "at least one frame"),
         (String::new(), "at least one frame"),
     ];
     for (text, wanted) in cases {
-        let error = with("walk.csv", text.as_bytes(), &on_g1()).unwrap_err().to_string();
+        let error = with("walk.csv", text.as_bytes(), &on_g1())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(wanted), "{wanted}: {error}");
     }
     let human = Options {
