@@ -320,7 +320,8 @@ impl fmt::Display for Format {
 pub(super) fn close(clip: &Clip, term: &Term) -> Result<Clip, ClipError> {
     let looped = looping::close(clip)?;
     term.note(format_args!(
-        "looped: joints turned by up to {:.1}°, the root raised or lowered by up to {:.0} mm",
+        "looped at frame {}: joints turned by up to {:.1}°, the root raised or lowered by up to {:.0} mm",
+        looped.clip.frames(),
         looped.turned_rad.to_degrees(),
         1e3 * looped.raised_m
     ));

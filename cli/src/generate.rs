@@ -82,8 +82,8 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 
-    /// Make the motion loop: its last frame leads into its first. The difference of the two poses is
-    /// spread over all frames; the way and the heading stay.
+    /// Make the motion loop. It is cut in its last quarter, where it is most like its beginning. The
+    /// rest of the difference is spread over all frames.
     #[arg(long = "loop")]
     pub(crate) loops: bool,
 

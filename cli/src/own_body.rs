@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glam::Vec3;
 use troupe_client::Pack;
 use troupe_motion::read::{Options, Understood};
 use troupe_proto::v1;
@@ -12,6 +13,9 @@ use crate::term::Term;
 
 /// Endings of files with a skeleton.
 const ENDINGS: [&str; 5] = ["bvh", "fbx", "glb", "gltf", "npz"];
+
+/// Shortest bone of a body that servers take, metres. Hips and shoulders of many files have none.
+const MIN_BONE_M: f32 = 2e-4;
 
 /// The skeleton of a file, with its neutral pose.
 pub(super) struct OwnBody(Understood);
@@ -30,8 +34,14 @@ impl OwnBody {
         if !ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending == *known)) {
             return Ok(None);
         }
-        let understood =
-            understand(path, Options::default(), None).map_err(|why| Failure::file(path, why))?;
+        let understood = understand(path, Options::default(), None).map_err(|why| {
+            let why = why.to_string();
+            let advice = match why.contains("--") {
+                true => "; `troupe clip convert` has these options, and writes a file that needs none",
+                false => "",
+            };
+            Failure::file(path, why + advice)
+        })?;
         note(path, &understood.report, term);
         Ok(Some(Self(understood)))
     }
@@ -46,7 +56,7 @@ impl OwnBody {
     pub(super) fn message(&self) -> v1::BodySkeleton {
         let Understood { clip, report, .. } = &self.0;
         let skeleton = &clip.skeleton;
-        let vec3 = |v: glam::Vec3| v1::Vec3 {
+        let vec3 = |v: Vec3| v1::Vec3 {
             x: v.x,
             y: v.y,
             z: v.z,
@@ -56,7 +66,10 @@ impl OwnBody {
             parent: joint
                 .parent
                 .map_or_else(String::new, |parent| skeleton.joints[parent].name.clone()),
-            offset: Some(vec3(joint.offset_m)),
+            offset: Some(vec3(match joint.offset_m.length() < MIN_BONE_M {
+                true => Vec3::Y * MIN_BONE_M,
+                false => joint.offset_m,
+            })),
         });
         let neutral = self.0.neutral_pose().unwrap_or_default();
         v1::BodySkeleton {

@@ -39,8 +39,8 @@ pub(super) struct Convert {
     #[arg(long, value_enum)]
     layout: Option<Layout>,
 
-    /// Make the motion loop: its last frame leads into its first. The difference of the two poses is
-    /// spread over all frames; the way and the heading stay.
+    /// Make the motion loop. It is cut in its last quarter, where it is most like its beginning. The
+    /// rest of the difference is spread over all frames.
     #[arg(long = "loop")]
     loops: bool,
 

@@ -156,6 +156,27 @@ async fn a_clip_in_metres_is_read_and_the_repair_is_noted() {
 }
 
 #[tokio::test]
+async fn a_clip_is_made_to_loop() {
+    let folder = Folder::new("clip-loop");
+    let pack = shared().pack().await;
+    let first = walk(&pack);
+    let (file, out) = (folder.write_clip("walk.bvh", &first), folder.file("loop.bvh"));
+    let output = convert(&file, &out, &["--loop"]).await;
+    assert!(
+        text(&output.stderr).contains("joints turned by up to"),
+        "{}",
+        text(&output.stderr)
+    );
+    let looped = read_bvh(&out, pack.skeleton());
+    assert!((225..=300).contains(&looped.frames()));
+    let heights = [first, looped].map(|clip| {
+        let height = |frame: usize| clip.root_positions[frame].y;
+        (height(clip.frames() - 1) - height(0)).abs()
+    });
+    assert!(heights[1] <= heights[0] + ROUNDING, "{heights:?}");
+}
+
+#[tokio::test]
 async fn a_check_of_a_folder_fails_for_what_is_refused() {
     let folder = Folder::new("clip-check");
     let pack = shared().pack().await;
