@@ -82,7 +82,7 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 
-    /// Make the motion loop. It is cut in its last quarter, where it is most like its beginning. The
+    /// Make the motion loop. It is cut in its last quarter, at the frame most like the first. The
     /// rest of the difference is spread over all frames.
     #[arg(long = "loop")]
     pub(crate) loops: bool,

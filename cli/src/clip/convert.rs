@@ -39,7 +39,7 @@ pub(super) struct Convert {
     #[arg(long, value_enum)]
     layout: Option<Layout>,
 
-    /// Make the motion loop. It is cut in its last quarter, where it is most like its beginning. The
+    /// Make the motion loop. It is cut in its last quarter, at the frame most like the first. The
     /// rest of the difference is spread over all frames.
     #[arg(long = "loop")]
     loops: bool,

@@ -1,6 +1,6 @@
-//! Writes motion of a robot as Unitree publishes it: CSV without a header, a frame a row. First come
-//! the root's `x y z` (metres) and `qx qy qz qw`, in ROS axes, then the hinges' angles in their
-//! order, radians. The file has no frame rate.
+//! Writes motion of a robot as Unitree publishes it: CSV without a header, a frame a row. First
+//! come the root's `x y z` (metres) and `qx qy qz qw`, in ROS axes, then the hinges' angles in
+//! their order, radians. The file has no frame rate.
 
 use std::fmt::Write as _;
 
