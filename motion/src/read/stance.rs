@@ -1,5 +1,7 @@
 //! Decides which axis of a file points up, and the unit of its lengths, by how a body stands.
 
+use glam::DVec3;
+
 use super::ReadErrorKind;
 use super::agreement::Agreement;
 use super::options::Options;
@@ -37,13 +39,15 @@ pub(super) struct Stated {
     pub(super) by: &'static str,
 }
 
-/// The axis that points up.
+/// The axis that points up. If the bones are `alike` those of the skeleton that is read onto, the
+/// rest pose shows nothing, and it takes motion to doubt Y.
 ///
 /// # Errors
 /// [`ReadErrorKind::Open`] if rest pose and motion speak for different axes.
 pub(super) fn up_of(
     stance: Option<&Stance>,
     stated: Stated,
+    alike: bool,
     options: &Options,
 ) -> Result<Finding<Up>, ReadErrorKind> {
     if let Some(up) = options.up {
@@ -62,12 +66,20 @@ pub(super) fn up_of(
             }
         });
     };
-    match up_by(stance) {
+    let mut stance = *stance;
+    if alike {
+        stance.resting = DVec3::ZERO;
+    }
+    match up_by(&stance) {
         Sight::Clear(up, evidence) => Ok(Finding::new(up, Basis::Found, evidence)),
         Sight::Split(options, evidence) => match agreed.filter(|up| options.contains(up)) {
             Some(up) => {
                 let evidence = format!("as the other files of the folder; {evidence}");
                 Ok(Finding::new(up, Basis::Found, evidence))
+            }
+            None if alike => {
+                let why = format!("the bones point as the skeleton's; {evidence}; --up decides");
+                Ok(Finding::new(Up::Y, Basis::Assumed, why))
             }
             None => Err(ReadErrorKind::Open {
                 topic: Topic::Up,
