@@ -15,7 +15,7 @@ use crate::skeleton::Skeleton;
 impl Understood {
     /// World rotations of the neutral pose, one a joint.
     ///
-    /// It is the rest pose if the body stands in it; the arms of a T-pose or an A-pose are let
+    /// It is the rest pose if the body stands in it; the limbs of a T-pose or an A-pose are let
     /// down. A body on two legs whose rest pose is no stance has it by its average pose, with trunk
     /// and limbs straightened. Other bodies keep their rest pose. It is none for a clip on a given
     /// skeleton.
@@ -25,8 +25,11 @@ impl Understood {
         let rest = self.rest.as_ref()?;
         let no_limbs = Limbs::default();
         let (pose, limbs) = match (body, self.report.rest_pose.value) {
-            (Some(body), RestPose::None) => (average_pose(&self.clip), Limbs::all(skeleton, body)),
-            (Some(body), RestPose::T | RestPose::A) => (world_of(skeleton, rest), Limbs::arms(&body)),
+            (Some(body), RestPose::None) => {
+                let limbs = Limbs::of(skeleton, &body).with_spine(&body);
+                (average_pose(&self.clip), limbs)
+            }
+            (Some(body), RestPose::T | RestPose::A) => (world_of(skeleton, rest), Limbs::of(skeleton, &body)),
             _ => (world_of(skeleton, rest), no_limbs),
         };
         let turn = yaw(-heading_of(pose[0], skeleton.left_axis));
@@ -46,22 +49,21 @@ struct Limbs {
 }
 
 impl Limbs {
-    fn arms(body: &Body) -> Self {
+    /// Arms and legs. Feet keep their rotations.
+    fn of(skeleton: &Skeleton, body: &Body) -> Self {
+        let legs = body.hips.into_iter().zip(body.feet);
+        let legs = legs.filter_map(|(hip, foot)| leg(skeleton, hip, foot));
         Self {
-            hanging: body.arms.iter().flatten().copied().collect(),
+            hanging: body.arms.into_iter().flatten().chain(legs).collect(),
+            still: body.feet.to_vec(),
             ..Self::default()
         }
     }
 
-    fn all(skeleton: &Skeleton, body: Body) -> Self {
-        let mut limbs = Self::arms(&body);
-        let legs = body.hips.into_iter().zip(body.feet);
-        limbs
-            .hanging
-            .extend(legs.filter_map(|(hip, foot)| leg(skeleton, hip, foot)));
-        limbs.still = body.feet.into_iter().chain([body.head]).collect();
-        limbs.spine = body.spine;
-        limbs
+    fn with_spine(mut self, body: &Body) -> Self {
+        self.still.push(body.head);
+        self.spine.clone_from(&body.spine);
+        self
     }
 }
 
