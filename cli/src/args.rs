@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use crate::clip::ClipFiles;
 use crate::connection::Connection;
 use crate::describe::Describe;
 use crate::drive::Drive;
@@ -31,8 +32,8 @@ pub(crate) struct Arguments {
 const AFTER: &str = "\
 Exit codes:
   0  done
-  1  an output file could not be written, the server's answer made no sense, or the moment
-     that a path waits for did not come
+  1  an output file could not be written, the server's answer made no sense, the moment that
+     a path waits for did not come, or `clip check` found a file that is odd or refused
   2  wrong arguments, or a file that cannot be used
   3  no server answers at the address, or not in time
   4  the server refused the request
@@ -43,6 +44,7 @@ Examples:
   troupe generate --skeleton g1 --path examples/paths/square.toml --out walk.csv
   troupe say \"an elderly man waves\" --out wave.glb
   troupe describe walk.bvh
+  troupe clip info walk.bvh
   troupe drive
   troupe drive --path examples/paths/square.toml --out square.bvh
   troupe film --path examples/paths/square.toml --out square.png
@@ -56,6 +58,7 @@ pub(crate) enum Command {
     Generate(Box<Generate>),
     Say(Box<Say>),
     Describe(Describe),
+    Clip(Box<ClipFiles>),
     Packs(Packs),
     Drive(Drive),
     Film(Film),

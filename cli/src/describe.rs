@@ -10,8 +10,9 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Scale, read_clip};
+use crate::files::read_clip;
 use crate::output::print;
+use crate::reading::Reading;
 
 /// Put a clip into words.
 ///
@@ -25,8 +26,8 @@ Examples:
   troupe describe walk.bvh --from 300 --to 500 --seed 3
   troupe describe horse.glb#Walk --json")]
 pub(crate) struct Describe {
-    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one
-    /// animation of several.
+    /// Motion clip: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk
+    /// names one animation of several.
     #[arg(value_name = "CLIP")]
     pub(crate) clip: PathBuf,
 
@@ -47,7 +48,7 @@ pub(crate) struct Describe {
     pub(crate) seed: u64,
 
     #[command(flatten)]
-    pub(crate) scale: Scale,
+    pub(crate) reading: Reading,
 
     /// Print words and notes as JSON, once all are found.
     #[arg(long)]
@@ -56,7 +57,7 @@ pub(crate) struct Describe {
 
 pub(super) async fn run(context: &Context, command: &Describe) -> Result<(), Failure> {
     let (client, pack) = context.connect_to_able("describe", &command.pack).await?;
-    let clip = read_clip(&command.clip, &pack, command.scale, &context.term)?;
+    let clip = read_clip(&command.clip, &pack, &command.reading, &context.term)?;
     let clip = part(clip, command)?;
     let frames = clip.frames();
     let motion = Motion::new(clip).seed(command.seed);

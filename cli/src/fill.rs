@@ -8,7 +8,8 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Scale, read_clip};
+use crate::files::read_clip;
+use crate::reading::Reading;
 use crate::roots::read_roots;
 use crate::splice::gap_of;
 
@@ -17,8 +18,8 @@ const SAMPLING: &str = "Pack and sampling";
 /// A gap of a clip, and how to fill it.
 #[derive(Debug, Args)]
 pub(crate) struct Gap {
-    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv (root x y z qx qy qz qw, then the hinges'
-    /// angles) or .npy (qpos). horse.glb#Walk names one animation of several.
+    /// Motion clip: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv (root x y z qx qy qz qw,
+    /// then the hinges' angles) or .npy (qpos). horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) clip: PathBuf,
 
@@ -48,7 +49,7 @@ pub(crate) struct Gap {
     pub(crate) sampling: Sampling,
 
     #[command(flatten)]
-    pub(crate) scale: Scale,
+    pub(crate) reading: Reading,
 }
 
 /// Pack and sampling.
@@ -114,7 +115,7 @@ pub(super) async fn fill(
         .map(|file| read_roots(file, gap.from))
         .transpose()?;
     let (client, pack) = context.connect_to_pack(&gap.sampling.pack).await?;
-    let clip = read_clip(&gap.clip, &pack, gap.scale, &context.term)?;
+    let clip = read_clip(&gap.clip, &pack, &gap.reading, &context.term)?;
     let targets = usize::from(gap.target_frames);
     let last_target = gap.to + targets - 1;
     let task = InBetween::from_clip_range(&clip, gap.from, gap.to..=last_target)?

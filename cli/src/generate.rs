@@ -12,10 +12,12 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::feasibility::verdict;
-use crate::files::{Format, Scale};
+use crate::files::{Format, Layout, close};
 use crate::film::draw_motion;
 use crate::output::print;
+use crate::own_body::OwnBody;
 use crate::path::Path;
+use crate::reading::Reading;
 
 const SAMPLING: &str = "Style and sampling";
 /// Have a body follow a path.
@@ -30,6 +32,7 @@ Examples:
   troupe generate --skeleton g1 --path examples/paths/square.toml --style walk --out walk.csv
   troupe generate --skeleton human --path examples/paths/square.toml --style walk=0.6 --style old=0.4 --out old.glb
   troupe generate --pack g1 --path examples/paths/square.toml --style march --out march.csv
+  troupe generate --skeleton my-character.fbx --path examples/paths/square.toml --out mine.glb --loop
   troupe generate --skeleton horse --path examples/paths/square.toml --speed 3 --style trot --out trot.glb")]
 pub(crate) struct Generate {
     /// Path to follow (TOML).
@@ -41,12 +44,17 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
+    /// Layout of a robot's motion for its tracker.
+    #[arg(long, value_enum)]
+    pub(crate) layout: Option<Layout>,
+
     /// Model pack. Default: the first that has the body, or follows paths.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
-    /// Body of the pack that moves. Default: the pack's default body, or its only one.
-    #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
+    /// Body of the pack that moves, or a file of motion whose skeleton moves. Default: the pack's
+    /// default body, or its only one.
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME|FILE")]
     pub(crate) skeleton: String,
 
     /// Word of the pack, alone or with a weight of 0 to 1. May be given several times, for a blend;
@@ -73,6 +81,11 @@ pub(crate) struct Generate {
     /// Also draw the motion: its path, and poses along it (PNG).
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
+
+    /// Make the motion loop. It is cut in its last quarter, at the frame most like the first. The
+    /// rest of the difference is spread over all frames.
+    #[arg(long = "loop")]
+    pub(crate) loops: bool,
 
     /// Print what was done as JSON.
     #[arg(long)]
@@ -108,16 +121,26 @@ impl FromStr for Word {
 }
 
 pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Failure> {
-    let format = Format::of(&command.out)?;
+    let format = Format::of_layout(&command.out, command.layout)?;
     let path = Path::read(&command.path)?;
-    let (client, pack) = connect(context, command).await?;
-    let pack = pack.of_body(&command.skeleton)?;
+    let own = OwnBody::read(&command.skeleton, &context.term)?;
+    let (client, pack) = connect(context, command, own.is_some()).await?;
+    let pack = match &own {
+        Some(own) => own.on(&pack),
+        None => pack.of_body(&command.skeleton)?,
+    };
     format.fits(&pack, &command.out)?;
     let asked = std::time::Instant::now();
-    let making = client.follow(&pack, &request(&path, command)).await?;
-    let made = making.whole().await?;
+    let mut request = request(&path, command);
+    if let Some(own) = &own {
+        request = request.skeleton(own.message());
+    }
+    let mut made = client.follow(&pack, &request).await?.whole().await?;
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
-    format.write(&made.clip, &command.out, Scale::default())?;
+    if command.loops {
+        made.clip = close(&made.clip, &context.term).map_err(|e| Failure::Other(e.to_string()))?;
+    }
+    format.write(&made.clip, &command.out, &Reading::default())?;
     if let Some(file) = &command.picture {
         let png = draw(&path, &pack, &made.clip, command).map_err(Failure::Other)?;
         std::fs::write(file, png).map_err(|e| Failure::output(file, e))?;
@@ -132,7 +155,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
                 "frames": frames,
                 "pack": pack.name(),
                 "pack_version": pack.description().version,
-                "skeleton": body(&pack),
+                "skeleton": body(&pack, command),
                 "notes": made.notes,
                 "feasibility": made.feasibility,
                 "took_ms": took_ms,
@@ -144,7 +167,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
     }
     context.term.note(format_args!(
         "{frames} frames of {} by {} {} written to {out}",
-        body(&pack),
+        body(&pack, command),
         pack.name(),
         pack.description().version
     ));
@@ -157,8 +180,8 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
 }
 
 /// Connects and fetches the pack that is named, or one for the body that is named.
-async fn connect(context: &Context, command: &Generate) -> Result<(Client, Pack), Failure> {
-    if !command.pack.is_empty() || command.skeleton.is_empty() {
+async fn connect(context: &Context, command: &Generate, has_own: bool) -> Result<(Client, Pack), Failure> {
+    if !command.pack.is_empty() || command.skeleton.is_empty() || has_own {
         return context.connect_to_able("path", &command.pack).await;
     }
     let client = context.connect().await?;
@@ -179,11 +202,12 @@ async fn connect(context: &Context, command: &Generate) -> Result<(Client, Pack)
     Ok((client, pack))
 }
 
-/// Name of the body that moves.
-fn body(pack: &Pack) -> &str {
-    match pack.body() {
-        "" => pack.name(),
-        body => body,
+/// Name of the body that moves, or its file.
+fn body<'a>(pack: &'a Pack, command: &'a Generate) -> &'a str {
+    match (pack.body(), &*command.skeleton) {
+        ("", "") => pack.name(),
+        ("", own) => own,
+        (body, _) => body,
     }
 }
 
@@ -193,8 +217,8 @@ fn draw(path: &Path, pack: &Pack, clip: &Clip, command: &Generate) -> Result<Vec
         .chain(path.waypoints.iter().map(|point| point.at))
         .collect();
     let title = match &path.title {
-        Some(title) => format!("{title}, {}", body(pack)),
-        None => body(pack).to_owned(),
+        Some(title) => format!("{title}, {}", body(pack, command)),
+        None => body(pack, command).to_owned(),
     };
     let end = clip.root_positions.last().zip(way.last());
     let off = end.map(|(root, end)| end.distance(Vec2::new(root.x, root.z)));

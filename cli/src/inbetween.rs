@@ -9,7 +9,7 @@ use troupe_client::SegmentLength;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::feasibility::verdict;
-use crate::files::Format;
+use crate::files::{Format, Layout};
 use crate::fill::{Gap, fill};
 use crate::output::print;
 use crate::splice::splice;
@@ -36,6 +36,10 @@ pub(crate) struct Inbetween {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
+    /// Layout of a robot's motion for its tracker.
+    #[arg(long, value_enum)]
+    pub(crate) layout: Option<Layout>,
+
     /// Frames from the first context frame to the last target keyframe. Default: as many as in the
     /// clip.
     #[arg(long, value_name = "FRAMES", conflicts_with = "free_timing")]
@@ -56,7 +60,7 @@ pub(crate) struct Inbetween {
 
 pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Failure> {
     // Checked first, so that no work is lost.
-    let format = Format::of(&command.out)?;
+    let format = Format::of_layout(&command.out, command.layout)?;
     (format.check(context, &command.gap.sampling.pack, &command.out)).await?;
     let length = if command.free_timing {
         Some(SegmentLength::Predicted)
@@ -71,7 +75,7 @@ pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Fa
     } else {
         splice(&filled.clip, from, to, &filled.generated).map_err(|e| Failure::Other(e.to_string()))?
     };
-    format.write(&clip, &command.out, command.gap.scale)?;
+    format.write(&clip, &command.out, &command.gap.reading)?;
 
     let out = command.out.display();
     let (frames, generated) = (clip.frames(), filled.generated.frames());

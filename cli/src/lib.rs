@@ -2,6 +2,7 @@
 //! code; and what `troupe-eval` shares with it: how to connect, read clips and print.
 
 mod args;
+mod clip;
 mod connection;
 mod context;
 mod describe;
@@ -16,9 +17,11 @@ mod graphics;
 mod inbetween;
 mod object;
 mod output;
+mod own_body;
 mod pack_folder;
 mod packs;
 mod path;
+mod reading;
 mod rebuild;
 mod roots;
 mod say;
@@ -48,9 +51,10 @@ use self::args::{Arguments, Command};
 pub use self::connection::Connection;
 pub use self::context::Context;
 pub use self::failure::Failure;
-pub use self::files::{Scale, Unit, clip_in, read_clip, read_clip_on};
+pub use self::files::{clip_in, read_clip, read_clip_on};
 pub use self::fill::Sampling;
 pub use self::output::print;
+pub use self::reading::Reading;
 pub use self::style::list::{ClipPart, GaitClips, StyleEntry, StyleList};
 pub use self::term::Term;
 pub use self::values::positive;
@@ -79,6 +83,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Generate(command) => generate::run(&context, &command).await,
         Command::Say(command) => say::run(&context, &command).await,
         Command::Describe(command) => describe::run(&context, &command).await,
+        Command::Clip(command) => clip::run(&context, &command).await,
         Command::Packs(command) => packs::run(&context, &command).await,
         Command::Drive(command) => drive::run(&context, &command).await,
         Command::Film(command) => film::run(&context, &command).await,

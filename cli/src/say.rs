@@ -9,9 +9,10 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, Scale, read_clip};
+use crate::files::{Format, Layout, read_clip};
 use crate::film::draw_motion;
 use crate::output::print;
+use crate::reading::Reading;
 use crate::tokens::Tokens;
 use crate::values::Seconds;
 
@@ -37,6 +38,10 @@ pub(crate) struct Say {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
+    /// Layout of a robot's motion for its tracker.
+    #[arg(long, value_enum)]
+    pub(crate) layout: Option<Layout>,
+
     /// Model pack. Default: the first that acts out words.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
@@ -45,8 +50,8 @@ pub(crate) struct Say {
     #[arg(long, value_name = "SECONDS")]
     pub(crate) seconds: Option<Seconds>,
 
-    /// Go on from the end of this clip: .bvh, .glb or .npz, or a robot's .csv or .npy.
-    /// horse.glb#Walk names one animation of several.
+    /// Go on from the end of this clip: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or
+    /// .npy. horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) past: Option<PathBuf>,
 
@@ -63,7 +68,7 @@ pub(crate) struct Say {
     pub(crate) picture: Option<PathBuf>,
 
     #[command(flatten)]
-    pub(crate) scale: Scale,
+    pub(crate) reading: Reading,
 
     /// Print what was done as JSON.
     #[arg(long)]
@@ -71,7 +76,7 @@ pub(crate) struct Say {
 }
 
 pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure> {
-    let format = Format::of(&command.out)?;
+    let format = Format::of_layout(&command.out, command.layout)?;
     let (client, pack) = context.connect_to_able("text", &command.pack).await?;
     format.fits(&pack, &command.out)?;
     let asked = std::time::Instant::now();
@@ -80,7 +85,7 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
     let outs = outs(&command.out, made.others.len());
     for (clip, out) in [&made.clip].into_iter().chain(&made.others).zip(&outs) {
-        format.write(clip, out, command.scale)?;
+        format.write(clip, out, &command.reading)?;
     }
     if let Some(file) = &command.picture {
         let png = draw(command, &pack, &made.clip).map_err(Failure::Other)?;
@@ -119,8 +124,10 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
 /// A file for each character: the first has the given name, others have their number in it.
 fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = out.extension().unwrap_or_default().to_string_lossy();
-    let numbered = (2..others + 2).map(|number| out.with_file_name(format!("{stem}-{number}.{ending}")));
+    let ending = out
+        .extension()
+        .map_or_else(String::new, |ending| format!(".{}", ending.display()));
+    let numbered = (2..others + 2).map(|number| out.with_file_name(format!("{stem}-{number}{ending}")));
     std::iter::once(out.to_owned()).chain(numbered).collect()
 }
 
@@ -136,7 +143,7 @@ fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failu
         prompt = prompt.seconds(std::time::Duration::from(seconds).as_secs_f32());
     }
     if let Some(file) = &command.past {
-        let clip = read_clip(file, pack, command.scale, &context.term)?;
+        let clip = read_clip(file, pack, &command.reading, &context.term)?;
         let keys = Key::all(&clip);
         prompt = prompt.after(&keys[keys.len().saturating_sub(most_past(pack))..]);
     }
@@ -173,7 +180,7 @@ mod tests {
     fn each_character_has_a_file() {
         let names = ["takes/wave.glb", "takes/wave-2.glb", "takes/wave-3.glb"];
         assert_eq!(outs(Path::new("takes/wave.glb"), 2), names.map(PathBuf::from));
-        assert_eq!(outs(Path::new("wave"), 0), [PathBuf::from("wave")]);
+        assert_eq!(outs(Path::new("wave"), 1), ["wave", "wave-2"].map(PathBuf::from));
     }
 
     #[test]

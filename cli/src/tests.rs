@@ -58,7 +58,7 @@ fn wrong_arguments_are_named() {
         (&["--frame-count", "20", "--free-timing"][..], "--free-timing"),
         (&["--target-frames", "5"], "1..=4"),
         (&["--timeout", "0"], "above 0"),
-        (&["--unit", "yard"], "mm, cm, m, in"),
+        (&["--unit", "yard"], "in, cm, mm"),
         (&["--from", "-1"], "-1"),
     ] {
         let error = Arguments::try_parse_from(gap.iter().chain(more))

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
-use troupe_cli::{Failure, Scale, Term, clip_in, read_clip, read_clip_on};
+use troupe_cli::{Failure, Reading, Term, clip_in, read_clip, read_clip_on};
 use troupe_client::Pack;
 use troupe_motion::Skeleton;
 use troupe_motion::clip::Clip;
@@ -39,8 +39,8 @@ fn stem(name: &str) -> Option<&str> {
 }
 
 /// Reads the clip of a name from a folder, in whatever format it is there.
-pub(crate) fn read_named(data: &Path, name: &str, pack: &Pack, scale: Scale) -> Result<Clip, Failure> {
-    read_clip(&clip_in(data, name, pack), pack, scale, &Term::new(true))
+pub(crate) fn read_named(data: &Path, name: &str, pack: &Pack, reading: &Reading) -> Result<Clip, Failure> {
+    read_clip(&clip_in(data, name, pack), pack, reading, &Term::new(true))
 }
 
 /// Names of the clips to use, sorted: those of the split file, or every clip of the folder.
@@ -67,13 +67,13 @@ pub(crate) fn read_clips(
     data: &Path,
     names: &[String],
     pack: &Pack,
-    scale: Scale,
+    reading: &Reading,
     term: &Term,
 ) -> (Vec<NamedClip>, Vec<Skipped>) {
     let bar = term.bar(names.len(), "reading clips");
     let (mut clips, mut skipped) = (Vec::new(), Vec::new());
     for name in names {
-        match read_named(data, name, pack, scale) {
+        match read_named(data, name, pack, reading) {
             Ok(clip) => clips.push(NamedClip {
                 name: name.clone(),
                 clip,
@@ -153,7 +153,7 @@ impl BvhFolder {
     }
 
     fn read_one(&self, path: &Path) -> Result<Clip, Failure> {
-        read_clip_on(path, &self.skeleton, Scale::default(), None).map_err(|why| Failure::file(path, why))
+        read_clip_on(path, &self.skeleton, &Reading::default(), None).map_err(|why| Failure::file(path, why))
     }
 }
 

@@ -5,6 +5,7 @@
 //! on changed copies of it, on any toolchain.
 
 mod calls;
+mod clips;
 mod home;
 mod mutate;
 mod snapshot;
@@ -20,11 +21,7 @@ use troupe_character::document::{DocumentError, Format};
 use troupe_character::object::{self, Definition, Definitions};
 use troupe_character::scene::NamedScene;
 use troupe_engine::pack::{Manifest, Pack};
-use troupe_motion::bvh::{self, BvhFile, BvhOptions, BvhWriteOptions};
 use troupe_motion::codec;
-use troupe_motion::files::{read_npz, write_npz};
-use troupe_motion::glb::{self, GlbOptions, write_glb};
-use troupe_motion::robot::{read_csv, write_csv};
 use troupe_motion::rotation::angle_between;
 use troupe_motion::{Joint, Skeleton, Vec3};
 use troupe_proto::v1;
@@ -33,6 +30,7 @@ use troupe_server::config::Config;
 use troupe_service::inbetween::{RequestLimits, prepare, prepare_describe, prepare_prompt};
 
 pub use calls::{CALLS, Call, calls};
+pub use clips::{bvh, csv, fbx, glb, gltf, npy, npz, sonic};
 pub use home::{Local, STOOL, YARD, options};
 pub use mutate::mutate;
 pub use snapshot::{HEAD_BYTES, snapshot};
@@ -42,21 +40,25 @@ pub use websocket::{SEPARATOR, websocket};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target, in the order of the names.
-pub const TARGETS: [Target; 15] = [
+pub const TARGETS: [Target; 19] = [
     ("bvh", bvh),
     ("calls", calls),
     ("codec", codec),
     ("csv", csv),
     ("describe", describe),
     ("drive", drive),
+    ("fbx", fbx),
     ("generate", generate),
     ("glb", glb),
+    ("gltf", gltf),
     ("inbetween", inbetween),
     ("manifest", manifest),
+    ("npy", npy),
     ("npz", npz),
     ("object", object),
     ("scene", scene),
     ("snapshot", snapshot),
+    ("sonic", sonic),
     ("websocket", websocket),
 ];
 
@@ -118,8 +120,6 @@ struct Home {
     words: Pack,
     definitions: Definitions,
     reader: Reader,
-    /// Hips and a foot.
-    small: Arc<Skeleton>,
 }
 
 fn home() -> &'static Home {
@@ -140,9 +140,13 @@ fn home() -> &'static Home {
             pack,
             robot,
             words: Pack::load(&top.join("engine/tests/vermo")).expect("a pack"),
-            small: Arc::new(two_joints()),
         }
     })
+}
+
+/// The skeleton of the robot.
+pub fn robot() -> Arc<Skeleton> {
+    Arc::clone(&home().robot.rig.skeleton)
 }
 
 /// A skeleton of two joints.
@@ -160,24 +164,6 @@ pub fn two_joints() -> Skeleton {
         joint("Foot", Some(0), Vec3::NEG_Y),
     ];
     Skeleton::new(joints, Vec3::X, 0.0, None).expect("a skeleton")
-}
-
-/// A BVH file. An accepted file survives writing and reading again, and conversion to a clip and
-/// back.
-pub fn bvh(bytes: &[u8]) {
-    let Ok(file) = bvh::parse_bytes(bytes) else { return };
-    // Numbers are written with six decimals, so only the structure must be the same.
-    let again = bvh::parse(&bvh::write(&file)).expect("what was written is read");
-    assert_eq!(again.frames(), file.frames());
-    assert_eq!(again.joints().len(), file.joints().len());
-    let mut pairs = again.joints().iter().zip(file.joints());
-    assert!(pairs.all(|(a, b)| a.name == b.name && a.parent == b.parent));
-    if let Ok(clip) = file.to_clip(&BvhOptions::default())
-        && let Ok(written) = BvhFile::from_clip(&clip, &BvhWriteOptions::default())
-    {
-        bvh::parse(&bvh::write(&written)).expect("a clip's file is read");
-        planted(|| [file.joints().len() == 2, file.frame_time_s() < 0.02]);
-    }
 }
 
 /// Frames in compact form. For any bytes, rotations have unit length and survive another
@@ -202,61 +188,6 @@ pub fn codec(bytes: &[u8]) {
         );
         planted(|| [root.x > 100.0, root.z < -100.0, root.y.abs() < 1.0]);
     }
-}
-
-/// Motion of a robot, as CSV. An accepted clip survives writing and reading again.
-pub fn csv(bytes: &[u8]) {
-    let Ok(text) = std::str::from_utf8(bytes) else {
-        return;
-    };
-    let clip = match read_csv(text, &home().robot.rig.skeleton, 30.0) {
-        Ok(clip) => clip,
-        Err(error) => return assert!(!error.to_string().is_empty()),
-    };
-    let Ok(written) = write_csv(&clip) else { return };
-    let again = read_csv(&written, &clip.skeleton, 30.0).expect("what was written is read");
-    assert_eq!(again.frames(), clip.frames());
-    let above = |height| clip.root_positions.iter().any(|root| root.y > height);
-    planted(|| [clip.frames() == 2, above(10.0), above(100.0)]);
-}
-
-/// The animation of a glb file. A clip that is made of it survives writing and reading again.
-pub fn glb(bytes: &[u8]) {
-    // Keys far apart in time would give many frames.
-    let options = GlbOptions {
-        fps: Some(2.0),
-        ..GlbOptions::default()
-    };
-    let animation = match glb::parse(bytes, &options) {
-        Ok(animation) => animation,
-        Err(error) => return assert!(!error.to_string().is_empty()),
-    };
-    // Minutes of motion with many joints are valid, but slow.
-    if animation.frames() > 1000 {
-        return;
-    }
-    let Ok(clip) = animation.to_clip(&options) else {
-        return;
-    };
-    let written = write_glb(&clip).expect("a short clip");
-    let again = glb::parse(&written, &options).expect("what was written is read");
-    assert_eq!(again.frames(), clip.frames());
-    let high = clip.root_positions.iter().any(|root| root.y > 10.0);
-    planted(|| [clip.frames() > 2, high]);
-}
-
-/// NumPy's arrays of a clip of two joints. An accepted clip survives writing and reading again.
-pub fn npz(bytes: &[u8]) {
-    let skeleton = &home().small;
-    let clip = match read_npz(bytes, skeleton) {
-        Ok(clip) => clip,
-        Err(error) => return assert!(!error.to_string().is_empty()),
-    };
-    let written = write_npz(&clip).expect("a clip");
-    let again = read_npz(&written, skeleton).expect("what was written is read");
-    assert_eq!(again.root_positions, clip.root_positions);
-    let high = clip.root_positions.iter().any(|root| root.y > 10.0);
-    planted(|| [clip.fps > 60.0, high]);
 }
 
 /// A message of a client on a stream, as text and as protobuf.

@@ -109,4 +109,4 @@ macro_rules! targets {
     };
 }
 
-targets!(bvh calls codec csv describe drive generate glb inbetween manifest npz object scene snapshot websocket);
+targets!(bvh calls codec csv describe drive fbx generate glb gltf inbetween manifest npy npz object scene snapshot sonic websocket);

@@ -28,6 +28,7 @@ pub mod gltf;
 pub mod ik;
 pub mod inspect;
 pub mod interpolate;
+pub mod looping;
 pub mod metrics;
 pub mod model;
 pub mod path;

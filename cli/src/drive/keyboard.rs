@@ -21,7 +21,8 @@ use super::keys::{Asked, Choice, Controls};
 use super::screen::{SceneObject, Screen, View};
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, Scale};
+use crate::files::Format;
+use crate::reading::Reading;
 use crate::take::{InWords, options_of, scene_of};
 
 /// File of recordings without --out.
@@ -362,7 +363,7 @@ impl Takes {
     fn write(&mut self, recording: Recording) -> Result<&Path, Failure> {
         let path = nth(&self.out, self.written.len() + 1);
         let clip = recording.into_clip().map_err(|e| Failure::Other(e.to_string()))?;
-        self.format.write(&clip, &path, Scale::default())?;
+        self.format.write(&clip, &path, &Reading::default())?;
         self.written.push(path);
         Ok(self.written.last().map_or(&self.out, |path| path))
     }

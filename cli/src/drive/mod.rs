@@ -10,9 +10,10 @@ use troupe_client::FrameOptions;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, Scale};
+use crate::files::Format;
 use crate::output::print;
 use crate::path::Path;
+use crate::reading::Reading;
 use crate::take::{Event, Take, follow, pack_of, print_events};
 
 pub(crate) use self::args::Drive;
@@ -37,7 +38,7 @@ pub(super) async fn run(context: &Context, command: &Drive) -> Result<(), Failur
     };
     let take = follow(context, &path, &command.character, options).await?;
     if let (Some(format), Some(out)) = (format, &command.out) {
-        format.write(&take.clip, out, Scale::default())?;
+        format.write(&take.clip, out, &Reading::default())?;
         context.term.note(format_args!(
             "{} frames written to {}",
             take.clip.frames(),

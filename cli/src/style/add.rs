@@ -16,7 +16,7 @@ pub(super) async fn run(context: &Context, command: &Add) -> Result<(), Failure>
         context,
         client: &client,
         pack: &pack,
-        scale: command.scale,
+        reading: &command.reading,
         keys: command.building.keys as usize,
     };
     let mut gaits: Vec<v1::Gait> = Vec::new();

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{ArgMatches, Args, Command, FromArgMatches, Subcommand};
 
-use crate::files::Scale;
+use crate::reading::Reading;
 
 const HOW: &str = "How the style is used";
 const BUILDING: &str = "Building";
@@ -64,7 +64,7 @@ pub(super) struct Add {
     pub(super) pack: String,
 
     #[command(flatten)]
-    pub(super) scale: Scale,
+    pub(super) reading: Reading,
 }
 
 /// How gaits are built.
@@ -261,7 +261,7 @@ pub(super) struct Build {
     pub(super) pack: String,
 
     #[command(flatten)]
-    pub(super) scale: Scale,
+    pub(super) reading: Reading,
 }
 
 #[cfg(test)]

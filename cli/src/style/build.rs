@@ -12,7 +12,8 @@ use super::list::{StyleEntry, StyleList};
 use super::rebuild::rebuild;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Scale, clip_in};
+use crate::files::clip_in;
+use crate::reading::Reading;
 
 pub(super) async fn run(context: &Context, command: &Build) -> Result<(), Failure> {
     let list = StyleList::read(&command.list)?;
@@ -28,7 +29,7 @@ pub(super) async fn run(context: &Context, command: &Build) -> Result<(), Failur
         context,
         client: &client,
         pack: &pack,
-        scale: command.scale,
+        reading: &command.reading,
         keys: command.building.keys as usize,
     };
     for (name, entry) in &list.styles {
@@ -52,7 +53,7 @@ pub(super) struct Builder<'a> {
     pub(super) context: &'a Context,
     pub(super) client: &'a Client,
     pub(super) pack: &'a Pack,
-    pub(super) scale: Scale,
+    pub(super) reading: &'a Reading,
     /// Keys of a gait that moves.
     pub(super) keys: usize,
 }
@@ -69,7 +70,7 @@ impl Builder<'_> {
         let mut cycles = Vec::with_capacity(places.len());
         let mut found = Vec::with_capacity(places.len());
         for place in places {
-            let extracted = place.extract(self.pack, self.scale, term)?;
+            let extracted = place.extract(self.pack, self.reading, term)?;
             let file = place.path.file_name().unwrap_or_default().to_string_lossy();
             found.push(format!("{file} from frame {}", extracted.start));
             cycles.push(extracted);

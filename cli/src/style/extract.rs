@@ -7,7 +7,8 @@ use troupe_motion::clip::Clip;
 use troupe_motion::gait::{ClosedCycle, CycleOptions, StandOptions, Way, find_cycles, find_stand};
 
 use crate::failure::Failure;
-use crate::files::{Scale, read_clip};
+use crate::files::read_clip;
+use crate::reading::Reading;
 use crate::term::Term;
 
 /// Names of gaits that stand begin with this.
@@ -39,8 +40,8 @@ impl GaitSource<'_> {
     /// Reads the clip and finds the gait: for a name that has `turn` in it the cycle that turns
     /// most, for one that stands the stillest frame, or the only one that is to be looked at; else
     /// the steadiest cycle.
-    pub(super) fn extract(&self, pack: &Pack, scale: Scale, term: &Term) -> Result<Extracted, Failure> {
-        let whole = read_clip(self.path, pack, scale, term)?;
+    pub(super) fn extract(&self, pack: &Pack, reading: &Reading, term: &Term) -> Result<Extracted, Failure> {
+        let whole = read_clip(self.path, pack, reading, term)?;
         let (clip, first) = self.cut(&whole)?;
         let failed = |e| Failure::file(self.path, format_args!("no gait `{}`: {e}", self.gait));
         if stands(self.gait) && clip.frames() == 1 {

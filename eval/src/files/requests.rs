@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use clap::Args;
 use prost::Message as _;
 use serde_json::json;
-use troupe_cli::{Failure, Scale, read_clip_on};
+use troupe_cli::{Failure, Reading, read_clip_on};
 use troupe_client::{CONTEXT_FRAMES, Key};
 use troupe_engine::pack::Pack;
 use troupe_motion::Clip;
@@ -54,7 +54,7 @@ struct Source {
 impl Source {
     fn read(&self) -> anyhow::Result<(Pack, Clip)> {
         let pack = Pack::load(&self.pack)?;
-        let clip = read_clip_on(&self.clip, &pack.rig.skeleton, Scale::default(), None);
+        let clip = read_clip_on(&self.clip, &pack.rig.skeleton, &Reading::default(), None);
         Ok((pack, clip.map_err(|why| Failure::file(&self.clip, why))?))
     }
 }

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glam::Vec3;
-use troupe_cli::{Failure, Scale, read_clip_on};
+use troupe_cli::{Failure, Reading, read_clip_on};
 use troupe_client::{InBetween, Locomotion, Pack};
 
 use self::program::{Home, repository};
@@ -34,7 +34,7 @@ impl ServerBinary {
 /// A request for 64 frames of the walk in `examples/`.
 fn gap(pack: &Pack) -> Result<InBetween, Failure> {
     let file = repository().join("examples/walk.bvh");
-    let clip = read_clip_on(&file, pack.skeleton(), Scale::default(), None)
+    let clip = read_clip_on(&file, pack.skeleton(), &Reading::default(), None)
         .map_err(|why| Failure::file(&file, why))?;
     Ok(InBetween::from_clip(&clip, 3, 63)?)
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use troupe_cli::{Failure, Scale, positive};
+use troupe_cli::{Failure, Reading, positive};
 use troupe_client::{CONTEXT_FRAMES, Pack};
 use troupe_motion::clip::Clip;
 use troupe_motion::metrics::Task;
@@ -30,7 +30,7 @@ pub(crate) struct WindowArgs {
     pub(super) max_windows: Option<usize>,
 
     #[command(flatten)]
-    pub(super) scale: Scale,
+    pub(super) reading: Reading,
 }
 
 /// Frames of a piece of a clip.

@@ -1,5 +1,6 @@
-//! Rewrites the seeds of the targets `calls`, `glb`, `npz`, `snapshot` and `websocket`: `cargo run
-//! -p troupe-fuzz --example seeds`. Run it after a change of a call or of a record in the store.
+//! Rewrites the seeds of the targets `calls`, `glb`, `gltf`, `npy`, `npz`, `snapshot`, `sonic` and
+//! `websocket`: `cargo run -p troupe-fuzz --example seeds`. Run it after a change of a call or of a
+//! record in the store.
 
 mod calls;
 
@@ -10,10 +11,11 @@ use std::sync::Arc;
 
 use prost::Message as _;
 use troupe_base::turns::Turns;
-use troupe_fuzz::{HEAD_BYTES, Local, SEPARATOR, two_joints};
+use troupe_fuzz::{HEAD_BYTES, Local, SEPARATOR, robot, two_joints};
 use troupe_live::records::{Kind, Records};
-use troupe_motion::files::write_npz;
+use troupe_motion::files::{write_beyond_mimic, write_npz, write_qpos};
 use troupe_motion::glb::write_glb;
+use troupe_motion::robot::{reference, sonic_files};
 use troupe_motion::{Clip, Quat, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
@@ -59,6 +61,38 @@ fn clips() -> Result<(), Problem> {
     let clip = Clip::new(skeleton, 2.0, roots.collect(), turns.collect())?;
     write("glb", "two-joints.glb", &write_glb(&clip)?)?;
     write("npz", "two-joints.npz", &write_npz(&clip)?)?;
+    write("gltf", "two-joints.bin", &as_text(&write_glb(&clip)?)?)?;
+    robots()
+}
+
+/// A glb as text that points to a file beside it, and that file.
+fn as_text(glb: &[u8]) -> Result<Vec<u8>, Problem> {
+    let length = u32::from_le_bytes(glb[12..16].try_into()?) as usize;
+    let (text, rest) = glb[20..].split_at(length);
+    let mut document: serde_json::Value = serde_json::from_slice(text)?;
+    document["buffers"][0]["uri"] = "walk.bin".into();
+    Ok([&serde_json::to_vec(&document)?, &rest[8..]].join(&SEPARATOR))
+}
+
+/// A robot that stands for two frames, in the layouts for robots.
+fn robots() -> Result<(), Problem> {
+    let skeleton = robot();
+    let joints = skeleton.joint_count();
+    let roots = vec![Vec3::new(0.0, 0.8, 0.1), Vec3::new(0.0, 0.8, 0.2)];
+    let clip = Clip::new(skeleton, 50.0, roots, vec![Quat::IDENTITY; 2 * joints])?;
+    write("npy", "two-rows.npy", &write_qpos(&clip)?)?;
+    write(
+        "npz",
+        "beyond-mimic.npz",
+        &write_beyond_mimic(&clip.slice(0..1)?)?,
+    )?;
+    let files = sonic_files(&reference(&clip)?, "stand");
+    let text = |wanted: &str| {
+        let found = files.iter().find(|file| file.0 == wanted);
+        found.map_or(&b""[..], |file| file.1.as_bytes())
+    };
+    let whole = ["joint_pos.csv", "body_pos.csv", "body_quat.csv"].map(text);
+    write("sonic", "stand.bin", &whole.join(&SEPARATOR))?;
     Ok(())
 }
 

@@ -89,7 +89,7 @@ pub enum ConvertError {
     },
     /// A bone differs in length or direction from the skeleton's.
     #[error(
-        "joint {joint:?} stands {error_m} m from the skeleton's offset (frame {frame}); the skeletons differ"
+        "joint {joint:?} stands {error_m:.3} m from the skeleton's offset (frame {frame}); the skeletons differ"
     )]
     OffsetMismatch {
         /// Name of the joint.

@@ -1,8 +1,6 @@
 //! NumPy's files: a clip as named arrays (`.npz`), and a robot's `qpos` as one array (`.npy`).
 
-use std::collections::HashMap;
 use std::io::{Cursor, Read as _, Write as _};
-use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 use npyz::{
@@ -11,17 +9,15 @@ use npyz::{
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-use crate::clip::{Clip, ClipError, MAX_FRAMES, MAX_ROTATIONS};
+use crate::clip::{Clip, ClipError, MAX_ROTATIONS};
 use crate::contacts;
 use crate::fk::WorldMotion;
 use crate::robot::{Fitted, Robot};
-use crate::rotation::{align_sign, from_wxyz, to_wxyz};
-use crate::skeleton::{Joint, Skeleton};
+use crate::rotation::{align_sign, to_wxyz};
+use crate::skeleton::Joint;
 
 /// Largest array that is read, in bytes once unpacked.
 const MAX_ARRAY_BYTES: u64 = 16 * MAX_ROTATIONS as u64 + 4096;
-/// Largest difference of a rotation from unit length.
-const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// Why a NumPy file was not read or written.
 #[derive(Debug, thiserror::Error)]
@@ -38,9 +34,6 @@ pub enum NumpyError {
         /// What is wrong with it.
         reason: String,
     },
-    /// The file lacks joints of the skeleton.
-    #[error("joint_names lacks joints of the skeleton: {}", .0.join(", "))]
-    MissingJoints(Vec<String>),
     /// The skeleton has no hinges.
     #[error("the skeleton is no robot's: it has no hinges that numbers could be angles of")]
     NoRobot,
@@ -146,115 +139,6 @@ pub fn write_qpos(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
     let shape = [clip.frames(), robot.qpos_len()];
     write_array(&mut bytes, &shape, &qpos(clip, robot)).map_err(|e| NumpyError::array("qpos", e))?;
     Ok(bytes)
-}
-
-/// Reads an `.npy` array of a robot's `qpos` as a clip at `fps` frames a second. Angles are not
-/// limited.
-///
-/// # Errors
-/// [`NumpyError`], with the row at fault.
-pub fn read_qpos(bytes: &[u8], skeleton: &Arc<Skeleton>, fps: f32) -> Result<Clip, NumpyError> {
-    let robot = skeleton.robot.as_ref().ok_or(NumpyError::NoRobot)?;
-    let (shape, numbers) = read_array(bytes).map_err(|reason| NumpyError::array("qpos", reason))?;
-    let (size, joints) = (robot.qpos_len(), skeleton.joint_count());
-    let rows = rows_of("qpos", &shape, &[size])?;
-    if rows > MAX_FRAMES.min(MAX_ROTATIONS / joints) {
-        return Err(NumpyError::array(
-            "qpos",
-            format_args!("{rows} rows are too many"),
-        ));
-    }
-    let mut roots = Vec::with_capacity(rows);
-    let mut rotations = vec![Quat::IDENTITY; rows * joints];
-    for (row, (numbers, pose)) in numbers
-        .chunks_exact(size)
-        .zip(rotations.chunks_exact_mut(joints))
-        .enumerate()
-    {
-        if !numbers.iter().all(|n| n.is_finite()) {
-            return Err(NumpyError::array("qpos", format_args!("row {row} is not finite")));
-        }
-        let (root, rotation, angles) = robot.read_qpos(numbers);
-        let rotation = unit(rotation)
-            .map_err(|why| NumpyError::array("qpos", format_args!("row {row}, numbers 4 to 7: {why}")))?;
-        roots.push(root);
-        robot.pose(rotation, angles, pose);
-    }
-    Ok(Clip::new(Arc::clone(skeleton), fps, roots, rotations)?)
-}
-
-/// Reads an `.npz` archive as written by [`write_npz`] onto a skeleton; joints are matched by name.
-/// It needs `quaternions`, `root`, `fps` and `joint_names`. Joints that the skeleton lacks are
-/// ignored.
-///
-/// # Errors
-/// [`NumpyError`], with the array at fault.
-pub fn read_npz(bytes: &[u8], skeleton: &Arc<Skeleton>) -> Result<Clip, NumpyError> {
-    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| NumpyError::Archive(e.to_string()))?;
-    let mut entry = |name: &str| unpack(&mut archive, name);
-    let names = read_names(&entry("joint_names")?).map_err(|e| NumpyError::array("joint_names", e))?;
-    let mut floats = |name: &str| {
-        let bytes = entry(name)?;
-        read_array(&bytes).map_err(|reason| NumpyError::array(name, reason))
-    };
-    let (_, fps) = floats("fps")?;
-    let [fps] = fps[..] else {
-        return Err(NumpyError::array("fps", "it must be one number"));
-    };
-    let (shape, root) = floats("root")?;
-    let frames = rows_of("root", &shape, &[3])?;
-    let (shape, numbers) = floats("quaternions")?;
-    if rows_of("quaternions", &shape, &[names.len(), 4])? != frames {
-        let reason = format!("{} frames, but root has {frames}", shape[0]);
-        return Err(NumpyError::array("quaternions", reason));
-    }
-    let joints = skeleton.joint_count();
-    if frames > MAX_FRAMES.min(MAX_ROTATIONS / joints) {
-        return Err(NumpyError::array(
-            "root",
-            format_args!("{frames} frames are too many"),
-        ));
-    }
-    let place: HashMap<&str, usize> = names.iter().enumerate().rev().map(|(i, n)| (&**n, i)).collect();
-    let found: Vec<Option<usize>> = skeleton
-        .joints
-        .iter()
-        .map(|j| place.get(&*j.name).copied())
-        .collect();
-    let missing: Vec<String> = skeleton
-        .joints
-        .iter()
-        .zip(&found)
-        .filter(|(_, place)| place.is_none())
-        .map(|(joint, _)| joint.name.clone())
-        .collect();
-    if !missing.is_empty() {
-        return Err(NumpyError::MissingJoints(missing));
-    }
-    let mut rotations = Vec::with_capacity(frames * joints);
-    for (frame, pose) in numbers.chunks_exact(4 * names.len()).enumerate() {
-        for joint in found.iter().flatten() {
-            let at = &pose[4 * joint..4 * joint + 4];
-            let rotation = unit(from_wxyz([at[0], at[1], at[2], at[3]])).map_err(|why| {
-                NumpyError::array(
-                    "quaternions",
-                    format_args!("frame {frame}, joint {:?}: {why}", names[*joint]),
-                )
-            })?;
-            rotations.push(rotation);
-        }
-    }
-    let roots = root.chunks_exact(3).map(Vec3::from_slice).collect();
-    Ok(Clip::new(Arc::clone(skeleton), fps, roots, rotations)?)
-}
-
-/// A rotation that is almost of unit length, made exactly so.
-fn unit(rotation: Quat) -> Result<Quat, String> {
-    let length = rotation.length();
-    match (length - 1.0).abs() <= UNIT_TOLERANCE {
-        true => Ok(rotation / length),
-        false => Err(format!("a rotation of length {length}; allowed: 0.999 to 1.001")),
-    }
 }
 
 /// Number of rows of an array whose other sizes are `rest`.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::io::{Cursor, Read as _, Write as _};
-use std::path::Path;
+use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 use npyz::NpyFile;
@@ -12,11 +12,14 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use super::*;
 use crate::bvh::{BvhFile, BvhWriteOptions, write};
+use crate::clip::Clip;
 use crate::fk::WorldMotion;
 use crate::glb::write_glb;
+use crate::read::{Options, ReadError, Source, read};
 use crate::robot::testing::g1;
 use crate::robot::write_csv;
 use crate::rotation::angle_between;
+use crate::skeleton::Skeleton;
 use crate::testing::{biped, stand, walk};
 
 /// Bytes of all arrays of an archive.
@@ -44,6 +47,19 @@ fn archive(arrays: &HashMap<String, Vec<u8>>, method: CompressionMethod) -> Vec<
 
 fn shape(bytes: &[u8]) -> Vec<u64> {
     NpyFile::new(bytes).unwrap().shape().to_vec()
+}
+
+/// Reads a file onto a skeleton.
+fn read_on(name: &str, bytes: &[u8], skeleton: &Arc<Skeleton>) -> Result<Clip, ReadError> {
+    let options = Options {
+        skeleton: Some(Arc::clone(skeleton)),
+        ..Options::default()
+    };
+    Ok(read(&Source::new(name, bytes), &options)?.clip)
+}
+
+fn read_npz(bytes: &[u8], skeleton: &Arc<Skeleton>) -> Result<Clip, ReadError> {
+    read_on("clip.npz", bytes, skeleton)
 }
 
 fn same(a: &Clip, b: &Clip, tolerance: f32) {
@@ -165,7 +181,7 @@ fn a_wrong_array_is_named() {
         (
             "quaternions",
             Some(long),
-            "frame 2, joint \"Toes_R\": a rotation of length 9",
+            "frame 2, joint \"Toes_R\": no unit length",
         ),
         ("joint_names", Some(b"no numpy".to_vec()), "array \"joint_names\""),
     ] {
@@ -193,8 +209,8 @@ fn a_robots_qpos_comes_back() {
     }
     let mut bytes = Vec::new();
     npz::write_array(&mut bytes, &[5, robot.qpos_len()], &rows).unwrap();
-    let clip = read_qpos(&bytes, &skeleton, 50.0).unwrap();
-    assert_eq!((clip.frames(), clip.fps), (5, 50.0));
+    let clip = read_on("clip.npy", &bytes, &skeleton).unwrap();
+    assert_eq!((clip.frames(), clip.fps), (5, DEFAULT_FPS));
     assert!(
         clip.root_positions[0].abs_diff_eq(Vec3::new(1.0, 0.9, 2.0), 1e-6),
         "ROS to native axes"
@@ -208,17 +224,15 @@ fn a_robots_qpos_comes_back() {
     }
     let in_archive = arrays(&write_npz(&clip).unwrap());
     assert_eq!(shape(&in_archive["qpos.npy"]), [5, robot.qpos_len() as u64]);
-    assert!(matches!(
-        read_qpos(&bytes, &biped(), 50.0),
-        Err(NumpyError::NoRobot)
-    ));
+    let error = read_on("clip.npy", &bytes, &biped()).unwrap_err().to_string();
+    assert!(error.contains("angles of a robot's hinges"), "{error}");
     assert!(matches!(write_qpos(&walk(2)), Err(NumpyError::NoRobot)));
     rows[3] = 2.0;
     let mut bytes = Vec::new();
     npz::write_array(&mut bytes, &[5, robot.qpos_len()], &rows).unwrap();
-    let error = read_qpos(&bytes, &skeleton, 50.0).unwrap_err().to_string();
+    let error = read_on("clip.npy", &bytes, &skeleton).unwrap_err().to_string();
     assert!(
-        error.contains("row 0, numbers 4 to 7: a rotation of length 2"),
+        error.contains("frame 0: the length of the root's quaternion is 2"),
         "{error}"
     );
 }
@@ -232,13 +246,7 @@ fn every_format_reads_what_its_writer_wrote() {
         vec![Vec3::Y; 4],
         vec![Quat::IDENTITY; 4 * g1().joint_count()],
     );
-    let robot = read_bytes(
-        &write_qpos(&robot.unwrap()).unwrap(),
-        Format::Npy,
-        &g1(),
-        &ReadOptions::default(),
-    );
-    let robot = robot.unwrap();
+    let robot = read_on("clip.npy", &write_qpos(&robot.unwrap()).unwrap(), &g1()).unwrap();
     let bvh = write(&BvhFile::from_clip(&clip, &BvhWriteOptions::default()).unwrap()).into_bytes();
     for (format, clip, bytes) in [
         (Format::Bvh, &clip, bvh),
@@ -247,59 +255,30 @@ fn every_format_reads_what_its_writer_wrote() {
         (Format::Csv, &robot, write_csv(&robot).unwrap().into_bytes()),
         (Format::Npy, &robot, write_qpos(&robot).unwrap()),
     ] {
-        let sure = Format::of_content(&bytes);
-        assert_eq!(sure, (format != Format::Csv).then_some(format));
-        let folder =
-            std::env::temp_dir().join(format!("troupe-files-{}-{}", std::process::id(), format.ending()));
-        std::fs::create_dir_all(&folder).unwrap();
         // The content decides about the format if it can, whatever the ending.
-        let endings = [format.ending(), if sure.is_some() { "dat" } else { "CSV" }];
+        let endings = [format.ending(), if format == Format::Csv { "CSV" } else { "dat" }];
         for ending in endings {
-            let path = folder.join(format!("clip.{ending}"));
-            std::fs::write(&path, &bytes).unwrap();
-            let read = read_clip(&path, &clip.skeleton, &ReadOptions::default()).unwrap();
+            let read = read_on(&format!("clip.{ending}"), &bytes, &clip.skeleton).unwrap();
             same(&read, clip, 1e-4);
         }
-        std::fs::remove_dir_all(folder).unwrap();
     }
 }
 
 #[test]
 fn files_that_are_not_clips_are_errors() {
-    let folder = std::env::temp_dir().join(format!("troupe-no-clip-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let read = |name: &str, bytes: &[u8], options: &ReadOptions| {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).unwrap();
-        read_clip(&path, &biped(), options).unwrap_err().to_string()
-    };
-    let plain = ReadOptions::default();
-    let named = ReadOptions {
-        animation: Some("Walk".to_owned()),
-        ..ReadOptions::default()
-    };
-    for (name, bytes, options, expected) in [
-        (
-            "a.fbx",
-            &b"Kaydara"[..],
-            &plain,
-            "neither its ending nor its content",
-        ),
-        ("a.bvh", b"HIERARCHY ROOT", &plain, "line 1"),
-        ("a.glb", b"{}", &plain, "no glTF: missing field `asset`"),
-        ("a.glb", b"glTF\x02\0\0\0", &plain, "no glTF"),
-        ("a.csv", b"1,\xff", &plain, "byte 2 is no UTF-8"),
-        ("a.csv", b"1,2", &plain, "no robot's"),
-        ("a.npy", b"1,2", &plain, "no robot's"),
-        ("a.npz", b"1,2", &plain, "no .npz archive"),
-        ("a.bvh", b"HIERARCHY", &named, "animation \"Walk\": only .glb"),
+    for (name, bytes, expected) in [
+        ("a.xyz", &b"1,2"[..], "neither its ending nor its content"),
+        ("a.bvh", b"HIERARCHY ROOT", "line 1"),
+        ("a.glb", b"{}", "no glTF: missing field `asset`"),
+        ("a.glb", b"glTF\x02\0\0\0", "no glTF"),
+        ("a.csv", b"1,\xff", "robot's"),
+        ("a.csv", b"1,2", "robot's"),
+        ("a.npy", b"1,2", "robot's"),
+        ("a.npz", b"1,2", "no .npz archive"),
     ] {
-        let error = read(name, bytes, options);
+        let error = read_on(name, bytes, &biped()).unwrap_err().to_string();
         assert!(error.contains(expected), "{name}: {error}");
     }
-    let path = Path::new("/nowhere/a.bvh");
-    assert!(matches!(read_clip(path, &biped(), &plain), Err(ReadError::Io(_))));
-    std::fs::remove_dir_all(folder).unwrap();
 }
 
 proptest! {
@@ -337,15 +316,15 @@ proptest! {
     #[test]
     fn broken_bytes_never_panic(at in 0_usize..4000, with in any::<u8>(), cut in 0_usize..4000) {
         let clip = walk(2);
-        for (format, mut bytes) in [
-            (Format::Npz, write_npz(&clip).unwrap()),
-            (Format::Glb, write_glb(&clip).unwrap()),
+        for (name, mut bytes) in [
+            ("clip.npz", write_npz(&clip).unwrap()),
+            ("clip.glb", write_glb(&clip).unwrap()),
         ] {
             let length = bytes.len();
             bytes[at % length] = with;
-            let _ = read_bytes(&bytes, format, &biped(), &ReadOptions::default());
+            let _ = read_on(name, &bytes, &biped());
             bytes.truncate(cut % length);
-            prop_assert!(read_bytes(&bytes, format, &biped(), &ReadOptions::default()).is_err());
+            prop_assert!(read_on(name, &bytes, &biped()).is_err());
         }
     }
 }

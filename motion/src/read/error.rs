@@ -50,6 +50,9 @@ pub enum ReadErrorKind {
         /// The option that decides, if there is one.
         option: Option<&'static str>,
     },
+    /// The file has several animations, and none is named.
+    #[error("it has {} animations: {}; --animation decides", .0.len(), .0.join(", "))]
+    SeveralAnimations(Vec<String>),
     /// An error in an FBX file.
     #[error("{0}")]
     Fbx(String),

@@ -115,14 +115,7 @@ fn stack(scene: &Scene, options: &Options) -> Result<usize, ReadErrorKind> {
     match (&options.animation, &names[..]) {
         (_, []) => Err(fault("it has no animation".to_owned())),
         (None, [_]) => Ok(0),
-        (None, _) => {
-            let text = format!(
-                "it has {} animations: {}; --animation decides",
-                names.len(),
-                names.join(", ")
-            );
-            Err(fault(text))
-        }
+        (None, _) => Err(ReadErrorKind::SeveralAnimations(names)),
         (Some(wanted), _) => names.iter().position(|name| name == wanted).ok_or_else(|| {
             fault(format!(
                 "no animation {wanted:?}; the file has {}",

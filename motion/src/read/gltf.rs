@@ -21,8 +21,8 @@ pub(super) fn parse(
         ..GlbOptions::default()
     };
     let animation = parse_beside(bytes, beside, &glb).map_err(|error| {
-        let option = match &error {
-            GlbReadError::SeveralAnimations(_) => Some("--animation decides"),
+        let option = match error {
+            GlbReadError::SeveralAnimations(names) => return ReadErrorKind::SeveralAnimations(names),
             GlbReadError::Rate(_) => Some("--fps decides"),
             _ => None,
         };

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Quat;
+use glam::{DVec3, Quat};
 
 use super::adapted::{Adapted, Turn};
 use super::body::Tree;
@@ -21,6 +21,9 @@ use crate::skeleton::{Joint, Skeleton};
 
 /// Shorter bones have no length, metres.
 const MIN_BONE_M: f32 = 1e-6;
+/// Largest angle between bones that point alike, degrees, and how many bones must.
+const MAX_ALIKE_DEG: f64 = 2.0;
+const MIN_ALIKE: usize = 4;
 /// Share at rest along an axis from which a skeleton stands along it.
 const MIN_RESTING: f64 = 0.9;
 
@@ -63,11 +66,10 @@ pub(super) fn understand(
     }
     let source = &*parsed.source;
     let stance = survey.stance.as_ref();
-    let up = up_of(stance, parsed.stated, options)?;
-    let fit_m = options
-        .skeleton
-        .as_deref()
-        .and_then(|to| fit_m(source, &survey, to));
+    let to = options.skeleton.as_deref();
+    let bones = to.map_or_else(Vec::new, |to| shared_bones(source, &survey, to));
+    let (fit_m, are_alike) = (fit_m(&bones), point_alike(&bones));
+    let up = up_of(stance, parsed.stated, are_alike, options)?;
     let unit_m = unit_of(stance, parsed.stated, fit_m, options)?;
     let resting = stance
         .map(|stance| Up::nearest(stance.resting))
@@ -95,7 +97,7 @@ pub(super) fn understand(
         names: &names,
         turn: Turn::of(
             report.up.value,
-            resting.filter(|_| report.rest_pose.value != RestPose::None),
+            resting.filter(|_| report.rest_pose.value != RestPose::None && !are_alike),
         ),
     };
     let rules = Rules {
@@ -237,27 +239,35 @@ fn joint_names(source: &dyn Source, options: &Options, report: &mut Report) -> V
     made
 }
 
+/// The bones that a file shares with a skeleton: theirs in the file's unit, ours in metres.
+fn shared_bones(source: &dyn Source, survey: &Survey, skeleton: &Skeleton) -> Vec<[DVec3; 2]> {
+    let bone = |joint: usize| {
+        let bare = names::without_namespace(source.name(joint));
+        let to = skeleton
+            .joint_index(source.name(joint))
+            .or_else(|| skeleton.joint_index(bare))?;
+        let parent = &skeleton.joints[skeleton.joints[to].parent?].name;
+        let above = source.name(source.parent(joint)?);
+        let same_parent = parent == above || parent == names::without_namespace(above);
+        let bones = [survey.places[joint], skeleton.joints[to].offset_m.as_dvec3()];
+        (same_parent && bones[0].length() > 0.0 && bones[1].length() > 0.01).then_some(bones)
+    };
+    (0..source.joint_count()).filter_map(bone).collect()
+}
+
 /// The unit in metres with which the bones have the skeleton's lengths: the middle of all bones.
-fn fit_m(source: &dyn Source, survey: &Survey, skeleton: &Skeleton) -> Option<f64> {
-    let mut ratios: Vec<f64> = (0..source.joint_count())
-        .filter_map(|joint| {
-            let bare = names::without_namespace(source.name(joint));
-            let to = skeleton
-                .joint_index(source.name(joint))
-                .or_else(|| skeleton.joint_index(bare))?;
-            skeleton.joints[to].parent?;
-            let parent = &skeleton.joints[skeleton.joints[to].parent?].name;
-            let above = source.name(source.parent(joint)?);
-            let same_parent = parent == above || parent == names::without_namespace(above);
-            let (theirs, ours) = (
-                survey.places[joint].length(),
-                f64::from(skeleton.joints[to].offset_m.length()),
-            );
-            (same_parent && theirs > 0.0 && ours > 0.01).then_some(ours / theirs)
-        })
-        .collect();
+fn fit_m(bones: &[[DVec3; 2]]) -> Option<f64> {
+    let ratio = |[theirs, ours]: &[DVec3; 2]| ours.length() / theirs.length();
+    let mut ratios: Vec<f64> = bones.iter().map(ratio).collect();
     ratios.sort_by(f64::total_cmp);
     ratios.get(ratios.len() / 2).copied()
+}
+
+/// Whether the bones point as the skeleton's in their parents. Then the rest pose does not show
+/// which axis points up: it is the skeleton's.
+fn point_alike(bones: &[[DVec3; 2]]) -> bool {
+    let alike = |[theirs, ours]: &[DVec3; 2]| theirs.angle_between(*ours).to_degrees() < MAX_ALIKE_DEG;
+    bones.len() >= MIN_ALIKE && bones.iter().all(alike)
 }
 
 /// Extent of the body, metres: its height, or the length of its longest line of bones.

@@ -23,6 +23,7 @@ mod joints;
 mod kimodo;
 mod leading;
 mod names;
+mod neutral;
 mod oddities;
 mod options;
 mod producer;

@@ -195,6 +195,20 @@ pub enum Topic {
     Rig,
 }
 
+/// As words: `zero length`.
+impl fmt::Display for Topic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = format!("{self:?}");
+        for (nth, letter) in name.chars().enumerate() {
+            if nth > 0 && letter.is_uppercase() {
+                f.write_str(" ")?;
+            }
+            write!(f, "{}", letter.to_lowercase())?;
+        }
+        Ok(())
+    }
+}
+
 /// One line about a repair or an oddity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Note {
@@ -272,10 +286,9 @@ impl Report {
         };
         rows.push(row("contacts", &self.contacts, contacts));
         for (what, notes) in [("repaired", &self.repairs), ("odd", &self.oddities)] {
-            let notes = notes.iter().map(|note| {
-                let topic = format!("{:?}", note.topic).to_lowercase();
-                [what.to_owned(), topic, note.text.clone()]
-            });
+            let notes = notes
+                .iter()
+                .map(|note| [what.to_owned(), note.topic.to_string(), note.text.clone()]);
             rows.extend(notes);
         }
         rows

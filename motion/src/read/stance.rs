@@ -1,5 +1,7 @@
 //! Decides which axis of a file points up, and the unit of its lengths, by how a body stands.
 
+use glam::DVec3;
+
 use super::ReadErrorKind;
 use super::agreement::Agreement;
 use super::options::Options;
@@ -11,6 +13,8 @@ use super::units::{self, CENTIMETRE_M, UNITS, Unit};
 const MIN_RESTING: f64 = 0.9;
 /// As [`MIN_RESTING`], of the mean direction over the motion.
 const MIN_MOVING: f64 = 0.8;
+/// As [`MIN_MOVING`], if the rest pose stands along the same axis.
+const MIN_LEANING: f64 = 0.5;
 /// The lowest joint's place along the true up axis varies by less than this share of the body.
 const STEADY_FLOOR: f64 = 0.1;
 /// If it varies by more along another axis, that axis does not point up.
@@ -35,13 +39,15 @@ pub(super) struct Stated {
     pub(super) by: &'static str,
 }
 
-/// The axis that points up.
+/// The axis that points up. If the bones are `alike` those of the skeleton that is read onto, the
+/// rest pose shows nothing, and it takes motion to doubt Y.
 ///
 /// # Errors
 /// [`ReadErrorKind::Open`] if rest pose and motion speak for different axes.
 pub(super) fn up_of(
     stance: Option<&Stance>,
     stated: Stated,
+    alike: bool,
     options: &Options,
 ) -> Result<Finding<Up>, ReadErrorKind> {
     if let Some(up) = options.up {
@@ -60,12 +66,20 @@ pub(super) fn up_of(
             }
         });
     };
-    match up_by(stance) {
+    let mut stance = *stance;
+    if alike {
+        stance.resting = DVec3::ZERO;
+    }
+    match up_by(&stance) {
         Sight::Clear(up, evidence) => Ok(Finding::new(up, Basis::Found, evidence)),
         Sight::Split(options, evidence) => match agreed.filter(|up| options.contains(up)) {
             Some(up) => {
                 let evidence = format!("as the other files of the folder; {evidence}");
                 Ok(Finding::new(up, Basis::Found, evidence))
+            }
+            None if alike => {
+                let why = format!("the bones point as the skeleton's; {evidence}; --up decides");
+                Ok(Finding::new(Up::Y, Basis::Assumed, why))
             }
             None => Err(ReadErrorKind::Open {
                 topic: Topic::Up,
@@ -98,6 +112,15 @@ pub(super) fn up_by(stance: &Stance) -> Sight {
     let moves = share >= MIN_MOVING;
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
     let over_frames = format!("from feet to head is {} {moving} over the frames", percent(share));
+    let varies = |up: Up| stance.floor[up as usize] / stance.length;
+    let floors = |one: Up, other: Up| {
+        format!(
+            "the lowest joint's place varies by {} of the body along {one}, by {} along {other}",
+            percent(varies(one)),
+            percent(varies(other)),
+        )
+    };
+    let stands = |up: Up, not: Up| varies(up) <= STEADY_FLOOR && varies(not) >= UNSTEADY_FLOOR;
     match (rests.then_some(rest), moves.then_some(moving)) {
         (None | Some(Up::Y), Some(Up::Y)) => Sight::Clear(Up::Y, over_frames),
         (Some(rest), Some(moving)) if rest == moving => {
@@ -105,22 +128,21 @@ pub(super) fn up_by(stance: &Stance) -> Sight {
             Sight::Clear(moving, evidence)
         }
         (Some(rest), None) => {
-            let evidence = format!(
-                "from feet to head is {} {rest} at rest; the motion stands along no axis",
-                percent(rest_share)
-            );
-            Sight::Clear(rest, evidence)
+            let at_rest = format!("from feet to head is {} {rest} at rest", percent(rest_share));
+            if rest == Up::Y || (moving == rest && share >= MIN_LEANING) {
+                let evidence = format!("{at_rest}; the motion stands along no axis");
+                return Sight::Clear(rest, evidence);
+            }
+            let evidence = format!("{at_rest}; {}", floors(rest, Up::Y));
+            match (stands(rest, Up::Y), stands(Up::Y, rest)) {
+                (true, _) => Sight::Clear(rest, evidence),
+                (_, true) => Sight::Clear(Up::Y, evidence),
+                _ => Sight::Split([rest, Up::Y], evidence),
+            }
         }
         (rest, Some(moving)) => {
             // A body that lies along an axis, or one that stands along it.
             let other = rest.unwrap_or(Up::Y);
-            let varies = |up: Up| stance.floor[up as usize] / stance.length;
-            let floors = format!(
-                "the lowest joint's place varies by {} of the body along {moving}, by {} along {other}",
-                percent(varies(moving)),
-                percent(varies(other)),
-            );
-            let stands = |up: Up, not: Up| varies(up) <= STEADY_FLOOR && varies(not) >= UNSTEADY_FLOOR;
             // Y is what most files have: it takes more to doubt it than to believe it.
             let is_clear = match moving {
                 Up::Y => !stands(other, Up::Y),
@@ -130,7 +152,7 @@ pub(super) fn up_by(stance: &Stance) -> Sight {
                 Some(rest) => format!(", and {} {rest} at rest", percent(rest_share)),
                 None => String::new(),
             };
-            let evidence = format!("{over_frames}{at_rest}; {floors}");
+            let evidence = format!("{over_frames}{at_rest}; {}", floors(moving, other));
             match is_clear {
                 true => Sight::Clear(moving, evidence),
                 false => Sight::Split([moving, other], evidence),
@@ -252,4 +274,42 @@ fn nearest_two(height: f64) -> [Unit; 2] {
     let away = |unit: &Unit| (height * unit.metres / PERSON_M).ln().abs();
     sorted.sort_by(|a, b| away(a).total_cmp(&away(b)));
     [sorted[0], sorted[1]]
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// A body of 1 m whose lowest joint's place varies by these shares along x, y, z, -x, -y, -z.
+    fn seen(resting: DVec3, moving: DVec3, floor: [f64; 6]) -> Sight {
+        up_by(&Stance {
+            length: 1.0,
+            moving,
+            resting,
+            floor,
+        })
+    }
+
+    #[test]
+    fn a_rest_pose_alone_is_believed_only_along_y_or_with_the_floor() {
+        let clear = |sight: Sight| match sight {
+            Sight::Clear(up, _) => Some(up),
+            _ => None,
+        };
+        let steady = [0.4, 0.05, 0.3, 0.4, 0.05, 0.05];
+        // A cartwheel: the body is upside down for a while.
+        let cartwheel = |resting| seen(resting, 0.6 * DVec3::Y, [0.4, 0.05, 0.3, 0.4, 0.3, 0.4]);
+        assert_eq!(clear(cartwheel(DVec3::Y)), Some(Up::Y));
+        assert_eq!(clear(cartwheel(DVec3::NEG_Y)), Some(Up::Y));
+        // Which way is up is unclear, because nothing moves.
+        let split = seen(DVec3::NEG_Y, 0.6 * DVec3::X, steady);
+        assert!(matches!(split, Sight::Split([Up::MinusY, Up::Y], _)));
+        // Z up: bent over, and on all fours.
+        let bent = seen(DVec3::Z, DVec3::new(0.0, 0.5, 0.6), [0.0; 6]);
+        assert_eq!(clear(bent), Some(Up::Z));
+        let crawling = seen(DVec3::Z, 0.7 * DVec3::X, [0.4, 0.4, 0.02, 0.4, 0.4, 0.1]);
+        assert_eq!(clear(crawling), Some(Up::Z));
+    }
 }

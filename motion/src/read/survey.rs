@@ -9,6 +9,9 @@ use crate::convert::{Source, Transform};
 /// Most frames that are looked at for how the body stands.
 const LOOKED_AT: usize = 256;
 
+/// Largest angle of legs and trunk from the vertical in a rest pose that is a stance, degrees.
+const MAX_LEAN_DEG: f64 = 45.0;
+
 /// Lengths are in the file's units.
 pub(super) struct Survey {
     pub(super) tree: Tree,
@@ -128,11 +131,23 @@ impl Stance {
         let stance = Self {
             length,
             moving: moving / f64::from(looked_at.max(1)),
-            resting: upwards(&|joint| rest[joint]).unwrap_or_default(),
+            resting: upwards(&|joint| rest[joint])
+                .filter(|&up| is_stance(body, rest, up))
+                .unwrap_or_default(),
             floor: floors.deviations(),
         };
         (length.is_finite() && length > 0.0).then_some(stance)
     }
+}
+
+/// Whether the legs point down and the head is above the pelvis. The bones of many files all point
+/// along one axis at rest.
+fn is_stance(body: &Body, rest: &[DVec3], up: DVec3) -> bool {
+    let points = |from: usize, to: usize, along: DVec3| {
+        (rest[to] - rest[from]).angle_between(along).to_degrees() <= MAX_LEAN_DEG
+    };
+    let legs = body.hips.iter().zip(&body.feet);
+    legs.clone().all(|(&hip, &foot)| points(hip, foot, -up)) && points(body.pelvis, body.head, up)
 }
 
 /// Heights of the lowest joint along each axis, both ways.

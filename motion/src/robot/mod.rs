@@ -30,7 +30,7 @@ use crate::conventions::Convention;
 use crate::root::wrap_angle;
 use crate::rotation::{from_wxyz, to_wxyz};
 
-pub use csv::{CsvError, ROOT_COLUMNS, read_csv, write_csv};
+pub use csv::{CsvError, write_csv};
 pub use doc::{HingeDoc, RobotDoc, RobotError};
 pub use mimic::MimicDoc;
 pub use tracker::{Reference, TRACKER_FPS, reference, sonic_files};

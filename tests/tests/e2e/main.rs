@@ -9,6 +9,7 @@ mod answers;
 mod bad_input;
 mod batching;
 mod cli;
+mod clip;
 mod crowd;
 mod eval;
 mod film;

@@ -12,8 +12,8 @@ use self::picture::{GapPicture, Segment, WIDTH};
 use super::{Film, write};
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::Scale;
 use crate::fill::{Filled, Gap, Sampling, fill};
+use crate::reading::Reading;
 use crate::splice::splice;
 
 /// Generated poses without --poses.
@@ -33,7 +33,7 @@ pub(super) async fn film(context: &Context, command: &Film, file: &Path) -> Resu
             seed: command.character.seed.unwrap_or_default(),
             ..Sampling::default()
         },
-        scale: Scale::default(),
+        reading: Reading::default(),
     };
     let filled = fill(context, &gap, None).await?;
     let first_frame = from + 1 - CONTEXT_FRAMES;

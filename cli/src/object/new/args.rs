@@ -6,8 +6,8 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use crate::files::Scale;
 use crate::pack_folder::PackFrom;
+use crate::reading::Reading;
 
 const THING: &str = "The object";
 const USE: &str = "What happens";
@@ -199,7 +199,7 @@ pub(crate) struct New {
     pub(super) pack: PackFrom,
 
     #[command(flatten)]
-    pub(super) scale: Scale,
+    pub(super) reading: Reading,
 }
 
 /// A value for one frame.

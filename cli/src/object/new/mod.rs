@@ -36,7 +36,7 @@ pub(super) async fn run(context: &Context, new: &New) -> Result<(), Failure> {
         return Err(Failure::file(out, why));
     }
     let pack = new.pack.get(context).await?;
-    let mut clip = read_clip(&new.from, &pack, new.scale, &context.term)?;
+    let mut clip = read_clip(&new.from, &pack, &new.reading, &context.term)?;
     let old = new
         .into
         .as_deref()

@@ -97,22 +97,22 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::files::Scale;
-    use crate::files::Unit;
     use crate::files::read_clip_on;
     use crate::pack_folder;
-
-    const SCALE: Scale = Scale {
-        unit: Unit::Cm,
-        other_bones: false,
-    };
+    use crate::reading::Reading;
 
     #[test]
     fn the_hips_go_down_and_the_feet_stay() {
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let pack = pack_folder::read(&repository.join("models/human")).unwrap();
         let skeleton = pack.skeleton();
-        let clip = read_clip_on(&repository.join("examples/walk.bvh"), skeleton, SCALE, None).unwrap();
+        let clip = read_clip_on(
+            &repository.join("examples/walk.bvh"),
+            skeleton,
+            &Reading::default(),
+            None,
+        )
+        .unwrap();
         for (frame, height) in [(0, 0.45), (20, 0.4), (70, 0.5)] {
             let standing = Pose::of(&clip, frame);
             let pose = seated(skeleton, &standing, height).unwrap();

@@ -32,7 +32,7 @@ pub(crate) async fn run(context: &Context, command: &FeasibilityEval) -> Result<
     check_gaps(&command.gaps, &pack)?;
     let of = &command.windows;
     let names = clip_names(&of.data, of.split.as_deref())?;
-    let (clips, skipped) = read_clips(&of.data, &names, &pack, of.scale, &context.term);
+    let (clips, skipped) = read_clips(&of.data, &names, &pack, &of.reading, &context.term);
     if clips.is_empty() {
         let why = skipped.first().map_or("it holds none", |skipped| &skipped.reason);
         return Err(Failure::file(

@@ -24,7 +24,7 @@ pub(crate) async fn run(context: &Context, command: &GapEval) -> Result<(), Fail
     let evaluator = Evaluator::find(command.evaluator.as_deref(), pack.name())?;
     let of = &command.windows;
     let names = clip_names(&of.data, of.split.as_deref())?;
-    let (mut clips, mut skipped) = read_clips(&of.data, &names, &pack, of.scale, &context.term);
+    let (mut clips, mut skipped) = read_clips(&of.data, &names, &pack, &of.reading, &context.term);
     let least = command.gaps.iter().map(|&gap| task(gap).frames()).min();
     skipped.extend(drop_short(&mut clips, least.unwrap_or_default()));
     if clips.is_empty() {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use troupe_cli::Scale;
+use troupe_cli::Reading;
 
 /// Measure live characters: how well they obey, how their feet hold the ground, how smooth they
 /// are.
@@ -47,5 +47,5 @@ pub(crate) struct Live {
     pub(super) pack: String,
 
     #[command(flatten)]
-    pub(super) scale: Scale,
+    pub(super) reading: Reading,
 }

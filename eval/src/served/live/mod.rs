@@ -29,7 +29,7 @@ pub(crate) async fn run(context: &Context, command: &Live) -> Result<(), Failure
     let references = match (&command.list, &command.data) {
         (Some(list), Some(data)) => {
             let names: Vec<String> = styles.iter().map(|s| s.name.clone()).collect();
-            reference::read(list, data, &names, (&pack, command.scale))?
+            reference::read(list, data, &names, (&pack, &command.reading))?
         }
         _ => References::new(),
     };

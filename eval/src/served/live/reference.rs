@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use troupe_cli::{Failure, Scale, StyleList};
+use troupe_cli::{Failure, Reading, StyleList};
 use troupe_client::Pack;
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
@@ -41,7 +41,7 @@ pub(super) fn read(
     list: &Path,
     data: &Path,
     styles: &[String],
-    (pack, scale): (&Pack, Scale),
+    (pack, reading): (&Pack, &Reading),
 ) -> Result<References, Failure> {
     let list = StyleList::read(list)?;
     let names = clip_names(data, None)?;
@@ -56,7 +56,7 @@ pub(super) fn read(
                 .filter(|name| stems.iter().any(|s| s == stem(name)))
                 .take(TAKES);
             for name in takes {
-                let clip = read_named(data, name, pack, scale)?;
+                let clip = read_named(data, name, pack, reading)?;
                 reference
                     .add(&clip)
                     .map_err(|e| Failure::file(data, format_args!("{name}: {e}")))?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use troupe_cli::{Scale, positive};
+use troupe_cli::{Reading, positive};
 
 /// Measure characters that wander for a minute: foot skate and jitter, beside those of
 /// in-betweening.
@@ -69,7 +69,7 @@ pub(crate) struct Wander {
     pub(super) pack: String,
 
     #[command(flatten)]
-    pub(super) scale: Scale,
+    pub(super) reading: Reading,
 }
 
 impl Wander {

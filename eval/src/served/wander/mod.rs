@@ -90,7 +90,7 @@ fn captured(
         return Ok(None);
     };
     let names = clip_names(data, command.split.as_deref())?;
-    let (mut clips, mut skipped) = read_clips(data, &names, pack, command.scale, &context.term);
+    let (mut clips, mut skipped) = read_clips(data, &names, pack, &command.reading, &context.term);
     skipped.extend(drop_short(&mut clips, WINDOW_FRAMES));
     for clip in &skipped {
         context

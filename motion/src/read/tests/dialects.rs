@@ -8,6 +8,7 @@ use crate::bvh::EulerOrder;
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 use crate::glb::write_glb;
+use crate::read::units::UNITS;
 use crate::read::{Options, RestPose, Source, Understood, Up, read};
 use crate::rotation::angle_between;
 
@@ -33,8 +34,8 @@ fn dialect() -> impl Strategy<Value = Dialect> {
         Just(EulerOrder::ZXY),
         Just(EulerOrder::ZYX)
     ];
-    let unit = prop_oneof![Just(1.0), Just(0.1), Just(0.01), Just(0.001), Just(0.0254)];
-    let up = prop_oneof![Just(Up::Y), Just(Up::Z), Just(Up::MinusY), Just(Up::X)];
+    let unit = prop::sample::select(&UNITS[..]).prop_map(|unit| unit.metres);
+    let up = prop::sample::select(&Up::ALL[..]);
     let line_end = prop_oneof![Just("\n"), Just("\r\n")];
     (order, unit, up, 0..3_usize, line_end).prop_map(|(order, unit_m, up, encoding, line_end)| Dialect {
         order,

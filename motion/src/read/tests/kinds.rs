@@ -50,6 +50,16 @@ fn topics(found: &Understood) -> Vec<Topic> {
     found.report.repairs.iter().map(|note| note.topic).collect()
 }
 
+/// What is needed of a pack's manifest.
+#[derive(serde::Deserialize)]
+struct Pack {
+    skeleton: Skeleton,
+}
+
+fn topics_of_oddities(found: &Understood) -> Vec<Topic> {
+    found.report.oddities.iter().map(|note| note.topic).collect()
+}
+
 fn top_m(clip: &Clip) -> f32 {
     let world = WorldMotion::from_clip(clip);
     world.positions_at(0).iter().map(|p| p.y).fold(0.0, f32::max)
@@ -312,6 +322,43 @@ fn a_body_that_lies_is_not_taken_for_another_up_axis() {
             .evidence
             .contains("as the other files of the folder")
     );
+}
+
+#[test]
+fn a_body_that_lies_stays_so_on_a_skeleton_of_its_bones() {
+    // Bones along X, as in the human pack: at rest the body lies along X, and so it does here.
+    let manifest = include_str!("../../../../models/human/pack.toml");
+    let pack: Pack = toml::from_str(manifest).unwrap();
+    let skeleton = Arc::new(pack.skeleton);
+    let roots = (0..90).map(|frame| Vec3::new(0.0, 0.9, 0.03 * frame as f32));
+    let rotations = vec![Quat::IDENTITY; 90 * skeleton.joint_count()];
+    let clip = Clip::new(Arc::clone(&skeleton), 30.0, roots.collect(), rotations).unwrap();
+    let bytes = Dialect::plain().bytes(&clip);
+    let options = Options {
+        skeleton: Some(skeleton),
+        ..Options::default()
+    };
+    let found = with("lies.bvh", &bytes, &options).unwrap();
+    assert_eq!(
+        (found.report.up.value, found.report.up.basis),
+        (Up::Y, Basis::Assumed)
+    );
+    assert!(
+        topics_of_oddities(&found).contains(&Topic::Up),
+        "{:?}",
+        found.report.oddities
+    );
+    let pairs = found.clip.rotations.iter().zip(&clip.rotations);
+    assert!(
+        pairs
+            .clone()
+            .all(|(a, b)| crate::rotation::angle_between(*a, *b) < 1e-3)
+    );
+    // Without the skeleton nothing shows which axis points up.
+    let error = with("lies.bvh", &bytes, &Options::default())
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("--up x or --up y decides"), "{error}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod dialects;
 mod fbx;
 mod hostile;
 mod kinds;
+mod neutral;
 mod people;
 mod rigs;
 mod robots;

@@ -104,6 +104,50 @@ fn unitrees_rows_need_no_repair() {
 }
 
 #[test]
+fn errors_in_rows_name_the_place() {
+    let row = write_csv(&walk(1, 30.0, 0.5)).unwrap();
+    let row = row.trim_end();
+    let cell = |nth: usize, with: &str| -> String {
+        let mut cells: Vec<&str> = row.split(',').collect();
+        cells[nth] = with;
+        cells.join(",")
+    };
+    let cases = [
+        (
+            format!("{row}\n\n{row},0.1\n"),
+            "line 3: 37 columns; the first row has 36",
+        ),
+        (
+            format!("{row},0.1\n"),
+            "37 columns; robot g1_29dof_rev_1_0 has 36",
+        ),
+        (
+            cell(10, "high"),
+            "line 1, column 11: \"high\" is no finite number",
+        ),
+        (cell(10, "inf"), "line 1, column 11: \"inf\" is no finite number"),
+        (
+            cell(5, "0.9"),
+            "frame 0: the length of the root's quaternion is 1.3",
+        ),
+        ("time,x,y".to_owned(), "at least one frame"),
+        (String::new(), "at least one frame"),
+    ];
+    for (text, wanted) in cases {
+        let error = with("walk.csv", text.as_bytes(), &on_g1())
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(wanted), "{wanted}: {error}");
+    }
+    let human = Options {
+        skeleton: Some(crate::testing::biped()),
+        ..Options::default()
+    };
+    let error = with("walk.csv", row.as_bytes(), &human).unwrap_err().to_string();
+    assert!(error.contains("--pack or --urdf gives the robot"), "{error}");
+}
+
+#[test]
 fn another_order_of_the_quaternion_is_found_by_who_stands_upright() {
     let truth = walk(150, 30.0, 0.8);
     let text = rows(&write_csv(&truth).unwrap(), |row| row[3..7].rotate_right(1));

@@ -1,0 +1,96 @@
+//! `troupe clip info`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use troupe_motion::read::Understood;
+
+use super::onto::Onto;
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::files::understand;
+use crate::film::draw_motion;
+use crate::output::{print, table, to_json};
+use crate::reading::Reading;
+
+/// Print what is understood of files of motion.
+///
+/// One line each with its evidence: format, producer, skeleton, up axis, unit, rate, rest pose,
+/// frames and contacts. Then come what was repaired and what looks odd. What is assumed, because
+/// the file does not show it, is marked. Files are read onto their own skeletons; a robot's files
+/// need --pack, --pack-folder or --urdf.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  troupe clip info walk.bvh
+  troupe clip info dance.fbx horse.glb#Walk --json
+  troupe clip info wave.csv --pack-folder models/g1 --picture wave.png")]
+pub(super) struct Info {
+    /// Motion clips: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk
+    /// names one animation of several.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+
+    /// Also draw the motion of the one file: its path, and poses (PNG).
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    onto: Onto,
+
+    #[command(flatten)]
+    reading: Reading,
+}
+
+pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure> {
+    if command.picture.is_some() && command.files.len() > 1 {
+        let why = "--picture draws one file, but several are given";
+        return Err(Failure::Input(why.to_owned()));
+    }
+    let skeleton = command.onto.skeleton(context).await?;
+    let options = command.reading.options(skeleton.as_ref());
+    let (mut reports, mut refused) = (Vec::new(), Vec::new());
+    for file in &command.files {
+        match understand(file, options.clone(), None) {
+            Ok(understood) => {
+                if let Some(picture) = &command.picture {
+                    draw(&understood, picture)?;
+                }
+                reports.push(understood.report);
+            }
+            Err(why) => refused.push(Failure::file(file, why).to_string()),
+        }
+    }
+    match command.json {
+        true if reports.is_empty() => {}
+        true => print(&to_json(&reports)?)?,
+        false => {
+            for report in &reports {
+                let mut table = table();
+                table.set_header(["what", "value", "evidence"]);
+                table.add_rows(report.rows());
+                print(&format!("{}\n{table}", report.file))?;
+            }
+        }
+    }
+    match refused.is_empty() {
+        true => Ok(()),
+        false => Err(Failure::Input(refused.join("\n"))),
+    }
+}
+
+fn draw(understood: &Understood, picture: &Path) -> Result<(), Failure> {
+    let Understood { clip, report, .. } = understood;
+    let about = format!(
+        "{} · {} frames · {:.1} s",
+        report.format.value,
+        report.frames,
+        clip.duration_s()
+    );
+    let png = draw_motion(clip, &[], "", (report.file.clone(), about)).map_err(Failure::Other)?;
+    std::fs::write(picture, png).map_err(|e| Failure::output(picture, e))
+}

@@ -1,0 +1,63 @@
+//! The skeleton onto which files are read.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use troupe_motion::robot::description::{self, BuildOptions};
+use troupe_motion::skeleton::Skeleton;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::pack_folder;
+
+const SKELETON: &str = "Skeleton";
+
+/// Whose skeleton. Without any, files are read onto their own; a robot's files need one.
+#[derive(Debug, Args)]
+pub(super) struct Onto {
+    /// Read onto the skeleton of this model pack of the server.
+    #[arg(long, value_name = "NAME", help_heading = SKELETON)]
+    pack: Option<String>,
+
+    /// Read onto the skeleton of the model pack in this folder, such as models/g1. No server is
+    /// needed.
+    #[arg(long, value_name = "DIR", conflicts_with = "pack", help_heading = SKELETON)]
+    pack_folder: Option<PathBuf>,
+
+    /// Read onto the robot of this URDF or MJCF file. No server is needed.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pack", "pack_folder"], help_heading = SKELETON)]
+    urdf: Option<PathBuf>,
+
+    /// Last hinges of the robot's legs, left before right. Default: the limbs that end lowest.
+    #[arg(long, value_name = "JOINT,...", value_delimiter = ',', requires = "urdf", help_heading = SKELETON)]
+    legs: Vec<String>,
+}
+
+impl Onto {
+    /// The skeleton that the options name.
+    pub(super) async fn skeleton(&self, context: &Context) -> Result<Option<Arc<Skeleton>>, Failure> {
+        if let Some(file) = &self.urdf {
+            return Ok(Some(Arc::new(self.robot(file)?)));
+        }
+        let pack = match (&self.pack_folder, &self.pack) {
+            (Some(folder), _) => pack_folder::read(folder)?,
+            (None, Some(name)) => context.connect_to_pack(name).await?.1,
+            (None, None) => return Ok(None),
+        };
+        Ok(Some(Arc::clone(pack.skeleton())))
+    }
+
+    fn robot(&self, file: &Path) -> Result<Skeleton, Failure> {
+        let text = std::fs::read_to_string(file).map_err(|e| Failure::file(file, e))?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        let beside = |name: &str| std::fs::read(folder.join(name)).ok();
+        let described = description::read(&text, &beside).map_err(|e| Failure::file(file, e))?;
+        let options = BuildOptions {
+            legs: self.legs.clone(),
+            ..BuildOptions::default()
+        };
+        let built = description::build(&described, &options).map_err(|e| Failure::file(file, e))?;
+        Ok(built.skeleton)
+    }
+}

@@ -1,0 +1,4 @@
+#![no_main]
+//! See [`troupe_fuzz::gltf`].
+
+troupe_fuzz::target!(gltf);
