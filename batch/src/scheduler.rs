@@ -25,12 +25,13 @@
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
-//! to the work that a worker does in [`Limits::max_batch_time`]. While some client calls for little
-//! and one of another group asks for much, each group has at most [`Limits::shared_batch_time`] of
-//! it, times its share. If both are of one group, this holds for the clients of that group. Those
-//! that have had their part are passed over, in all classes. Idle workers
-//! share the waiting characters evenly. More characters than one engine call takes are given out in
-//! [whole calls](Limits::call_rows). A request may be split, also across workers.
+//! to the work that a worker does in [`Limits::max_batch_time`]. While some group calls for little
+//! and another asks for much, each has at most [`Limits::shared_batch_time`] of it, times its
+//! share: its part. A group calls for little if its open work, waiting or with workers, is no more
+//! than that, or a single character, and was so for three seconds. If only clients of one group
+//! differ in that, each of them has a part. Who has had a part is passed over, in all classes.
+//! Idle workers share the waiting characters evenly. More characters than one engine call takes are
+//! given out in [whole calls](Limits::call_rows). A request may be split, also across workers.
 //!
 //! # Owners
 //! At most one plan of an owner is with a worker, and one more may wait. A newer plan replaces the
@@ -55,17 +56,13 @@ mod queue;
 
 use std::time::{Duration, Instant};
 
-use self::callers::Callers;
+use self::callers::{Callers, Small};
 use self::meter::Meter;
 use self::queue::{Queue, Room, Take, Waiting};
 use super::order::{Class, Order};
 
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
-
-/// A client calls for little if its work that waits or is with workers is at most this part of
-/// [`Limits::shared_batch_time`], or a single character.
-const SMALL_PART: u64 = 4;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
@@ -183,11 +180,12 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
-        let open = self.queue.open_work_of(&order);
-        let has = open + order.cost() * characters as u64;
-        let is_small =
-            (open == 0 && characters == 1) || has <= self.within(self.limits.shared_batch_time) / SMALL_PART;
-        self.callers.came(now, &order, is_small);
+        let part = self.within(self.limits.shared_batch_time);
+        let asked = order.cost() * characters as u64;
+        let [of_group, of_client] = (self.queue.open_work_of(&order))
+            .map(|open| open + asked <= part || (open == 0 && characters == 1));
+        let small = Small { of_group, of_client };
+        self.callers.note(now, &order, small);
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let older = older.filter(|older| older.class() == order.class);
         let leaving = older.map_or((0, 0), Waiting::pending);

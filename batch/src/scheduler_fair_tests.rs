@@ -111,16 +111,14 @@ fn a_group_with_a_larger_share_gets_more() {
 
 #[test]
 fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
-    // The client of three more calls, the characters of each, their age, and what the large call
-    // has of the next batch.
-    let [same, connection, other]: [fn(u64) -> (u64, u64); 3] =
-        [|_| (1, 1), |n| (1, 2 + n), |n| (2 + n, 2 + n)];
+    // The client of another call, its characters, its age, and what the large call has of the next
+    // batch.
     let cases = [
-        (same, 1, 0, 50),
-        (connection, 1, 0, 10),
-        (other, 1, 0, 10),
-        (other, 1, 4_000, 47),
-        (other, 13, 0, 13),
+        ((1, 1), 1, 0, 50),
+        ((1, 2), 1, 0, 10),
+        ((2, 2), 1, 0, 10),
+        ((2, 2), 1, 4_000, 49),
+        ((2, 2), 13, 0, 37),
     ];
     for (client, small, age_ms, characters) in cases {
         let mut setup = Setup::busy(Limits {
@@ -130,13 +128,10 @@ fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
         });
         setup.take_a_ms_each();
         let (large, _) = setup.arrive(60, from((1, 1), Order::request(setup.now)));
-        for number in 0..3 {
-            setup.arrive(small, from(client(number), Order::request(setup.now)));
-        }
+        setup.arrive(small, from(client, Order::request(setup.now)));
         setup.pass(age_ms);
         let taken = setup.ready(0);
-        let of_large = taken.iter().find(|(request, _)| *request == large).unwrap();
-        assert_eq!(of_large.1, characters, "{small} of {:?}, {age_ms}", client(0));
+        assert_eq!(of(&taken, large), characters, "{small} of {client:?}, {age_ms}");
     }
 }
 
@@ -276,4 +271,51 @@ fn no_call_leaves_for_one_that_would_wait_for_too_long() {
     assert_eq!(setup.scheduler.refuse(&small, 1), None, "it makes room");
     let refusal = setup.scheduler.refuse(&small, 6).unwrap();
     assert!(!refusal.full && refusal.expected_wait > MS * 18, "{refusal:?}");
+}
+
+#[test]
+fn being_passed_over_earns_no_credit() {
+    let mut setup = with_parts();
+    let dear = |setup: &Setup| Order {
+        work: 6,
+        ..from((1, 1), Order::request(setup.now))
+    };
+    for _ in 0..100 {
+        setup.arrive(3, dear(&setup));
+        setup.arrive(20, from((2, 2), Order::request(setup.now)));
+        setup.arrive(1, from((3, 3), Order::request(setup.now)));
+        setup.ready(0);
+        setup.pass(20);
+    }
+    // No call for little any more, and so no parts: all get the same from now on.
+    setup.pass(4_000);
+    let (newcomer, _) = setup.arrive(60, from((4, 4), Order::request(setup.now)));
+    let taken = setup.ready(0);
+    assert!(of(&taken, newcomer) >= 10, "{taken:?}");
+}
+
+#[test]
+fn many_small_calls_hide_no_large_client() {
+    let mut setup = with_parts();
+    // Many calls of one client are much, and the few of another are still little.
+    for number in 0..500 {
+        setup.arrive(1, from((1, 1), Order::request(setup.now)));
+        if number % 100 == 0 {
+            setup.arrive(1, from((2, 2), Order::request(setup.now)));
+        }
+    }
+    let taken = setup.ready(0);
+    let characters: usize = taken.iter().map(|(_, characters)| characters).sum();
+    assert_eq!(characters, 10 + 5, "{taken:?}");
+}
+
+#[test]
+fn many_connections_with_a_character_each_are_much() {
+    let mut setup = with_parts();
+    for connection in 0..64 {
+        setup.arrive(1, from((1, connection), Order::request(setup.now)));
+    }
+    let (small, _) = setup.arrive(1, from((2, 2), Order::request(setup.now)));
+    let taken = setup.ready(0);
+    assert_eq!((taken.len(), of(&taken, small)), (11, 1), "{taken:?}");
 }

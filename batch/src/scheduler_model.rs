@@ -81,10 +81,16 @@ pub(super) struct Model {
     nows: BTreeMap<(Class, Option<u64>), u64>,
     /// Clients and groups that had something ready.
     working: BTreeSet<Name>,
-    /// The clients of all requests, whether they had little open, and whether it was a call.
-    arrivals: Vec<(ClientId, bool, bool)>,
-    /// When the latest call came.
-    called: Option<Instant>,
+    arrivals: Vec<Arrival>,
+}
+
+/// A request that came, and whether its group and its client had little open with it.
+#[derive(Debug, Clone, Copy)]
+struct Arrival {
+    at: Instant,
+    client: ClientId,
+    is_call: bool,
+    small: [bool; 2],
 }
 
 /// Whether two names take turns with each other.
@@ -112,7 +118,6 @@ impl Model {
             nows: BTreeMap::new(),
             working: BTreeSet::new(),
             arrivals: Vec::new(),
-            called: None,
         }
     }
 
@@ -192,6 +197,11 @@ impl Model {
     fn charge(&mut self, request: RequestId, characters: usize) {
         for (name, cost) in self.names(request).into_iter().zip(self.costs(request)) {
             let time = self.times[&name];
+            // Those that were passed over are even with it now.
+            for other in self.working.iter().filter(|other| same_level(&name, other)) {
+                let passed = self.times.entry(*other).or_default();
+                *passed = time.max(*passed);
+            }
             let now = self.now_of(name);
             *now = time.max(*now);
             self.times.insert(name, time + cost * characters as u64);
@@ -302,29 +312,40 @@ impl Model {
         Some(out)
     }
 
-    pub(super) fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
-        {
-            let of_client =
-                |known: &&Known| known.order.client == order.client && known.order.class == order.class;
-            let waiting: u64 = (self.requests.values())
-                .filter(of_client)
-                .map(Known::work_left)
-                .sum();
+    /// A request came when a part of a batch was so much work.
+    pub(super) fn arrive(
+        &mut self,
+        request: RequestId,
+        characters: usize,
+        order: Order,
+        (part, actions): (u64, &[Action]),
+    ) {
+        let caps = self.within(self.limits.shared_batch_time);
+        assert!(caps.iter().any(|cap| part.abs_diff(*cap) <= 1));
+        let open = |same: &dyn Fn(ClientId) -> bool| -> u64 {
+            let of_class = |known: &Known| same(known.order.client) && known.order.class == order.class;
+            let waiting = self
+                .requests
+                .values()
+                .filter(|known| of_class(known))
+                .map(Known::work_left);
             let held = self.workers.iter().flat_map(|worker| &worker.held);
-            let held = held.filter(|held| of_client(&&self.requests[&held.request]));
-            let running: u64 = held
-                .map(|held| held.characters as u64 * u64::from(self.requests[&held.request].order.work))
-                .sum();
-            let open = waiting + running;
-            let has = open + u64::from(order.work) * characters as u64;
-            let is_small =
-                (open == 0 && characters == 1) || has <= self.within(self.limits.shared_batch_time)[0] / 4;
-            let is_call = order.class == Class::Request;
-            self.arrivals.push((order.client, is_small, is_call));
-            if is_call {
-                self.called = Some(self.now);
-            }
-        }
+            let held = held.map(|held| (&self.requests[&held.request], held.characters as u64));
+            let running = held.filter(|(known, _)| of_class(known));
+            let running = running.map(|(known, characters)| characters * u64::from(known.order.work));
+            waiting.chain(running).sum()
+        };
+        let open = [
+            open(&|client| client.group == order.client.group),
+            open(&|client| client == order.client),
+        ];
+        let asked = u64::from(order.work) * characters as u64;
+        self.arrivals.push(Arrival {
+            at: self.now,
+            client: order.client,
+            is_call: order.class == Class::Request,
+            small: open.map(|open| open + asked <= part || (open == 0 && characters == 1)),
+        });
         let waits = |known: &Known| known.next == 0 && known.left() > 0;
         let replaced = self
             .requests
@@ -424,19 +445,30 @@ impl Model {
         }
     }
 
-    /// Whether a part of the latest calls was small, and came from others than the last large call
-    /// before.
-    fn are_several(&self, differ: impl Fn(ClientId, ClientId) -> bool) -> bool {
-        let (mut large, mut share) = (None, 0.0f32);
-        for &(client, is_small, is_call) in &self.arrivals {
-            let other = is_small && large.is_some_and(|large| differ(large, client));
-            if is_call {
-                share += (if other { 1.0 } else { 0.0 } - share) / 32.0;
-            }
-            large = if is_small { large } else { Some(client) };
-        }
-        let lately = |called| self.now - called < Duration::from_secs(3);
-        share > 1.0 / 16.0 && self.called.is_some_and(lately)
+    /// Whether in the last three seconds one asked for much, and another called for little and had
+    /// made no large call for three seconds. `key` names who counts as one; `level` is the place of
+    /// its smallness in arrivals.
+    fn are_two(&self, level: usize, key: impl Fn(&Arrival) -> Option<u64>) -> bool {
+        let memory = Duration::from_secs(3);
+        let lately = |arrival: &Arrival| self.now - arrival.at < memory;
+        let is_little = |place: usize| {
+            let call = &self.arrivals[place];
+            let was_large = |other: &Arrival| {
+                let is_large = other.is_call && !other.small[level];
+                is_large && key(other) == key(call) && call.at - other.at < memory
+            };
+            call.is_call && call.small[level] && !self.arrivals[..place].iter().any(was_large)
+        };
+        let little: Vec<u64> = (0..self.arrivals.len())
+            .filter(|place| lately(&self.arrivals[*place]) && is_little(*place))
+            .filter_map(|place| key(&self.arrivals[place]))
+            .collect();
+        let much = self
+            .arrivals
+            .iter()
+            .filter(|arrival| lately(arrival) && !arrival.small[level]);
+        let mut much = much.filter_map(key);
+        much.any(|large| little.iter().any(|other| *other != large))
     }
 
     /// The work that a worker does in the longest time of a batch, and in that of a client's part;
@@ -494,15 +526,21 @@ impl Model {
         let credit = self.call_credit + wanted;
         let mut own = credit.checked_div(share).unwrap_or(0).min(wanted);
         let mut taken = 0;
-        let of_groups = self.are_several(|one, other| one.group != other.group);
-        let of_clients = self.are_several(|one, other| one.group == other.group && one.own != other.own);
-        let large = (self.arrivals.iter().rfind(|(_, is_small, _)| !is_small)).map(|(client, ..)| *client);
+        let of_groups = self.are_two(0, |arrival| Some(arrival.client.group));
         // Whose part it is, and its size.
-        let part = |client: ClientId| match large {
-            _ if of_groups => Some((client.group, client_cap.saturating_mul(client.share.into()))),
-            Some(large) if of_clients && large.group == client.group => Some((client.own, client_cap)),
-            _ => None,
-        };
+        let parts: BTreeMap<ClientId, Option<(u64, u64)>> = (self.requests.values())
+            .map(|known| known.order.client)
+            .map(|client| {
+                let of_group =
+                    |arrival: &Arrival| (arrival.client.group == client.group).then_some(arrival.client.own);
+                let part = match of_groups {
+                    true => Some((client.group, client_cap.saturating_mul(client.share.into()))),
+                    false => self.are_two(1, of_group).then_some((client.own, client_cap)),
+                };
+                (client, part)
+            })
+            .collect();
+        let part = |client: ClientId| parts[&client];
         let mut by_client: BTreeMap<u64, u64> = BTreeMap::new();
         while wanted > 0
             && let ready = self.ready()

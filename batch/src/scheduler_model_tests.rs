@@ -211,6 +211,7 @@ impl Pair {
                     ..order
                 };
                 let refusal = self.scheduler.refuse(&order, characters);
+                let part = self.scheduler.within(self.scheduler.limits.shared_batch_time);
                 let actions = self.step(Event::Arrived {
                     request,
                     characters,
@@ -223,7 +224,7 @@ impl Pair {
                         assert_eq!(actions, [Action::Refuse { request, refusal }]);
                     }
                 }
-                self.model.arrive(request, characters, order, &actions);
+                self.model.arrive(request, characters, order, (part, &actions));
             }
             Step::Leave(nth) => self.leave(RequestId(1 + nth as u64 % self.arrivals.max(1))),
             Step::Finish(nth, share, ms) => {

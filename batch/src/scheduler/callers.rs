@@ -2,98 +2,145 @@
 //! part of a batch, so that those with little wait for a short time. If all ask for much, they wait
 //! for each other anyway, and whole batches serve them faster.
 
+use std::collections::HashMap;
+use std::hash::Hash;
 use std::time::{Duration, Instant};
 
 use troupe_base::turns::ClientId;
 
 use crate::order::{Class, Order};
 
-/// Weight of the latest call in the measured shares.
-const WEIGHT: f32 = 1.0 / 32.0;
-/// Share of small calls above which they count. A client that sends its next large call after each
-/// answer has little open work for a moment, so single small calls say nothing.
-const MIN_SHARE: f32 = 1.0 / 16.0;
-/// Without a call for so long, none is expected.
+/// For how long it counts that a client asked for much, or called for little.
 const MEMORY: Duration = Duration::from_secs(3);
+/// Entries from which those that no longer count are forgotten.
+const MANY: usize = 64;
 
-/// The clients of the latest calls.
+/// Whether a request is small, as the open work of its group and its client says.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Small {
+    /// The group has little open work of the class.
+    pub(super) of_group: bool,
+    /// The client has little open work of the class.
+    pub(super) of_client: bool,
+}
+
+/// The latest requests of groups, and of the clients of each group.
 #[derive(Debug, Default)]
 pub(super) struct Callers {
-    /// The client of the latest request that was not small.
-    large: Option<ClientId>,
-    /// Share of small calls of other clients in the group of `large` among the latest calls.
-    of_clients: f32,
-    /// Share of small calls of other groups.
-    of_groups: f32,
-    /// When the latest call came.
-    called: Option<Instant>,
+    groups: Sides<u64>,
+    clients: HashMap<u64, Sides<u64>>,
 }
 
 impl Callers {
-    /// A request came. It is small if its client has little open work of its class, or only this
-    /// one character.
-    pub(super) fn came(&mut self, now: Instant, order: &Order, is_small: bool) {
-        let client = order.client;
-        if !is_small {
-            self.large = Some(client);
+    /// A request came.
+    pub(super) fn note(&mut self, now: Instant, order: &Order, small: Small) {
+        let (ClientId { group, own, .. }, is_call) = (order.client, order.class == Class::Request);
+        self.groups.note(now, group, is_call, small.of_group);
+        if !self.clients.contains_key(&group) && self.clients.len() >= MANY {
+            self.clients.retain(|_, sides| sides.counts(now));
         }
-        if order.class != Class::Request {
-            return;
-        }
-        self.called = Some(now);
-        let is_beside = |beside: fn(&ClientId, &ClientId) -> bool| {
-            let is_beside = self.large.is_some_and(|large| beside(&large, &client));
-            f32::from(u8::from(is_small && is_beside))
-        };
-        let other = is_beside(|a, b| a.group == b.group && a.own != b.own);
-        let other_group = is_beside(|a, b| a.group != b.group);
-        self.of_clients += (other - self.of_clients) * WEIGHT;
-        self.of_groups += (other_group - self.of_groups) * WEIGHT;
+        let clients = self.clients.entry(group).or_default();
+        clients.note(now, own, is_call, small.of_client);
     }
 
     /// The parts of the next batch, of at most so much work each.
-    pub(super) fn shares(&self, now: Instant, work: u64) -> Shares {
-        let lately = |called| now.saturating_duration_since(called) < MEMORY;
-        let among = match self.large {
-            _ if !self.called.is_some_and(lately) => None,
-            _ if self.of_groups > MIN_SHARE => Some(Among::Groups),
-            Some(large) if self.of_clients > MIN_SHARE => Some(Among::ClientsOf(large.group)),
-            _ => None,
-        };
+    pub(super) fn shares(&self, now: Instant, work: u64) -> Shares<'_> {
         Shares {
+            now,
             work,
-            among,
+            of_groups: self.groups.are_two(now),
+            clients: &self.clients,
             taken: Vec::new(),
         }
     }
 }
 
-/// Among whom a batch is shared.
-#[derive(Debug, Clone, Copy)]
-enum Among {
-    Groups,
-    /// The clients of this group. Other groups have as much as they like: what happens within a
-    /// group is no reason for them to have less.
-    ClientsOf(u64),
+/// Those who asked for much lately, and those who called for little.
+#[derive(Debug, Default)]
+struct Sides<K> {
+    /// When each made its latest large call.
+    large_calls: HashMap<K, Instant>,
+    /// The latest two who asked for much, also by plans.
+    much: Latest<K>,
+    /// The latest two who called for little, and made no large call lately.
+    little: Latest<K>,
+}
+
+/// Two keys and when they were noted last, the newer first.
+type Latest<K> = [Option<(K, Instant)>; 2];
+
+fn counts(noted: Instant, now: Instant) -> bool {
+    now.saturating_duration_since(noted) < MEMORY
+}
+
+impl<K: Copy + Eq + Hash + Default> Sides<K> {
+    fn note(&mut self, now: Instant, key: K, is_call: bool, is_small: bool) {
+        if !is_small {
+            put(&mut self.much, key, now);
+            if is_call {
+                if self.large_calls.len() >= MANY {
+                    self.large_calls.retain(|_, noted| counts(*noted, now));
+                }
+                self.large_calls.insert(key, now);
+            }
+        } else if is_call
+            && !self
+                .large_calls
+                .get(&key)
+                .is_some_and(|noted| counts(*noted, now))
+        {
+            put(&mut self.little, key, now);
+        }
+    }
+
+    /// Whether one asked for much and another called for little.
+    fn are_two(&self, now: Instant) -> bool {
+        let lately = |latest: &Latest<K>| latest.map(|one| one.filter(|(_, noted)| counts(*noted, now)));
+        let (much, little) = (lately(&self.much), lately(&self.little));
+        let mut pairs = much
+            .iter()
+            .flatten()
+            .flat_map(|(one, _)| little.iter().flatten().map(move |(other, _)| one != other));
+        pairs.any(|differ| differ)
+    }
+
+    /// Whether anything here still counts.
+    fn counts(&self, now: Instant) -> bool {
+        let newest = |latest: &Latest<K>| latest[0].is_some_and(|(_, noted)| counts(noted, now));
+        newest(&self.much) || newest(&self.little)
+    }
+}
+
+fn put<K: Copy + Eq>(latest: &mut Latest<K>, key: K, now: Instant) {
+    let [first, second] = *latest;
+    *latest = match first {
+        Some((known, _)) if known != key => [Some((key, now)), first],
+        _ => [Some((key, now)), second],
+    };
 }
 
 /// What clients or groups have of a batch.
 #[derive(Debug)]
-pub(super) struct Shares {
+pub(super) struct Shares<'a> {
+    now: Instant,
     work: u64,
-    /// None: all have as much as they like.
-    among: Option<Among>,
+    /// Whether each group has a part. Otherwise each client has one whose own group has clients
+    /// with little and with much, and others have as much as they like: what happens within a
+    /// group is no reason for other groups to have less.
+    of_groups: bool,
+    clients: &'a HashMap<u64, Sides<u64>>,
     taken: Vec<(u64, u64)>,
 }
 
-impl Shares {
+impl Shares<'_> {
     /// Whose part a client's characters are of, and how much work it is in all; none without a
     /// limit.
     fn part(&self, client: ClientId) -> Option<(u64, u64)> {
-        match self.among? {
-            Among::Groups => Some((client.group, self.work.saturating_mul(client.share()))),
-            Among::ClientsOf(group) => (client.group == group).then_some((client.own, self.work)),
+        if self.of_groups {
+            return Some((client.group, self.work.saturating_mul(client.share())));
         }
+        let of_group = self.clients.get(&client.group)?;
+        of_group.are_two(self.now).then_some((client.own, self.work))
     }
 
     /// The work that a client may still have.

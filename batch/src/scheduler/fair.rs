@@ -2,8 +2,8 @@
 //!
 //! Each key has a virtual time, which rises by the cost of what is taken for it. The key with the
 //! least virtual time goes first. A key that begins to wait starts at the virtual time of what was
-//! taken last, so being idle earns no credit. While two keys wait, what is taken for them differs
-//! by the cost of one piece at most.
+//! taken last, so being idle earns no credit, and neither does being passed over. While two keys
+//! wait and none is passed over, what is taken for them differs by the cost of one piece at most.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -88,8 +88,21 @@ impl<K: Copy + Ord, T: Default> Fair<K, T> {
         is_new
     }
 
-    /// Something was taken for a key.
+    /// Something was taken for a key. Keys before it were passed over. They earn no credit by that:
+    /// from now on they are even with it.
     pub(super) fn charge(&mut self, key: K, cost: u64) {
+        let Some(time) = self.entries.get(&key).map(|entry| entry.time) else {
+            return;
+        };
+        while let Some(&(before, passed)) = self.working.first()
+            && before < time
+        {
+            self.working.remove(&(before, passed));
+            self.working.insert((time, passed));
+            if let Some(entry) = self.entries.get_mut(&passed) {
+                entry.time = time;
+            }
+        }
         let Some(entry) = self.entries.get_mut(&key) else {
             return;
         };

@@ -12,9 +12,9 @@ use crate::order::{Class, Order, OwnerId};
 
 /// Factor on costs, so that dividing them by shares loses little.
 const SHARE_UNIT: u64 = 1000;
-/// Clients that are looked at for one with a part of the batch left. More than use up their parts
-/// in a batch of the longest time.
-const MOST_PASSED: usize = 32;
+/// Groups, and clients of a group, that are looked at for one with a part of the batch left. In a
+/// batch of the longest time, fewer can use up their parts.
+const MOST_PASSED: usize = 16;
 
 /// A request with waiting characters.
 #[derive(Debug)]
@@ -156,14 +156,15 @@ impl Line {
         order: impl Fn(RequestId) -> Option<Order>,
         may_go: impl Fn(&Order) -> bool,
     ) -> Option<(RequestId, usize)> {
-        let groups = self.groups.in_order().flat_map(|(group, ahead_of_groups)| {
+        let groups = self.groups.in_order().take(MOST_PASSED);
+        let members = groups.flat_map(|(group, ahead_of_groups)| {
             let members = self.groups.get(group).map(|group| &group.members);
             members.into_iter().flat_map(move |members| {
-                let order = members.in_order();
+                let order = members.in_order().take(MOST_PASSED);
                 order.map(move |(own, ahead)| (members.get(own), ahead_of_groups, ahead))
             })
         });
-        for (member, ahead_of_groups, ahead_of_members) in groups.take(MOST_PASSED) {
+        for (member, ahead_of_groups, ahead_of_members) in members {
             let &(_, request) = member?.ready.first()?;
             let order = order(request)?;
             if !may_go(&order) {
@@ -198,6 +199,12 @@ impl Line {
     }
 }
 
+/// Where the work of an order with workers is counted: for its client and for its group.
+fn running_keys(order: &Order) -> [(Class, Option<u64>, u64); 2] {
+    let ClientId { group, own, .. } = order.client;
+    [(order.class, Some(own), group), (order.class, None, group)]
+}
+
 /// Virtual time of a group for characters of a request.
 fn group_cost(order: &Order, characters: usize) -> u64 {
     let cost = (order.cost() * SHARE_UNIT / order.client.share()).max(1);
@@ -229,7 +236,8 @@ pub(super) enum Take {
     },
 }
 
-/// The waiting requests. Every operation takes at most logarithmic time in their number.
+/// The waiting requests. Operations take at most logarithmic time in their number, but for
+/// [`Queue::in_the_way`], which looks at each client.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     requests: HashMap<RequestId, Waiting>,
@@ -239,8 +247,8 @@ pub(super) struct Queue {
     owners: HashMap<OwnerId, Owner>,
     /// The requests with characters on workers.
     running: HashMap<RequestId, Running>,
-    /// Work of these characters, by class and client.
-    running_work: HashMap<(Class, ClientId), u64>,
+    /// Work of these characters, by class and client, and by class and group.
+    running_work: HashMap<(Class, Option<u64>, u64), u64>,
 }
 
 impl Queue {
@@ -342,14 +350,20 @@ impl Queue {
         unstarted.or_else(|| others.next())
     }
 
-    /// Work of a client that waits or is with workers, in the class of an order.
-    pub(super) fn open_work_of(&self, order: &Order) -> u64 {
-        let running = self.running_work.get(&(order.class, order.client));
-        self.work_of(order) + running.copied().unwrap_or_default()
+    /// Work that waits or is with workers, in the class of an order: of its group, and of its
+    /// client.
+    pub(super) fn open_work_of(&self, order: &Order) -> [u64; 2] {
+        let group = self.lines[order.class as usize].groups.get(order.client.group);
+        let waiting = [self.work_of(order), group.map_or(0, |group| group.work)];
+        let [of_client, of_group] = running_keys(order).map(|key| self.running_work.get(&key));
+        [
+            waiting[1] + of_group.copied().unwrap_or_default(),
+            waiting[0] + of_client.copied().unwrap_or_default(),
+        ]
     }
 
     /// Waiting work of a client, in the class of an order.
-    pub(super) fn work_of(&self, order: &Order) -> u64 {
+    fn work_of(&self, order: &Order) -> u64 {
         let group = self.lines[order.class as usize].groups.get(order.client.group);
         let member = group.and_then(|group| group.members.get(order.client.own));
         member.map_or(0, |member| member.work)
@@ -393,8 +407,7 @@ impl Queue {
     }
 
     /// The request that goes next, and how many characters of it: of the class with the most urgent
-    /// request, and there of the client whose turn it is. Clients without work left go after all
-    /// others.
+    /// request, and there of the client whose turn it is. Clients that may not go are passed over.
     fn next(&self, calls_only: bool, may_go: impl Fn(&Order) -> bool) -> Option<(RequestId, usize)> {
         let order = |request| Some(self.requests.get(&request)?.order);
         let of_class = |class: Class| self.lines[class as usize].next(order, &may_go);
@@ -470,7 +483,9 @@ impl Queue {
             .entry(request)
             .or_insert(Running { order, characters: 0 });
         running.characters += characters;
-        *(self.running_work.entry((class, order.client))).or_default() += work;
+        for key in running_keys(&order) {
+            *self.running_work.entry(key).or_default() += work;
+        }
         Some(Take::Slice {
             slice,
             client: order.client,
@@ -506,10 +521,12 @@ impl Queue {
         if running.characters == 0 {
             self.running.remove(&request);
         }
-        if let Entry::Occupied(mut of_client) = self.running_work.entry((order.class, order.client)) {
-            *of_client.get_mut() -= work;
-            if *of_client.get() == 0 {
-                of_client.remove();
+        for key in running_keys(&order) {
+            if let Entry::Occupied(mut running) = self.running_work.entry(key) {
+                *running.get_mut() -= work;
+                if *running.get() == 0 {
+                    running.remove();
+                }
             }
         }
         if let Some(owner) = owner {
