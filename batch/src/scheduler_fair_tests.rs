@@ -277,14 +277,15 @@ fn no_call_leaves_for_one_that_would_wait_for_too_long() {
 fn being_passed_over_earns_no_credit() {
     let mut setup = with_parts();
     let dear = |setup: &Setup| Order {
-        work: 6,
+        work: 8,
         ..from((1, 1), Order::request(setup.now))
     };
-    for _ in 0..100 {
-        setup.arrive(3, dear(&setup));
+    for _ in 0..200 {
+        setup.arrive(2, dear(&setup));
         setup.arrive(20, from((2, 2), Order::request(setup.now)));
         setup.arrive(1, from((3, 3), Order::request(setup.now)));
         setup.ready(0);
+        setup.take_a_ms_each();
         setup.pass(20);
     }
     // No call for little any more, and so no parts: all get the same from now on.
@@ -318,4 +319,17 @@ fn many_connections_with_a_character_each_are_much() {
     let (small, _) = setup.arrive(1, from((2, 2), Order::request(setup.now)));
     let taken = setup.ready(0);
     assert_eq!((taken.len(), of(&taken, small)), (11, 1), "{taken:?}");
+}
+
+#[test]
+fn many_connections_that_had_the_part_of_their_address_hide_no_other() {
+    let mut setup = with_parts();
+    for connection in 0..60 {
+        setup.arrive(1, from((1, connection), Order::request(setup.now)));
+    }
+    for group in 2..8 {
+        setup.arrive(2, from((group, 1), Order::request(setup.now)));
+    }
+    let characters: usize = setup.ready(0).iter().map(|(_, characters)| characters).sum();
+    assert_eq!(characters, 10 + 6 * 2);
 }

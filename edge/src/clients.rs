@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use http::HeaderValue;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use debt::Debtor;
+use debt::{Debtor, KeyHash};
 use metrics::ClientMetrics;
 use troupe_base::telemetry::Telemetry;
 use troupe_base::turns::{ClientId, Line, Turns};
@@ -280,7 +280,7 @@ impl Client {
     pub fn owes(&self, queue: &str, wait: Duration) {
         let [of_client, ..] = &self.levels;
         let debtor = match (&self.authorization, of_client.whose) {
-            (Some(header), _) => Debtor::Key(header.clone(), self.id()),
+            (Some(header), _) => Debtor::Key(KeyHash::of(header), self.id()),
             // Its key came by a ticket, so no header names it.
             (None, Whose::Key) => return,
             (None, _) => Debtor::Address,
@@ -288,8 +288,13 @@ impl Client {
         self.debts().add(debtor, queue, Instant::now() + wait);
     }
 
-    /// Who owes something to this queue, if a call on the connection with this header does.
-    pub(crate) fn debtor(&self, authorization: Option<&HeaderValue>, queue: &str) -> Option<ClientId> {
+    /// Who owes something to this queue, or to any if none is given, if a call on the connection
+    /// with this header does.
+    pub(crate) fn debtor(
+        &self,
+        authorization: Option<&HeaderValue>,
+        queue: Option<&str>,
+    ) -> Option<ClientId> {
         self.debts().of(authorization, self.id(), queue, Instant::now())
     }
 

@@ -266,6 +266,13 @@ impl Service {
         loaded.batcher.refuse(&order, 1).map(Into::into)
     }
 
+    /// As [`Service::refusal_of`], for a call that may be for any pack: none if one has room.
+    pub fn refusal_of_all(&self, client: ClientId) -> Option<ServiceError> {
+        let names = self.table().ok()?.all().map(|loaded| loaded.pack.name());
+        let refusals = names.map(|name| self.refusal_of(name, client));
+        refusals.collect::<Option<Vec<_>>>()?.pop()
+    }
+
     /// `troupe.v1.Motion/InBetween`.
     ///
     /// # Errors

@@ -24,8 +24,7 @@ const READING: Duration = Duration::from_millis(100);
 /// Clients of a pack from which those without plans and streams are forgotten.
 const MANY_CLIENTS: usize = 64;
 
-/// The plans of one pack that are under way, of all clients. Plans only touch atomic counters and
-/// [`ClientLoad`]s that are at hand.
+/// The plans of one pack that are under way, of all clients.
 #[derive(Debug)]
 pub struct PlanLoad {
     waiting: AtomicUsize,

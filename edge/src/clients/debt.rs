@@ -1,14 +1,15 @@
 //! Debts: what clients owe after a queue had no room for their calls.
 //!
 //! A refused call has a hint when to come again. If the client comes earlier, the server looks at
-//! its queues before it reads the call (`port/early.rs`). This costs a fraction of a call that is
-//! read, decoded and then refused.
+//! the queue when the call has only begun (`port/early.rs`). This costs a fraction of a call that
+//! is read, decoded and then refused.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use http::HeaderValue;
+use sha2::{Digest as _, Sha256};
 use troupe_base::turns::ClientId;
 
 /// Most debts of an address. A new one replaces the one that ends first.
@@ -29,8 +30,18 @@ struct Debt {
 pub(super) enum Debtor {
     /// All callers of the address: the server has no keys.
     Address,
-    /// Callers with this header, which has the key of a client.
-    Key(HeaderValue, ClientId),
+    /// Callers whose header has the key of a client.
+    Key(KeyHash, ClientId),
+}
+
+/// SHA-256 of a header with a key. Keys themselves are neither kept nor compared.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct KeyHash([u8; 32]);
+
+impl KeyHash {
+    pub(super) fn of(header: &HeaderValue) -> Self {
+        Self(Sha256::digest(header.as_bytes()).into())
+    }
 }
 
 /// The debts of an address.
@@ -71,13 +82,13 @@ impl Debts {
         !self.any.load(Ordering::Acquire)
     }
 
-    /// Who owes something to this queue at `now`, if a caller with that header does. `connected` is
-    /// the client of the caller's connection.
+    /// Who owes something at `now` to this queue, or to any if none is given, if a caller with that
+    /// header does. `connected` is the client of the caller's connection.
     pub(super) fn of(
         &self,
         authorization: Option<&HeaderValue>,
         connected: ClientId,
-        queue: &str,
+        queue: Option<&str>,
         now: Instant,
     ) -> Option<ClientId> {
         let mut known = self.known();
@@ -85,10 +96,13 @@ impl Debts {
         if known.is_empty() {
             self.any.store(false, Ordering::Release);
         }
-        let mut of_queue = known.iter().filter(|debt| &*debt.queue == queue);
-        of_queue.find_map(|debt| match &debt.debtor {
+        let fits = |debt: &&Debt| queue.is_none_or(|queue| *debt.queue == *queue);
+        known.iter().filter(fits).find_map(|debt| match &debt.debtor {
             Debtor::Address => Some(connected),
-            Debtor::Key(header, client) => (Some(header) == authorization).then_some(*client),
+            Debtor::Key(hash, client) => {
+                let is_same = authorization.is_some_and(|header| KeyHash::of(header) == *hash);
+                is_same.then_some(*client)
+            }
         })
     }
 }
@@ -115,14 +129,15 @@ mod tests {
             HeaderValue::from_static("Bearer b"),
         );
         let now = Instant::now();
-        let of = |header, queue, now| debts.of(header, client(1), queue, now);
+        let of = |header, queue, now| debts.of(header, client(1), Some(queue), now);
         assert_eq!(of(Some(&key), "human", now), None);
         let until = now + Duration::from_secs(5);
-        debts.add(Debtor::Key(key.clone(), client(3)), "human", until);
+        debts.add(Debtor::Key(KeyHash::of(&key), client(3)), "human", until);
         assert_eq!(of(Some(&key), "human", now), Some(client(3)));
         assert_eq!(of(Some(&other), "human", now), None);
         assert_eq!(of(None, "human", now), None);
         assert_eq!(of(Some(&key), "g1", now), None);
+        assert_eq!(debts.of(Some(&key), client(1), None, now), Some(client(3)));
         assert!(!debts.is_empty());
         assert_eq!(of(Some(&key), "human", until), None);
         assert!(debts.is_empty());
@@ -135,7 +150,7 @@ mod tests {
         debts.add(Debtor::Address, "human", now + Duration::from_secs(5));
         let made_up = HeaderValue::from_static("Bearer made-up");
         for header in [None, Some(&made_up)] {
-            assert_eq!(debts.of(header, client(7), "human", now), Some(client(7)));
+            assert_eq!(debts.of(header, client(7), Some("human"), now), Some(client(7)));
         }
     }
 
@@ -148,7 +163,7 @@ mod tests {
             debts.add(Debtor::Address, &queue.to_string(), until);
         }
         let kept: Vec<u64> = (0..40)
-            .filter(|queue| debts.of(None, client(1), &queue.to_string(), now).is_some())
+            .filter(|queue| debts.of(None, client(1), Some(&queue.to_string()), now).is_some())
             .collect();
         assert_eq!(kept, Vec::from_iter(24..40));
     }

@@ -46,15 +46,15 @@ impl<'a> Head<'a> {
 /// Refuses calls whose queue still has no room.
 pub trait Refuse: Send + Sync {
     /// Whether calls with this head can be refused.
-    fn may(&self, head: Head<'_>) -> bool;
+    fn can_refuse(&self, head: Head<'_>) -> bool;
 
     /// The answer to a call that is refused. None: the call goes on. `begin` is the beginning of
-    /// its body; `debtor` says who owes something to a queue, if the caller does.
+    /// its body; `debtor` says who owes something to a queue, or to any, if the caller does.
     fn refused(
         &self,
         head: Head<'_>,
         begin: &[u8],
-        debtor: &dyn Fn(&str) -> Option<ClientId>,
+        debtor: &dyn Fn(Option<&str>) -> Option<ClientId>,
     ) -> Option<Response>;
 }
 
@@ -70,13 +70,13 @@ impl Early {
 
     /// Whether a call must begin before it is known if it goes on.
     pub(super) fn looks_at(&self, parts: &Parts, client: &Client) -> bool {
-        !client.debts().is_empty() && self.0.may(Head::new(parts))
+        !client.debts().is_empty() && self.0.can_refuse(Head::new(parts))
     }
 
     /// The answer to a call that is refused. Only its header has the request's id.
     pub(super) fn refused(&self, parts: &Parts, begin: &[u8], client: &Client) -> Option<Response> {
         let authorization = parts.headers.get(header::AUTHORIZATION);
-        let debtor = |queue: &str| client.debtor(authorization, queue);
+        let debtor = |queue: Option<&str>| client.debtor(authorization, queue);
         let mut response = self.0.refused(Head::new(parts), begin, &debtor)?;
         let given = parts.headers.get(REQUEST_ID).map(HeaderValue::as_bytes);
         if let Ok(id) = HeaderValue::from_str(RequestId::given_or_new(given).as_str()) {
@@ -164,6 +164,19 @@ mod tests {
             assert_eq!(body.is_end_stream(), text.is_empty());
             assert_eq!(to_bytes(Body::new(body), 1000).await.unwrap(), text);
         }
+    }
+
+    #[tokio::test]
+    async fn all_frames_of_a_body_are_kept() {
+        let frames = ["the beginning", " and", " the rest"];
+        let sent = frames.map(Ok::<_, std::io::Error>);
+        let body = Body::from_stream(futures_util::stream::iter(sent));
+        let body = Begun::read(body).await;
+        assert_eq!(body.begin(), b"the beginning");
+        assert_eq!(to_bytes(Body::new(body), 1000).await.unwrap(), frames.concat());
+        let failed = futures_util::stream::iter([Err::<&str, _>(std::io::Error::other("gone"))]);
+        let body = Begun::read(Body::from_stream(failed)).await;
+        assert!(body.begin().is_empty() && to_bytes(Body::new(body), 1000).await.is_err());
     }
 
     #[tokio::test(start_paused = true)]

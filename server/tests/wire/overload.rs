@@ -15,7 +15,7 @@ use tonic::Code;
 use tonic_types::StatusExt as _;
 use troupe_proto::v1;
 
-use crate::common::attacks::{self, answer};
+use crate::common::attacks::answer;
 use crate::common::calls::{ids, open, step, stepped, walk};
 use crate::common::{TestServer, framed, request};
 
@@ -355,28 +355,51 @@ async fn answer_to_beginning(server: &TestServer, path: &str, begin: &str) -> Op
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_call_that_names_no_pack_is_refused_early_if_no_pack_has_room() {
+    let (server, waiting) = full_server(&["toy", "other"]).await;
+    let mut answers = 0;
+    for _ in 0..20 {
+        let refused = server.post(serde_json::to_vec(&request(1)).unwrap()).await;
+        assert_eq!(refused.status(), StatusCode::TOO_MANY_REQUESTS);
+        let answer = answer_to_beginning(&server, "/v1/inbetween", r#"{"characters": ["#).await;
+        answers += usize::from(answer.is_some_and(|answer| answer.starts_with("HTTP/1.1 429 ")));
+    }
+    assert!(answers > 0);
+    server.gate.open();
+    for call in waiting {
+        call.await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_client_with_a_debt_is_refused_before_its_call_is_read() {
     let (server, waiting) = full_server(&["toy"]).await;
     let path = "/v1/inbetween";
     let begin = r#"{"pack": "toy", "characters": ["#;
     let heard_out = answer_to_beginning(&server, path, begin).await;
     assert_eq!(heard_out, None, "a client without a debt");
-    // A whole call: its client gets a hint, and so a debt.
+    // A whole call: its client gets a hint, and so a debt. It ends after some milliseconds.
     let call = || v1::InBetweenRequest {
         pack: "toy".to_owned(),
         ..request(1)
     };
-    let body = serde_json::to_vec(&call()).unwrap();
-    let mut stream = attacks::begin(&server, path, body.len(), &body).await;
-    let refused = answer(&mut stream).await;
-    assert!(
-        refused.starts_with("HTTP/1.1 429 ") && refused.contains("QUEUE_FULL"),
-        "{refused}"
-    );
+    let owe = async || {
+        let response = server.post(serde_json::to_vec(&call()).unwrap()).await;
+        assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
+    };
+    let refused = async |path: &str, begin: &str| {
+        for _ in 0..20 {
+            owe().await;
+            if let Some(answer) = answer_to_beginning(&server, path, begin).await {
+                return answer;
+            }
+        }
+        panic!("a call to {path} is read first");
+    };
     // On any connection of its address, and with any made-up key, the beginning of a call is
     // enough. Other procedures of the pack have the same queue.
     for path in [path, "/v1/generate", "/v1/describe"] {
-        let again = answer_to_beginning(&server, path, begin).await.unwrap();
+        let again = refused(path, begin).await;
         assert!(
             again.starts_with("HTTP/1.1 429 ") && again.contains("QUEUE_FULL"),
             "{again}"
@@ -385,13 +408,11 @@ async fn a_client_with_a_debt_is_refused_before_its_call_is_read() {
             assert!(again.contains(header), "{again}");
         }
     }
-    let begin_of_mmcp = r#"{"model": "toy", "segments": ["#;
-    let again = answer_to_beginning(&server, "/generate", begin_of_mmcp)
-        .await
-        .unwrap();
+    let again = refused("/generate", r#"{"model": "toy", "segments": ["#).await;
     assert!(again.contains("retry_after_ms"), "{again}");
     // A call for another pack is heard out, and one that does not say for which it is.
     for begin in [r#"{"pack": "other", "#, r#"{"characters": ["#, ""] {
+        owe().await;
         assert_eq!(answer_to_beginning(&server, path, begin).await, None, "{begin}");
     }
 
@@ -436,8 +457,8 @@ fn thread_time(name: &str) -> Duration {
     Duration::from_nanos(ticks_ns)
 }
 
-/// Prints what a refusal at the head costs the server's thread, HTTP library included, beside a
-/// call that is read and then refused.
+/// Prints what a refusal by the first bytes costs the server's thread, HTTP library included,
+/// beside a call that is read and then refused.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "a measurement, for builds with optimisation"]
@@ -492,7 +513,7 @@ fn cost_of_a_refusal() {
     };
     let body: &[u8] = framed(&request(1).encode_to_vec()).leak();
     println!(
-        "at the head: {:?}",
+        "by its beginning: {:?}",
         cost("/troupe.v1.Motion/InBetween", body, "8")
     );
     println!(

@@ -253,6 +253,7 @@ impl Driving {
                 pack.metrics.dropped(count as u64 * tick.missed);
             }
         }
+        self.roster.read_load();
         if self.roster.is_empty() {
             return;
         }

@@ -172,7 +172,6 @@ impl Roster {
         let mut underruns = 0;
         let mut in_hands = Vec::new();
         let mut priorities = 0.0;
-        self.read_load();
         let mut turn = Turn::begin();
         for member in &self.members {
             let cell = member.held.cell();
@@ -223,7 +222,7 @@ impl Roster {
     }
 
     /// Updates the measured load of the packs, if it is time to.
-    fn read_load(&self) {
+    pub fn read_load(&self) {
         let now = Instant::now();
         for (pack, load) in &self.packs {
             let workers = pack.loaded.batcher.workers();

@@ -167,22 +167,31 @@ struct Refusals {
 }
 
 impl Refuse for Refusals {
-    fn may(&self, head: Head<'_>) -> bool {
-        Asked::of(head).is_some()
+    fn can_refuse(&self, head: Head<'_>) -> bool {
+        // The guard answers the calls of web pages, in a form that they can read.
+        !head.headers.contains_key(header::ORIGIN) && Asked::of(head).is_some()
     }
 
     fn refused(
         &self,
         head: Head<'_>,
         begin: &[u8],
-        debtor: &dyn Fn(&str) -> Option<ClientId>,
+        debtor: &dyn Fn(Option<&str>) -> Option<ClientId>,
     ) -> Option<Response> {
         let begun = Instant::now();
         let asked = Asked::of(head)?;
-        let named = asked.pack(begin)?;
-        let queue = queue_of(&named);
-        let client = debtor(queue)?;
-        let error = self.service.refusal_of(queue, client)?;
+        let any = debtor(None)?;
+        let named = asked.pack(begin);
+        let queue = named.as_deref().map(queue_of);
+        let (client, error) = match queue {
+            Some(queue) => {
+                let client = debtor(Some(queue))?;
+                (client, self.service.refusal_of(queue, client)?)
+            }
+            // It may be for any pack.
+            None => (any, self.service.refusal_of_all(any)?),
+        };
+        let queue = queue.unwrap_or_default();
         let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
         prepared.retain(|answer| begun.duration_since(answer.made) < REUSE);
         let fits = |answer: &&Prepared| {
