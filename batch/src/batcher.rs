@@ -140,6 +140,12 @@ impl Batcher {
         self.shared().refuse(order, characters)
     }
 
+    /// Whether a call with this number of characters would be accepted now. Unlike
+    /// [`Batcher::refuse`], this counts no refusal.
+    pub fn has_room(&self, order: &Order, characters: usize) -> bool {
+        self.shared().has_room(order, characters)
+    }
+
     /// Serves `tasks`, possibly in batches with tasks of other callers. Dropping the future cancels
     /// the request: tasks that have not started are not run.
     ///

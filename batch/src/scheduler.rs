@@ -42,10 +42,10 @@
 //! A request that does not fit is refused as a whole, at once. But if its client has less waiting
 //! than others, the least urgent calls of the client with most leave the full queue for a call, if
 //! possible unstarted ones. A call is refused in any case if it would wait for longer than
-//! [`Limits::max_wait`], judged by the rate at which calls left the queue lately, and by what may
-//! go before it: of each other client at most as much as its own client has waiting. Characters
-//! that idle workers are about to take do not count as waiting. Cancelled, replaced and expired
-//! work is dropped before it starts.
+//! [`Limits::max_wait`]. Its wait follows from the rate at which calls left the queue lately, and
+//! from what may go before it: of each other client at most as much as its own has waiting.
+//! Characters that idle workers are about to take do not count as waiting. Cancelled, replaced and
+//! expired work is dropped before it starts.
 
 mod callers;
 mod event;

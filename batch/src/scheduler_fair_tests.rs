@@ -42,12 +42,8 @@ fn many_connections_of_one_address_share_what_it_gets() {
         setup.arrive(10, from((1, connection), Order::request(setup.now)));
     }
     let (other, _) = setup.arrive(100, from((2, 1), Order::request(setup.now)));
-    let of_other = |started: &[(u64, usize)]| -> usize {
-        let own = started.iter().filter(|(request, _)| *request == other);
-        own.map(|(_, characters)| characters).sum()
-    };
     let first = setup.ready(0);
-    assert_eq!(of_other(&first), 5, "{first:?}");
+    assert_eq!(of(&first, other), 5, "{first:?}");
 }
 
 #[test]
@@ -137,11 +133,7 @@ fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
 
 #[test]
 fn many_clients_fill_a_batch_together() {
-    let mut setup = Setup::busy(Limits {
-        shared_batch_time: MS * 21 / 2,
-        ..limits(1, 64)
-    });
-    setup.take_a_ms_each();
+    let mut setup = with_parts();
     for client in 0..60 {
         setup.arrive(1, from((client, client), Order::request(setup.now)));
     }
@@ -193,6 +185,7 @@ fn with_parts() -> Setup {
     setup
 }
 
+/// How many characters of a request were taken.
 fn of(taken: &[(u64, usize)], request: u64) -> usize {
     let own = taken.iter().filter(|(other, _)| *other == request);
     own.map(|(_, characters)| characters).sum()

@@ -266,11 +266,15 @@ impl Service {
         loaded.batcher.refuse(&order, 1).map(Into::into)
     }
 
-    /// As [`Service::refusal_of`], for a call that may be for any pack: none if one has room.
+    /// As [`Service::refusal_of`] of the default pack, for a call that may be for any pack: none if
+    /// one has room.
     pub fn refusal_of_all(&self, client: ClientId) -> Option<ServiceError> {
-        let names = self.table().ok()?.all().map(|loaded| loaded.pack.name());
-        let refusals = names.map(|name| self.refusal_of(name, client));
-        refusals.collect::<Option<Vec<_>>>()?.pop()
+        let order = streamed::order(Instant::now(), self.common.timeout, client);
+        let mut packs = self.table().ok()?.all();
+        match packs.any(|loaded| loaded.batcher.has_room(&order, 1)) {
+            true => None,
+            false => self.refusal_of("", client),
+        }
     }
 
     /// `troupe.v1.Motion/InBetween`.

@@ -3,7 +3,6 @@
 //! for each other anyway, and whole batches serve them faster.
 
 use std::collections::HashMap;
-use std::hash::Hash;
 use std::time::{Duration, Instant};
 
 use troupe_base::turns::ClientId;
@@ -27,8 +26,8 @@ pub(super) struct Small {
 /// The latest requests of groups, and of the clients of each group.
 #[derive(Debug, Default)]
 pub(super) struct Callers {
-    groups: Sides<u64>,
-    clients: HashMap<u64, Sides<u64>>,
+    groups: Sides,
+    clients: HashMap<u64, Sides>,
 }
 
 impl Callers {
@@ -57,61 +56,54 @@ impl Callers {
 
 /// Those who asked for much lately, and those who called for little.
 #[derive(Debug, Default)]
-struct Sides<K> {
+struct Sides {
     /// When each made its latest large call.
-    large_calls: HashMap<K, Instant>,
+    large_calls: HashMap<u64, Instant>,
     /// The latest two who asked for much, also by plans.
-    much: Latest<K>,
+    much: Latest,
     /// The latest two who called for little, and made no large call lately.
-    little: Latest<K>,
+    little: Latest,
 }
 
 /// Two keys and when they were noted last, the newer first.
-type Latest<K> = [Option<(K, Instant)>; 2];
+type Latest = [Option<(u64, Instant)>; 2];
 
 fn counts(noted: Instant, now: Instant) -> bool {
     now.saturating_duration_since(noted) < MEMORY
 }
 
-impl<K: Copy + Eq + Hash + Default> Sides<K> {
-    fn note(&mut self, now: Instant, key: K, is_call: bool, is_small: bool) {
+impl Sides {
+    fn note(&mut self, now: Instant, key: u64, is_call: bool, is_small: bool) {
+        let last_large = self.large_calls.get(&key).copied();
         if !is_small {
             put(&mut self.much, key, now);
             if is_call {
-                if self.large_calls.len() >= MANY {
+                if last_large.is_none() && self.large_calls.len() >= MANY {
                     self.large_calls.retain(|_, noted| counts(*noted, now));
                 }
                 self.large_calls.insert(key, now);
             }
-        } else if is_call
-            && !self
-                .large_calls
-                .get(&key)
-                .is_some_and(|noted| counts(*noted, now))
-        {
+        } else if is_call && !last_large.is_some_and(|noted| counts(noted, now)) {
             put(&mut self.little, key, now);
         }
     }
 
     /// Whether one asked for much and another called for little.
     fn are_two(&self, now: Instant) -> bool {
-        let lately = |latest: &Latest<K>| latest.map(|one| one.filter(|(_, noted)| counts(*noted, now)));
-        let (much, little) = (lately(&self.much), lately(&self.little));
-        let mut pairs = much
-            .iter()
-            .flatten()
-            .flat_map(|(one, _)| little.iter().flatten().map(move |(other, _)| one != other));
-        pairs.any(|differ| differ)
+        let lately = |(_, noted): &&(u64, Instant)| counts(*noted, now);
+        let mut much = self.much.iter().flatten().filter(lately);
+        let little = || self.little.iter().flatten().filter(lately);
+        much.any(|(one, _)| little().any(|(other, _)| one != other))
     }
 
     /// Whether anything here still counts.
     fn counts(&self, now: Instant) -> bool {
-        let newest = |latest: &Latest<K>| latest[0].is_some_and(|(_, noted)| counts(noted, now));
+        let newest = |[newest, _]: &Latest| newest.is_some_and(|(_, noted)| counts(noted, now));
         newest(&self.much) || newest(&self.little)
     }
 }
 
-fn put<K: Copy + Eq>(latest: &mut Latest<K>, key: K, now: Instant) {
+fn put(latest: &mut Latest, key: u64, now: Instant) {
     let [first, second] = *latest;
     *latest = match first {
         Some((known, _)) if known != key => [Some((key, now)), first],
@@ -128,7 +120,7 @@ pub(super) struct Shares<'a> {
     /// with little and with much, and others have as much as they like: what happens within a
     /// group is no reason for other groups to have less.
     of_groups: bool,
-    clients: &'a HashMap<u64, Sides<u64>>,
+    clients: &'a HashMap<u64, Sides>,
     taken: Vec<(u64, u64)>,
 }
 

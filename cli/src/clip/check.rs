@@ -12,7 +12,6 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::{Misread, understand, with_source};
 use crate::output::{print, table, to_json};
-use crate::reading::Reading;
 
 /// Endings of files that are checked.
 const ENDINGS: [&str; 7] = ["bvh", "csv", "fbx", "glb", "gltf", "npy", "npz"];
@@ -44,9 +43,6 @@ pub(super) struct Check {
 
     #[command(flatten)]
     onto: Onto,
-
-    #[command(flatten)]
-    reading: Reading,
 }
 
 /// What came of a file. The last two fail the check.
@@ -118,8 +114,7 @@ pub(super) async fn run(context: &Context, command: &Check) -> Result<(), Failur
             format_args!("no file of motion is in it: .{endings}"),
         ));
     }
-    let skeleton = command.onto.skeleton(context).await?;
-    let mut options = command.reading.options(skeleton.as_ref());
+    let mut options = command.onto.options(context).await?;
     options.agreement = Some(agreement(&files, &options));
     let bar = context.term.bar(files.len(), "reading files");
     let mut checked = Vec::with_capacity(files.len());

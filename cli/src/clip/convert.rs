@@ -50,16 +50,12 @@ pub(super) struct Convert {
 
     #[command(flatten)]
     onto: Onto,
-
-    #[command(flatten)]
-    reading: Reading,
 }
 
 pub(super) async fn run(context: &Context, command: &Convert) -> Result<(), Failure> {
     // Checked first, so that no work is lost.
     let format = Format::of_layout(&command.out, command.layout)?;
-    let skeleton = command.onto.skeleton(context).await?;
-    let options = command.reading.options(skeleton.as_ref());
+    let options = command.onto.options(context).await?;
     let understood =
         understand(&command.from, options, None).map_err(|why| Failure::file(&command.from, why))?;
     if format.is_for_robots() && understood.clip.skeleton.robot.is_none() {

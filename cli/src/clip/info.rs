@@ -11,7 +11,6 @@ use crate::failure::Failure;
 use crate::files::understand;
 use crate::film::draw_motion;
 use crate::output::{print, table, to_json};
-use crate::reading::Reading;
 
 /// Print what is understood of files of motion.
 ///
@@ -41,9 +40,6 @@ pub(super) struct Info {
 
     #[command(flatten)]
     onto: Onto,
-
-    #[command(flatten)]
-    reading: Reading,
 }
 
 pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure> {
@@ -51,8 +47,7 @@ pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure
         let why = "--picture draws one file, but several are given";
         return Err(Failure::Input(why.to_owned()));
     }
-    let skeleton = command.onto.skeleton(context).await?;
-    let options = command.reading.options(skeleton.as_ref());
+    let options = command.onto.options(context).await?;
     let (mut reports, mut refused) = (Vec::new(), Vec::new());
     for file in &command.files {
         match understand(file, options.clone(), None) {

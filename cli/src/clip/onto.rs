@@ -1,15 +1,17 @@
-//! The skeleton onto which files are read.
+//! The skeleton onto which files are read, and how.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use troupe_motion::read::Options;
 use troupe_motion::robot::description::{self, BuildOptions};
 use troupe_motion::skeleton::Skeleton;
 
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::pack_folder;
+use crate::reading::Reading;
 
 const SKELETON: &str = "Skeleton";
 
@@ -32,11 +34,19 @@ pub(super) struct Onto {
     /// Last hinges of the robot's legs, left before right. Default: the limbs that end lowest.
     #[arg(long, value_name = "JOINT,...", value_delimiter = ',', requires = "urdf", help_heading = SKELETON)]
     legs: Vec<String>,
+
+    #[command(flatten)]
+    reading: Reading,
 }
 
 impl Onto {
-    /// The skeleton that the options name.
-    pub(super) async fn skeleton(&self, context: &Context) -> Result<Option<Arc<Skeleton>>, Failure> {
+    /// The reader's options, to read onto the skeleton that the command line names.
+    pub(super) async fn options(&self, context: &Context) -> Result<Options, Failure> {
+        let skeleton = self.skeleton(context).await?;
+        Ok(self.reading.options(skeleton.as_ref()))
+    }
+
+    async fn skeleton(&self, context: &Context) -> Result<Option<Arc<Skeleton>>, Failure> {
         if let Some(file) = &self.urdf {
             return Ok(Some(Arc::new(self.robot(file)?)));
         }

@@ -355,6 +355,26 @@ async fn answer_to_beginning(server: &TestServer, path: &str, begin: &str) -> Op
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_call_that_is_heard_out_counts_as_no_refusal() {
+    let (server, waiting) = full_server(&["other"]).await;
+    let call = v1::InBetweenRequest {
+        pack: "other".to_owned(),
+        ..request(1)
+    };
+    let refused = server.post(serde_json::to_vec(&call).unwrap()).await;
+    assert_eq!(refused.status(), StatusCode::TOO_MANY_REQUESTS);
+    // It may be for the pack that has room.
+    let begin = r#"{"characters": ["#;
+    assert_eq!(answer_to_beginning(&server, "/v1/inbetween", begin).await, None);
+    let name = r#"troupe_rejections_total{model="other",version="1.2.3",reason="queue_full"}"#;
+    server.metric(name, "1").await;
+    server.gate.open();
+    for call in waiting {
+        call.await.unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_call_that_names_no_pack_is_refused_early_if_no_pack_has_room() {
     let (server, waiting) = full_server(&["toy", "other"]).await;
     let mut answers = 0;

@@ -60,7 +60,7 @@ fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, crate
 }
 
 /// Rows of numbers, each changed.
-fn rows(text: &str, change: impl Fn(&mut Vec<f64>)) -> String {
+pub(super) fn rows(text: &str, change: impl Fn(&mut Vec<f64>)) -> String {
     let row = |line: &str| {
         let mut row: Vec<f64> = line.split(',').map(|n| n.parse().unwrap()).collect();
         change(&mut row);

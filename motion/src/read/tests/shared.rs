@@ -14,6 +14,7 @@ use glam::{Quat, Vec3};
 use serde_json::{Value, json};
 
 use super::people::{Dialect, Person, encoded};
+use super::robots::rows;
 use crate::bvh::EulerOrder;
 use crate::clip::Clip;
 use crate::read::{Options, RestPose, Source, Up, read};
@@ -204,15 +205,7 @@ fn bvh_files() -> Vec<File> {
 
 fn csv_files(skeleton: &Arc<Skeleton>) -> Vec<File> {
     let text = write_csv(&steps(skeleton)).unwrap();
-    let rows = |change: &dyn Fn(&mut Vec<f64>)| -> String {
-        let row = |line: &str| {
-            let mut row: Vec<f64> = line.split(',').map(|n| n.parse().unwrap()).collect();
-            change(&mut row);
-            let row: Vec<String> = row.iter().map(|n| format!("{n:.6}")).collect();
-            row.join(",") + "\n"
-        };
-        text.lines().map(row).collect()
-    };
+    let rows = |change: &dyn Fn(&mut Vec<f64>)| rows(&text, change);
     let header = "x,y,z,qx,qy,qz,qw,left_hip,left_knee,right_hip,right_knee\n";
     let first = text.split(',').next().unwrap();
     let files = [

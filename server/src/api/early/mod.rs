@@ -22,43 +22,22 @@ use super::error::ApiError;
 use super::metrics::RequestMetrics;
 use crate::mmcp::Failure;
 
-/// A procedure whose calls wait in a pack's queue: its name in metrics, and its paths over gRPC and
-/// HTTP.
-struct Procedure {
-    name: &'static str,
-    grpc: Option<&'static str>,
-    http: &'static str,
-}
-
-const MMCP: Procedure = Procedure {
-    name: "MmcpGenerate",
-    grpc: None,
-    http: "/generate",
-};
-
-const PROCEDURES: [Procedure; 4] = [
-    Procedure {
-        name: "InBetween",
-        grpc: Some("/troupe.v1.Motion/InBetween"),
-        http: "/v1/inbetween",
-    },
-    Procedure {
-        name: "Generate",
-        grpc: Some("/troupe.v1.Motion/Generate"),
-        http: "/v1/generate",
-    },
-    Procedure {
-        name: "Describe",
-        grpc: Some("/troupe.v1.Motion/Describe"),
-        http: "/v1/describe",
-    },
-    MMCP,
+/// Calls that wait in a pack's queue, by their paths.
+const CALLS: [(&str, Asked); 7] = [
+    ("/troupe.v1.Motion/InBetween", Asked::new("InBetween", Form::Grpc)),
+    ("/v1/inbetween", Asked::new("InBetween", Form::Json)),
+    ("/troupe.v1.Motion/Generate", Asked::new("Generate", Form::Grpc)),
+    ("/v1/generate", Asked::new("Generate", Form::Json)),
+    ("/troupe.v1.Motion/Describe", Asked::new("Describe", Form::Grpc)),
+    ("/v1/describe", Asked::new("Describe", Form::Json)),
+    ("/generate", Asked::new("MmcpGenerate", Form::Mmcp)),
 ];
 
 /// What a call asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Asked {
-    name: &'static str,
+    /// The procedure in metrics.
+    rpc: &'static str,
     form: Form,
 }
 
@@ -71,24 +50,20 @@ enum Form {
 }
 
 impl Asked {
+    const fn new(rpc: &'static str, form: Form) -> Self {
+        Self { rpc, form }
+    }
+
+    /// What a call with this head asks for, if its body can be read from the beginning.
     fn of(head: Head<'_>) -> Option<Self> {
-        let fits = |of: &&Procedure| of.http == head.path || of.grpc == Some(head.path);
-        let procedure = PROCEDURES.iter().find(fits)?;
-        let form = match head.path == procedure.http {
-            false => Form::Grpc,
-            true if head.path == MMCP.http => Form::Mmcp,
-            true => Form::Json,
-        };
-        let can_be_read = match form {
+        let (_, asked) = CALLS.into_iter().find(|(path, _)| *path == head.path)?;
+        let can_be_read = match asked.form {
             Form::Grpc => is_grpc(head.headers),
             Form::Json | Form::Mmcp => {
                 head.method == Method::POST && !head.headers.contains_key(header::CONTENT_ENCODING)
             }
         };
-        can_be_read.then_some(Self {
-            name: procedure.name,
-            form,
-        })
+        can_be_read.then_some(asked)
     }
 
     /// The pack that a call is for, as far as the beginning of its body says.
@@ -210,7 +185,7 @@ impl Refuse for Refusals {
         };
         drop(prepared);
         self.metrics
-            .answered(asked.name, "RESOURCE_EXHAUSTED", begun.elapsed());
+            .answered(asked.rpc, "RESOURCE_EXHAUSTED", begun.elapsed());
         Some(response)
     }
 }
