@@ -1,5 +1,6 @@
 //! BVH texts.
 
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
@@ -20,10 +21,11 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
     }));
     let (file, miscounted) = parse_tolerant(&text.text, options.fps).map_err(|error| {
         let option = match &error.kind {
-            BvhErrorKind::FrameTime(_) => Some("--fps decides"),
-            BvhErrorKind::FrameCount { .. } => {
-                Some("correct the number after Frames:, if no rows are missing")
-            }
+            BvhErrorKind::FrameTime(_) => Some(Advice::decides(Choice::any(OptionName::Fps))),
+            BvhErrorKind::FrameCount { .. } => Some(Advice::new(
+                "correct the number after Frames:, if no rows are missing",
+                [],
+            )),
             _ => None,
         };
         ReadErrorKind::Bvh { error, option }
@@ -41,7 +43,7 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
             field: "Frame Time".to_owned(),
             found: format!("{} s", file.frame_time_s()),
             allowed: "0.001 to 1 s".to_owned(),
-            option: Some("--fps decides"),
+            option: Some(Advice::decides(Choice::any(OptionName::Fps))),
         });
     }
     let fps = match options.fps {

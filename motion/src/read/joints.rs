@@ -6,6 +6,7 @@ use glam::{DVec3, Quat};
 
 use super::adapted::{Adapted, Turn};
 use super::body::Tree;
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::Options;
 use super::rehang::{self, Rehung};
@@ -301,7 +302,7 @@ fn root_of(
         return match found {
             Some(joint) => Ok(Some(joint)),
             None => Err(ReadErrorKind::Range {
-                field: "--root".to_owned(),
+                field: OptionName::Root.flag().to_owned(),
                 found: format!("{wanted:?}"),
                 allowed: "a joint of the file".to_owned(),
                 option: None,
@@ -314,24 +315,22 @@ fn root_of(
     if roots.len() == 1 {
         return Ok(None);
     }
-    let names = |joints: &[usize]| -> String {
-        let names: Vec<&str> = joints.iter().map(|&joint| &*source.names[joint]).collect();
-        names.join(", ")
-    };
+    let names =
+        |joints: &[usize]| -> Vec<&str> { joints.iter().map(|&joint| &*source.names[joint]).collect() };
     let top = |joint: usize| tree.line(joint).last().unwrap_or(joint);
     match &survey.body {
         Some(body) => {
             let body = top(body.pelvis);
             let others: Vec<usize> = roots.into_iter().filter(|&root| root != body).collect();
-            let text = format!("not of the body, left out: {}", names(&others));
+            let text = format!("not of the body, left out: {}", names(&others).join(", "));
             report.repaired(Topic::Bystanders, text);
             Ok(Some(descend(source, tree, body)))
         }
         None => Err(ReadErrorKind::Open {
             topic: Topic::Body,
             what: "which joint is the character's root",
-            evidence: format!("the file has {} roots: {}", roots.len(), names(&roots)),
-            options: "--root decides".to_owned(),
+            evidence: format!("the file has {} roots: {}", roots.len(), names(&roots).join(", ")),
+            options: Advice::decides(Choice::new(OptionName::Root, &names(&roots))),
         }),
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::{AngleUnit, JointOrder, Options, QuaternionOrder};
 use super::report::{Report, Topic};
@@ -100,7 +101,7 @@ pub(super) fn quaternion_order(
             topic: Topic::Quaternion,
             what: "the order of the root's quaternion",
             evidence,
-            options: "--quaternion xyzw or --quaternion wxyz decides".to_owned(),
+            options: Advice::decides(Choice::new(OptionName::Quaternion, &["xyzw", "wxyz"])),
         })
     };
     if second.upright >= UPRIGHT && second.upright - first.upright >= CLEAR {
@@ -188,12 +189,19 @@ pub(super) fn angles(
             now.frame
         );
         match fitting(rows, robot, &reading, options) {
-            Some((AngleUnit::Degrees, _, name)) if most(rows, robot.hinges().len()) <= FULL_TURN_RAD => {
+            Some((AngleUnit::Degrees, order, _)) if most(rows, robot.hinges().len()) <= FULL_TURN_RAD => {
                 return Err(ReadErrorKind::Open {
                     topic: Topic::Angles,
                     what: "what the angles mean",
                     evidence,
-                    options: format!("all are within their limits with {name}"),
+                    options: Advice::new(
+                        "all are within their limits with {}",
+                        [match (order == reading.1, order == robot.breadth_first()) {
+                            (true, _) => Choice::any(OptionName::Degrees),
+                            (false, true) => Choice::new(OptionName::JointOrder, &["isaaclab"]),
+                            (false, false) => Choice::new(OptionName::JointOrder, &["tree"]),
+                        }],
+                    ),
                 });
             }
             Some((unit, order, name)) => {
@@ -209,10 +217,11 @@ pub(super) fn angles(
                 reading = (unit, order);
             }
             None => {
-                return Err(ReadErrorKind::Robot(format!(
-                    "{evidence}: are the angles in radians (--degrees), in the robot's order (--joint-order), \
-                     and of this robot?"
-                )));
+                let advice = Advice::new(
+                    "are the angles in radians ({}), in the robot's order ({}), and of this robot?",
+                    [OptionName::Degrees, OptionName::JointOrder].map(Choice::any),
+                );
+                return Err(ReadErrorKind::Angles { evidence, advice });
             }
         }
     }

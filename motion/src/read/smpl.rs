@@ -6,6 +6,7 @@
 use glam::{DQuat, DVec3};
 
 use super::adapted::Arrays;
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
@@ -179,7 +180,7 @@ fn rate(archive: &mut Unpacked<'_>, options: &Options) -> Result<Finding<f32>, R
             field: name.to_owned(),
             found: format!("{numbers:?}"),
             allowed: "one number from 1 to 1000".to_owned(),
-            option: Some("--fps decides"),
+            option: Some(Advice::decides(Choice::any(OptionName::Fps))),
         }),
     }
 }

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::ReadErrorKind;
 use super::agreement::Agreement;
+use super::choices::{Advice, Choice, OptionName};
 use super::options::Options;
 use super::report::{Basis, Finding, Topic, Up};
 use super::survey::Stance;
@@ -85,7 +86,7 @@ pub(super) fn up_of(
                 topic: Topic::Up,
                 what: "which axis points up",
                 evidence,
-                options: format!("--up {} or --up {} decides", options[0], options[1]),
+                options: Advice::decides(Choice::new(OptionName::Up, &options)),
             }),
         },
         Sight::Dim(evidence) => Ok(match agreed {
@@ -234,7 +235,7 @@ pub(super) fn unit_of(
                         heights[0],
                         heights[1].trim_start_matches("the body is ")
                     ),
-                    options: format!("--unit {} or --unit {} decides", near[0], near[1]),
+                    options: Advice::decides(Choice::new(OptionName::Unit, &near)),
                 })
             }
         },

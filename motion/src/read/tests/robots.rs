@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
 
+use super::names_its_options;
 use crate::clip::Clip;
 use crate::files::{write_beyond_mimic, write_qpos};
 use crate::read::{
@@ -56,7 +57,7 @@ fn on_g1() -> Options {
 }
 
 fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, crate::read::ReadError> {
-    read(&Source::new(name, bytes), options)
+    read(&Source::new(name, bytes), options).inspect_err(names_its_options)
 }
 
 /// Rows of numbers, each changed.
@@ -199,6 +200,7 @@ fn a_quaternion_that_stands_upright_in_both_orders_is_told_by_where_it_walks() {
             .to_string()
             .contains("--quaternion xyzw or --quaternion wxyz decides")
     );
+    assert_eq!(error.options()[0].values, ["xyzw", "wxyz"]);
     let options = Options {
         quaternion: Some(QuaternionOrder::Wxyz),
         ..on_g1()
