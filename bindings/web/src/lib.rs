@@ -58,13 +58,13 @@ struct Shown {
 /// None that is known: options are text.
 #[wasm_bindgen]
 pub fn options() -> Result<String, JsError> {
-    let options = OptionName::ALL.map(|option| Shown {
+    let options = OptionName::all().map(|option| Shown {
         name: option,
         takes: option.takes(),
         values: option.values(),
         is_of_robots: option.is_of_robots(),
     });
-    Ok(serde_json::to_string(&options)?)
+    Ok(serde_json::to_string(&options.collect::<Vec<_>>())?)
 }
 
 /// Names of a glTF file's animations.

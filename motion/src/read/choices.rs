@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
+use self::Takes::{Flag, Name, Number, Text};
 use super::report::Up;
 use super::units;
 
@@ -44,59 +45,44 @@ pub enum Takes {
     Flag,
 }
 
+/// Name in JSON and in Python, flag of command lines, and what it takes, in the order of
+/// [`OptionName`].
+const OPTIONS: [(OptionName, &str, &str, Takes); 13] = [
+    (OptionName::Up, "up", "--up", Name),
+    (OptionName::Unit, "unit", "--unit", Name),
+    (OptionName::Fps, "fps", "--fps", Number),
+    (OptionName::Animation, "animation", "--animation", Text),
+    (OptionName::Root, "root", "--root", Text),
+    (OptionName::RestPose, "rest_pose", "--rest-pose", Name),
+    (OptionName::LeadingPose, "leading_pose", "--leading-pose", Name),
+    (OptionName::MaxSlide, "max_slide_m", "--max-slide", Number),
+    (OptionName::OtherBones, "other_bones", "--other-bones", Flag),
+    (OptionName::Quaternion, "quaternion", "--quaternion", Name),
+    (OptionName::Degrees, "degrees", "--degrees", Flag),
+    (OptionName::JointOrder, "joint_order", "--joint-order", Text),
+    (OptionName::Skeleton, "skeleton", "--pack or --urdf", Text),
+];
+
 impl OptionName {
-    /// The options that users set by a name, a number or a flag.
-    pub const ALL: [Self; 12] = [
-        Self::Up,
-        Self::Unit,
-        Self::Fps,
-        Self::Animation,
-        Self::Root,
-        Self::RestPose,
-        Self::LeadingPose,
-        Self::MaxSlide,
-        Self::OtherBones,
-        Self::Quaternion,
-        Self::Degrees,
-        Self::JointOrder,
-    ];
+    /// All options but the skeleton.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let options = OPTIONS.into_iter().map(|(option, ..)| option);
+        options.filter(|option| *option != Self::Skeleton)
+    }
 
     /// As in JSON and as an argument of Python: `rest_pose`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Up => "up",
-            Self::Unit => "unit",
-            Self::Fps => "fps",
-            Self::Animation => "animation",
-            Self::Root => "root",
-            Self::RestPose => "rest_pose",
-            Self::LeadingPose => "leading_pose",
-            Self::MaxSlide => "max_slide_m",
-            Self::OtherBones => "other_bones",
-            Self::Quaternion => "quaternion",
-            Self::Degrees => "degrees",
-            Self::JointOrder => "joint_order",
-            Self::Skeleton => "skeleton",
-        }
+        OPTIONS[self as usize].1
     }
 
     /// As on a command line: `--rest-pose`.
     pub fn flag(self) -> &'static str {
-        match self {
-            Self::Up => "--up",
-            Self::Unit => "--unit",
-            Self::Fps => "--fps",
-            Self::Animation => "--animation",
-            Self::Root => "--root",
-            Self::RestPose => "--rest-pose",
-            Self::LeadingPose => "--leading-pose",
-            Self::MaxSlide => "--max-slide",
-            Self::OtherBones => "--other-bones",
-            Self::Quaternion => "--quaternion",
-            Self::Degrees => "--degrees",
-            Self::JointOrder => "--joint-order",
-            Self::Skeleton => "--pack or --urdf",
-        }
+        OPTIONS[self as usize].2
+    }
+
+    /// What the option takes.
+    pub fn takes(self) -> Takes {
+        OPTIONS[self as usize].3
     }
 
     /// Names that the option takes. Empty if it takes numbers, or names that only the file has.
@@ -109,16 +95,6 @@ impl OptionName {
             Self::Quaternion => vec!["xyzw", "wxyz"],
             Self::JointOrder => vec!["tree", "isaaclab"],
             _ => Vec::new(),
-        }
-    }
-
-    /// What the option takes.
-    pub fn takes(self) -> Takes {
-        match self {
-            Self::Up | Self::Unit | Self::RestPose | Self::LeadingPose | Self::Quaternion => Takes::Name,
-            Self::Animation | Self::Root | Self::JointOrder | Self::Skeleton => Takes::Text,
-            Self::Fps | Self::MaxSlide => Takes::Number,
-            Self::OtherBones | Self::Degrees => Takes::Flag,
         }
     }
 
@@ -155,7 +131,7 @@ impl Choice {
     /// An option whose value the user must know.
     pub(super) fn any(option: OptionName) -> Self {
         let values = match option.takes() {
-            Takes::Flag => vec!["true".to_owned()],
+            Flag => vec!["true".to_owned()],
             _ => Vec::new(),
         };
         Self { option, values }
@@ -166,7 +142,7 @@ impl Choice {
 impl fmt::Display for Choice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let flag = self.option.flag();
-        if self.values.is_empty() || self.values.len() > SPELT_OUT || self.option.takes() == Takes::Flag {
+        if self.values.is_empty() || self.values.len() > SPELT_OUT || self.option.takes() == Flag {
             return f.write_str(flag);
         }
         for (nth, value) in self.values.iter().enumerate() {
@@ -225,7 +201,8 @@ mod tests {
 
     #[test]
     fn options_take_the_values_that_they_list() {
-        for option in OptionName::ALL {
+        for (nth, (option, ..)) in OPTIONS.into_iter().enumerate() {
+            assert_eq!(option as usize, nth);
             for value in option.values() {
                 let is_taken = match option {
                     OptionName::Up => Up::of_name(value).is_some(),

@@ -165,7 +165,7 @@ impl ReadErrorKind {
                 field, option: None, ..
             } => {
                 // The field may be the option itself.
-                let named = OptionName::ALL.into_iter().find(|option| option.flag() == field);
+                let named = OptionName::all().find(|option| option.flag() == field);
                 named.map(Choice::any).into_iter().collect()
             }
             Self::Bvh { option, .. }

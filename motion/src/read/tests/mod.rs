@@ -18,7 +18,7 @@ use super::{OptionName, ReadError};
 fn names_its_options(error: &ReadError) {
     let text = error.to_string();
     let options = error.options();
-    for option in OptionName::ALL.into_iter().chain([OptionName::Skeleton]) {
+    for option in OptionName::all().chain([OptionName::Skeleton]) {
         let is_named = text.contains(option.flag());
         let decides = options.iter().any(|choice| choice.option == option);
         assert_eq!(is_named, decides, "{option:?}: {text}");
