@@ -50,8 +50,8 @@ pub struct InlineSkeleton {
 }
 
 impl InlineSkeleton {
-    /// The body of the skeleton. `dims` has the sizes of the pack's windows. `notes` gets a line for
-    /// what was derived and may be meant otherwise.
+    /// The body of the skeleton. `dims` has the sizes of the pack's windows. `notes` gets a line
+    /// for what was derived and may be meant otherwise.
     ///
     /// # Errors
     /// [`BodyError`] with the field and its range.
