@@ -161,13 +161,13 @@ pub struct Advice(Box<Said>);
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Said {
     /// Has `{}` in place of each option.
-    text: &'static str,
+    text: String,
     choices: Vec<Choice>,
 }
 
 impl Advice {
-    pub(super) fn new(text: &'static str, choices: impl Into<Vec<Choice>>) -> Self {
-        let choices = choices.into();
+    pub(super) fn new(text: impl Into<String>, choices: impl Into<Vec<Choice>>) -> Self {
+        let (text, choices) = (text.into(), choices.into());
         debug_assert_eq!(text.matches("{}").count(), choices.len(), "{text}");
         Self(Box::new(Said { text, choices }))
     }

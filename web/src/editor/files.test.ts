@@ -196,9 +196,12 @@ describe('CSV', () => {
     const { clip } = await understand('walk.csv', bytes(`${row}\n${row}\n`), robot(), given);
     const numbers = writeCsv(clip, robot()).split('\n')[0]!.split(',').map(Number);
     expect(numbers[10]).toBeCloseTo((1.1 * Math.PI) / 180, 5);
-    // 5.9 of either unit.
+    // 5.9 of either unit, or in another order.
     const bent = bytes(row.replace('1.1', '5.9'));
-    expect(await refusal('bent.csv', bent, robot())).toEqual([{ option: 'degrees', values: ['true'] }]);
+    expect(await refusal('bent.csv', bent, robot())).toEqual([
+      { option: 'joint_order', values: [] },
+      { option: 'degrees', values: ['true'] },
+    ]);
   });
 
   it('names line and column', async () => {
