@@ -1,0 +1,208 @@
+"""The four programs that read motion: the command line, training, the Python client and the viewer."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from inputs import ROOT, Kind
+from motion import Array, Motion
+
+sys.path.insert(0, str(ROOT / "training"))
+
+import troupe_reader  # noqa: E402
+from troupe_training.data.bvh_source import BvhSource  # noqa: E402
+from troupe_training.data.clips import FileMotion  # noqa: E402
+from troupe_training.data.gltf import read_glb  # noqa: E402
+from troupe_training.data.prepare import Choice, prepare  # noqa: E402
+from troupe_training.data.rotations import matrix_to_quat  # noqa: E402
+from troupe_training.robots.source import RobotSource  # noqa: E402
+
+CLIENT = ROOT / "target" / "python-client" / "bin" / "python"
+
+
+@dataclass
+class Answer:
+    """What a program makes of a file: a motion in world terms, or an error."""
+
+    names: list[str] = field(default_factory=list)
+    fps: float = 0.0
+    places: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    turns: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
+    offsets: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    error: str | None = None
+    notes: str = ""
+    crashed: bool = False
+    not_taken: bool = False
+
+
+@dataclass
+class Job:
+    """A kind's file on the disk, and how it is to be read."""
+
+    kind: Kind
+    path: Path
+    urdf: Path | None
+    with_options: bool = False
+
+    def options(self) -> dict[str, Any]:
+        """Of the reader."""
+        return self.kind.options if self.with_options else {}
+
+    def legs(self) -> list[str]:
+        """Of the robot."""
+        return self.kind.legs if self.with_options else []
+
+    def tables(self, needed: bool) -> dict[str, Any] | None:
+        """The skeleton to read onto as tables of a pack. `needed`: also if the kind needs none."""
+        if self.urdf is not None:
+            skeleton = troupe_reader.read_robot(self.urdf, legs=self.legs()).skeleton
+            return {"skeleton": skeleton.table, "robot": skeleton.robot}
+        motion = self.kind.onto or (self.kind.truth if needed else None)
+        if motion is None:
+            return None
+        skeleton = troupe_reader.Skeleton(motion.names, motion.parents, motion.offsets)
+        return {"skeleton": skeleton.table, "robot": None}
+
+
+def jobs_of(kinds: list[Kind], folder: Path) -> list[Job]:
+    """Writes the kinds' files."""
+    jobs = []
+    for nth, kind in enumerate(kinds):
+        (at := folder / str(nth)).mkdir()
+        for name, data in {kind.file: kind.data, **kind.beside}.items():
+            (at / name).write_bytes(data)
+        if kind.robot is not None:
+            (folder / f"{nth}.urdf").write_text(kind.robot.urdf())
+        jobs.append(Job(kind, at / kind.file, folder / f"{nth}.urdf" if kind.robot else None))
+    return jobs
+
+
+def command_line(program: Path, jobs: list[Job]) -> list[Answer]:
+    """`troupe clip convert`, and what it wrote."""
+    flags = {"fps": "--fps", "max_slide_m": "--max-slide", "other_bones": "--other-bones"}
+
+    def one(job: Job) -> Answer:
+        out = job.path.with_suffix(".out.npz")
+        words = [str(program), "clip", "convert", str(job.path), str(out)]
+        for key, value in job.options().items():
+            words += [flags[key]] + ([] if value is True else [str(value)])
+        if job.urdf is not None:
+            words += ["--urdf", str(job.urdf)] + (["--legs", ",".join(job.legs())] if job.legs() else [])
+        elif job.kind.onto is not None:
+            words += ["--pack-folder", str(ROOT / "models" / "human")]
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode:
+            return Answer(error=done.stderr.strip(), crashed=done.returncode not in (1, 2))
+        arrays = np.load(out)
+        parents = arrays["parents"].tolist()
+        motion = Motion(
+            arrays["joint_names"].tolist(), parents, arrays["offsets"].astype(np.float64), float(arrays["fps"]),
+            arrays["root"].astype(np.float64), arrays["quaternions"].astype(np.float64),
+        )  # fmt: skip
+        return replace(of_motion(motion), notes=done.stderr)
+
+    return [one(job) for job in jobs]
+
+
+def of_motion(motion: Motion) -> Answer:
+    """A motion as an answer."""
+    places, turns = motion.world()
+    return Answer(motion.names, motion.fps, places, turns, motion.offsets)
+
+
+def training(jobs: list[Job]) -> list[Answer]:
+    """`prepare` for BVH and robots' CSV, `unimogen prepare` for glb, as they read one file."""
+    return [_trained(job) for job in jobs]
+
+
+def _trained(job: Job) -> Answer:
+    options = job.options()
+    try:
+        match job.path.suffix:
+            case ".csv" if job.urdf is not None:
+                fps = options.get("fps")
+                source = RobotSource(job.urdf, fps=fps, legs=job.legs())
+                if job.kind.mirror:
+                    return _mirrored(job, source)
+                return _of_file(source.load(job.path))
+            case ".bvh":
+                bvh = BvhSource(given=options)
+                bvh.survey([job.path])
+                return _of_file(bvh.load(job.path))
+            case ".glb":
+                (clip,) = read_glb(job.path).clips.values()
+                return _of_file(clip)
+    except ValueError as error:
+        return Answer(error=str(error))
+    except SystemExit as error:
+        return Answer(error=str(error))
+    except Exception as error:
+        return Answer(error=f"{type(error).__name__}: {error}", crashed=True)
+    return Answer(not_taken=True)
+
+
+def _of_file(motion: FileMotion) -> Answer:
+    turns = matrix_to_quat(torch.from_numpy(motion.rotations)).numpy()
+    fps = motion.report["fps"] if motion.report else {}
+    notes = f"{fps.get('basis')} {fps.get('evidence')}"
+    return Answer(motion.names, 30.0, motion.positions, turns, motion.offsets, notes=notes)
+
+
+def _mirrored(job: Job, source: RobotSource) -> Answer:
+    """`prepare --mirror`: the clip, if its mirror image is one of it too."""
+    with tempfile.TemporaryDirectory() as folder:
+        prepare(job.path.parent, Path(folder), source, choice=Choice(test_name="none", mirror=True))
+        positions = np.load(Path(folder) / "positions.npy").astype(np.float64)
+    names = json.loads(json.dumps(source.robot.names))
+    half = len(positions) // 2
+    swapped = [names.index(re.sub("left|right", lambda side: {"left": "right", "right": "left"}[side[0]], n)) for n in names]
+    image = positions[:half, swapped] * [-1, 1, 1]
+    # A hinge may stand anywhere along its own axis: the head alone does, in the image too.
+    kept = [nth for nth, name in enumerate(names) if not name.startswith("head")]
+    off = np.linalg.norm(image - positions[half:], axis=-1)[:, kept].max()
+    if off > 5e-4:
+        return Answer(error=f"the mirror image is {1e3 * off:.1f} mm off", crashed=True)
+    return _of_file(source.load(job.path))
+
+
+def client(jobs: list[Job], extension: bool) -> list[Answer]:
+    """`Clip.read` of the package troupe with the reader, or its own `Clip.from_…`."""
+    sent = [
+        {"path": str(j.path), "tables": _tables(j, False), "options": j.options(), "extension": extension} for j in jobs
+    ]
+    script = Path(__file__).with_name("client.py")
+    return _asked([str(CLIENT), str(script)], sent, {"PYTHONPATH": str(ROOT / "clients" / "python")})
+
+
+def viewer(jobs: list[Job]) -> list[Answer]:
+    """The reader of the web page, onto a rig with the kind's skeleton. It has no options."""
+    sent = [{"path": str(j.path), "tables": _tables(j, True), "fps": j.kind.truth.fps} for j in jobs]
+    return _asked(["node", str(Path(__file__).with_name("viewer.mjs"))], sent, {})
+
+
+def _tables(job: Job, needed: bool) -> dict[str, Any] | None:
+    """Tables of the skeleton. A page and a client have those of a pack, so legs are found before."""
+    return replace(job, with_options=True).tables(needed)
+
+
+def _asked(command: list[str], sent: list[dict[str, Any]], variables: dict[str, str]) -> list[Answer]:
+    done = subprocess.run(command, input=json.dumps(sent), stdout=subprocess.PIPE, text=True, env=os.environ | variables)
+    done.check_returncode()
+    return [_answer(found) for found in json.loads(done.stdout)]
+
+
+def _answer(found: dict[str, Any]) -> Answer:
+    if "error" in found or "crash" in found:
+        return Answer(error=found.get("error") or found["crash"], crashed="crash" in found)
+    arrays = [np.array(found[key], np.float64) for key in ("offsets", "roots", "turns")]
+    motion = Motion(found["names"], found["parents"], arrays[0], found["fps"], arrays[1], arrays[2])
+    return replace(of_motion(motion), notes="\n".join(found.get("notes", [])))
