@@ -31,6 +31,13 @@ def skeleton_of(tables: dict[str, Any] | None) -> troupe.Skeleton | None:
 
 def read(job: dict[str, Any]) -> troupe.Clip:
     path, skeleton, options = Path(job["path"]), skeleton_of(job["tables"]), job["options"]
+    if job["urdf"] is not None:
+        import troupe_reader
+
+        clip = troupe_reader.read(path, skeleton=troupe_reader.read_robot(job["urdf"]).skeleton, **options)
+        of = clip.skeleton
+        skeleton = troupe.Skeleton(tuple(of.names), tuple(of.parents), of.offsets)
+        return troupe.Clip(skeleton, clip.fps, clip.root_positions, clip.rotations, info=clip.report)
     if job["extension"]:
         return troupe.Clip.read(path, skeleton, **options)
     fps = options.get("fps", 30)
@@ -59,6 +66,7 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
         "offsets": clip.skeleton.offsets.tolist(),
         "roots": clip.root.tolist(),
         "turns": clip.rotations.tolist(),
+        "notes": [json.dumps(clip.info["fps"])] if clip.info else [],
     }
 
 

@@ -159,7 +159,8 @@ def fbx(motion: Motion) -> bytes:
                 curve(node, axis, values[:, axis])
     stop = round((len(m) - 1) * SECOND / motion.fps)
     objects.append(
-        f'AnimationStack: 9000, "AnimStack::walk", "" {{\n Properties70: {{\nP: "LocalStop", "KTime", "Time", "",{stop}\n }}\n}}\n'
+        'AnimationStack: 9000, "AnimStack::walk", "" {\n'
+        f' Properties70: {{\nP: "LocalStop", "KTime", "Time", "",{stop}\n }}\n}}\n'
         'AnimationLayer: 9001, "AnimLayer::Base", "" {\n}'
     )
     links.append('C: "OO",9001,9000')

@@ -18,6 +18,18 @@ SMPL = (
     "left_collar<spine3 right_collar<spine3 head<neck left_shoulder<left_collar right_shoulder<right_collar "
     "left_elbow<left_shoulder right_elbow<right_shoulder left_wrist<left_elbow right_wrist<right_elbow"
 )
+G1 = (
+    "pelvis left_hip_pitch<pelvis left_hip_roll<left_hip_pitch left_hip_yaw<left_hip_roll left_knee<left_hip_yaw "
+    "left_ankle_pitch<left_knee left_ankle_roll<left_ankle_pitch left_toe_base<left_ankle_roll right_hip_pitch<pelvis "
+    "right_hip_roll<right_hip_pitch right_hip_yaw<right_hip_roll right_knee<right_hip_yaw right_ankle_pitch<right_knee "
+    "right_ankle_roll<right_ankle_pitch right_toe_base<right_ankle_roll waist_yaw<pelvis waist_roll<waist_yaw "
+    "waist_pitch<waist_roll left_shoulder_pitch<waist_pitch left_shoulder_roll<left_shoulder_pitch "
+    "left_shoulder_yaw<left_shoulder_roll left_elbow<left_shoulder_yaw left_wrist_roll<left_elbow "
+    "left_wrist_pitch<left_wrist_roll left_wrist_yaw<left_wrist_pitch left_hand_roll<left_wrist_yaw "
+    "right_shoulder_pitch<waist_pitch right_shoulder_roll<right_shoulder_pitch right_shoulder_yaw<right_shoulder_roll "
+    "right_elbow<right_shoulder_yaw right_wrist_roll<right_elbow right_wrist_pitch<right_wrist_roll "
+    "right_wrist_yaw<right_wrist_pitch right_hand_roll<right_wrist_yaw"
+)
 SOMA = (
     "Hips Spine1<Hips Spine2<Spine1 Chest<Spine2 Neck1<Chest Neck2<Neck1 Head<Neck2 Jaw<Head LeftEye<Head RightEye<Head "
     "LeftShoulder<Chest LeftArm<LeftShoulder LeftForeArm<LeftArm LeftHand<LeftForeArm LeftHandThumbEnd<LeftHand "
@@ -40,9 +52,12 @@ class Kind:
     options: dict[str, Any] = field(default_factory=dict)  # that the error or the note names
     robot: Robot | None = None
     legs: list[str] = field(default_factory=list)  # with the options
-    onto: Motion | None = None  # a skeleton to read onto, with the options that its error names
+    onto: Motion | None = None  # a pack's skeleton to read onto, on the fronts that can
+    rig: Motion | None = None  # the viewer's skeleton, if it is not the truth's
+    refusal: str | None = None  # what a right refusal says
     beside: dict[str, bytes] = field(default_factory=dict)
     mirror: bool = False
+    open_order: bool = False  # the quaternion's order shows in nothing, and the usual one is noted
     open_rate: bool = False  # the file says no rate, and the usual one is assumed and noted
 
 
@@ -67,9 +82,9 @@ def person() -> Motion:
         "RightUpLeg<Hips RightLeg<RightUpLeg RightFoot<RightLeg RightToeBase<RightFoot "
         "LeftArm<Spine LeftForeArm<LeftArm LeftHand<LeftForeArm RightArm<Spine RightForeArm<RightArm RightHand<RightForeArm"
     )
-    leg = [(0, -0.42, 0), (0, -0.4, 0), (0, -0.06, 0.13)]
+    leg: list[tuple[float, float, float]] = [(0, -0.42, 0), (0, -0.4, 0), (0, -0.06, 0.13)]
     arm = [(0.28, 0, 0), (0.25, 0, 0)]
-    offsets = [(0, 0, 0), (0, 0.47, 0), (0, 0.2, 0)]
+    offsets: list[tuple[float, float, float]] = [(0, 0, 0), (0, 0.47, 0), (0, 0.2, 0)]
     for side in (1, -1):
         offsets += [(0.09 * side, -0.05, 0), *leg]
     for side in (1, -1):
@@ -78,12 +93,12 @@ def person() -> Motion:
     t = np.arange(90) / 30
     turns = np.zeros((90, len(names), 4))
     turns[..., 0] = 1
-    for side, sign in (("Left", 1), ("Right", -1)):
+    for word, sign in (("Left", 1), ("Right", -1)):
         swing = sign * 0.4 * np.sin(6 * t)
-        turns[:, names.index(f"{side}UpLeg")] = about((1, 0, 0), swing)
-        turns[:, names.index(f"{side}Leg")] = about((1, 0, 0), 0.3 + 0.2 * np.sin(6 * t + sign))
+        turns[:, names.index(f"{word}UpLeg")] = about((1, 0, 0), swing)
+        turns[:, names.index(f"{word}Leg")] = about((1, 0, 0), 0.3 + 0.2 * np.sin(6 * t + sign))
         hang = np.broadcast_to(about((0, 0, 1), -1.3 * sign), (90, 4))
-        turns[:, names.index(f"{side}Arm")] = multiply(about((1, 0, 0), -swing), hang)
+        turns[:, names.index(f"{word}Arm")] = multiply(about((1, 0, 0), -swing), hang)
     turns[:, 0] = about((0, 1, 0), 0.3 * t)
     roots = np.stack([0.3 * t * t, np.full(90, 0.93), 1.2 * t], -1)
     return Motion(names, parents, np.array(offsets, np.float64), 30.0, roots, turns)
@@ -126,10 +141,18 @@ def bones() -> Iterator[Kind]:
     axes[0] = (1, 0, 0, 0)
     other = WALK.on_other_axes(axes / np.linalg.norm(axes, axis=-1, keepdims=True))
     before = "nonsense: bones 64° off on average"
-    yield Kind("other rest pose", "on its own skeleton", "other_bones.bvh", formats.bvh(other).encode(), WALK, before)
+    yield Kind(
+        "other rest pose",
+        "on its own skeleton",
+        "other_bones.bvh",
+        formats.bvh(other).encode(),
+        WALK,
+        before,
+        rig=other,
+    )
     yield Kind(
         "other rest pose", "onto a pack's, `--other-bones`", "other_bones.bvh", formats.bvh(other).encode(),
-        WALK, before, {"other_bones": True}, onto=WALK,
+        WALK, before, {"other_bones": True}, onto=WALK, refusal="points .*° away|bones differ|--other-bones plays",
     )  # fmt: skip
     before = "person of 0.25 m, headings NaN"
     offsets = WALK.offsets.copy()
@@ -159,7 +182,7 @@ def gltf() -> Iterator[Kind]:
     yield Kind(group, "spine slides 2 mm", "spine.glb", rig.glb(), mean_held, before)
     mean_held, rig = slide(0.002, scale=0.01)
     yield Kind(group, "the same, Armature of 1:100", "armature.glb", rig.glb(), mean_held, before)
-    mean_held, rig = slide(0.3, "UpperArm_L")
+    mean_held, rig = slide(0.6, "UpperArm_L")
     yield Kind(group, "arm leaves by 0.6 m", "arm.glb", rig.glb(), mean_held, before, {"max_slide_m": 1.0})
     group, before = "glTF", "refused"
     rig = formats.Gltf(WALK)
@@ -200,7 +223,9 @@ def slide(by_m: float, joint: str = "Chest", scale: float = 1.0) -> tuple[Motion
     rig.move(nth, "translation", places / scale)
     if scale != 1:
         half = np.sqrt(0.5)
-        rig.doc["nodes"].append({"name": "Armature", "children": [0], "scale": [scale] * 3, "rotation": [-half, 0, 0, half]})
+        rig.doc["nodes"].append(
+            {"name": "Armature", "children": [0], "scale": [scale] * 3, "rotation": [-half, 0, 0, half]}
+        )
         rig.doc["scenes"][0]["nodes"] = [len(rig.doc["nodes"]) - 1]
     return replace(WALK, offsets=held), rig
 
@@ -211,16 +236,33 @@ def robots() -> Iterator[Kind]:
     clip, rows = robot.walk(0.85)
 
     def kind(name: str, file: str, data: bytes, before: str, **more: Any) -> Kind:
-        return Kind("robots' numbers", name, file, data, clip, before, **{"robot": robot, "open_rate": True} | more)
+        return Kind("robots' numbers", name, file, data, clip, before, **{"robot": robot, "open_rate": True, **more})
 
     before = "on its head, toes at 1.46 m"
     wxyz = rows.copy()
     wxyz[:, 3:7] = np.roll(rows[:, 3:7], 1, axis=1)
     yield kind("CSV with w x y z", "wxyz.csv", formats.csv(wxyz), before)
-    yield kind("`qpos` with x y z w", "xyzw.npy", formats.npy(rows), before)
+    yield kind("`qpos` with x y z w", "xyzw.npy", formats.npy(rows), before, options={"quaternion": "xyzw"})
     degrees = rows.copy()
     degrees[:, 7:] = np.degrees(rows[:, 7:])
     yield kind("degrees", "degrees.csv", formats.csv(degrees), "nonsense, said to be feasible")
+    stands = wxyz.copy()
+    stands[:, :3] = wxyz[0, :3]
+    turn = np.broadcast_to(about((0, 0, 1), np.pi), (len(rows), 4))
+    stands[:, 3:7] = multiply(turn, wxyz[:, 3:7])
+    turns = clip.turns.copy()
+    turns[:, 0] = stands[:, [3, 5, 6, 4]]
+    yield replace(
+        kind(
+            "w x y z, stands and faces backwards",
+            "stands.csv",
+            formats.csv(stands),
+            before,
+            options={"quaternion": "wxyz"},
+        ),
+        truth=replace(clip, roots=np.tile(clip.roots[:1], (len(rows), 1)), turns=turns),
+        open_order=True,
+    )
     breadth = rows.copy()
     breadth[:, 7:] = rows[:, 7:][:, robot.breadth_first()]
     yield kind("Isaac Lab's order", "order.csv", formats.csv(breadth), "nonsense, said to be feasible")
@@ -260,11 +302,18 @@ def texts() -> Iterator[Kind]:
     head, rows = TEXT.split(time + "\n")
     prop = "ROOT Prop\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n}\nMOTION"
     two = head.replace("MOTION", prop) + time + "\n" + "".join(f"{row} 0 0 0\n" for row in rows.splitlines())
+    head_6 = head.replace("CHANNELS 3", "CHANNELS 6 Xposition Yposition Zposition")
+    turns = [row.split() for row in rows.splitlines()]
+    rows_6 = [
+        " ".join([*row[:6], *(f"0 0 0 {' '.join(row[n : n + 3])}" for n in range(6, len(row), 3))]) for row in turns
+    ]
+    zeros = f"{head_6}{time}\n" + "\n".join(rows_6) + "\n"
     texts: dict[str, tuple[str, bytes, dict[str, Any]]] = {
         "BOM": ("bom.bvh", b"\xef\xbb\xbf" + TEXT.encode(), {}),
         "UTF-16": ("utf16.bvh", TEXT.encode("utf-16"), {}),
         "`ZPosition`": ("position.bvh", TEXT.replace("position", "Position").encode(), {}),
         "two roots": ("two_roots.bvh", two.encode(), {}),
+        "positions of 0 beside OFFSET": ("zeros.bvh", zeros.encode(), {}),
         "Frame Time 0": ("time0.bvh", TEXT.replace(time, "Frame Time: 0").encode(), {"fps": 30.0}),
         "Frames one too many": ("more.bvh", TEXT.replace(f"Frames: {count}", f"Frames: {count + 1}").encode(), {}),
         "Frames one too few": ("fewer.bvh", TEXT.replace(f"Frames: {count}", f"Frames: {count - 1}").encode(), {}),
@@ -275,15 +324,22 @@ def texts() -> Iterator[Kind]:
 
 def archives() -> Iterator[Kind]:
     """NumPy archives."""
-    before = "\"specified file not found in archive\""
+    before = '"specified file not found in archive"'
     for name, width, rate in (("SMPL-H", 156, "mocap_framerate"), ("SMPL-X", 165, "mocap_frame_rate")):
         data, clip = amass(width, rate)
         yield Kind("AMASS npz", name, f"amass{width}.npz", data, clip, before)
+    data, clip = amass(72, "fps", y_up=True)
+    yield Kind("AMASS npz", "Y up, in Fortran's order", "amass_y.npz", data, clip, before)
 
     def spread(nth: int) -> Array:
         return np.array([0.03 * (nth % 5 - 2), 0.06, -0.01 * (nth % 3)]) if nth else np.zeros(3)
 
-    for name, tree, fps in (("SOMA", SOMA, 30.0), ("SMPL-X", SMPL, 30.0), ("ARDY's, 25 fps", SOMA, 25.0)):
+    for name, tree, fps in (
+        ("SOMA", SOMA, 30.0),
+        ("SMPL-X", SMPL, 30.0),
+        ("G1", G1, 30.0),
+        ("ARDY's, 25 fps", SOMA, 25.0),
+    ):
         clip = swinging(tree, fps, spread)
         places, turns = clip.world()
         data = formats.npz(posed_joints=places.astype(np.float32), global_rot_mats=matrix(turns).astype(np.float32))
@@ -299,21 +355,23 @@ def archives() -> Iterator[Kind]:
     bodies = [0] + [clip.names.index(joint.name) for joint in hinges]
     data = formats.npz(
         fps=np.array([50]),
-        joint_pos=rows[:, 7:][:, order].astype(np.float32),
+        joint_pos=np.ascontiguousarray(rows[:, 7:][:, order], np.float32),
         body_pos_w=places[:, bodies][..., to_ros].astype(np.float32),
         body_quat_w=turns[:, bodies][..., [0, 3, 1, 2]].astype(np.float32),
     )
     yield Kind("BeyondMimic npz", "", "mimic.npz", data, clip, before, robot=robot)
 
 
-def amass(width: int, rate: str) -> tuple[bytes, Motion]:
-    """AMASS's arrays, Z up. Its bones are those of the mean body, which the caller fills in."""
+def amass(width: int, rate: str, y_up: bool = False) -> tuple[bytes, Motion]:
+    """AMASS's arrays, Z up if not said otherwise. Its bones are the mean body's, which the caller fills in."""
     clip = swinging(SMPL, 120.0, lambda _: np.zeros(3), 120)
-    standing = turned((1, 0, 0), np.pi / 2, clip)
+    standing = clip if y_up else turned((1, 0, 0), np.pi / 2, clip)
     half = np.arccos(np.clip(standing.turns[..., :1], -1, 1))
     vectors = standing.turns[..., 1:] / np.maximum(np.sin(half), 1e-12) * 2 * half
-    poses = np.zeros((120, width))
+    poses = np.zeros((120, width), order="F" if y_up else "C")
     poses[:, : 3 * len(clip.names)] = vectors.reshape(120, -1)
     pelvis = np.array([-0.0018, -0.2233, 0.0282])  # of the mean body, beside the origin that `trans` moves
-    data = formats.npz(trans=standing.roots - pelvis, poses=poses, betas=np.zeros(16), **{rate: 120.0})
+    data = formats.npz(
+        trans=np.ascontiguousarray(standing.roots - pelvis), poses=poses, betas=np.zeros(16), **{rate: 120.0}
+    )
     return data, clip

@@ -84,9 +84,7 @@ class Motion:
         angle = np.arccos(np.clip((a * b).sum(-1, keepdims=True), -1, 1))
         part, sine = share[:, None, None], np.maximum(np.sin(angle), 1e-9)
         mixed = np.where(
-            angle < 1e-6,
-            a + part * (b - a),
-            (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / sine,
+            angle < 1e-6, a + part * (b - a), (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / sine
         )
         turns = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
         return replace(self, fps=fps, roots=roots, turns=turns)
