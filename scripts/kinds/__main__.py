@@ -1,11 +1,11 @@
 """Shows what Troupe makes of each kind of file that used to go wrong, on its four fronts, as a table in Markdown.
 
-.venv/bin/python scripts/kinds [--program target/debug/troupe] [--errors]
+.venv/bin/python scripts/kinds [--program target/debug/troupe] [--page docs/kinds.md] [--errors]
 
 Inputs are made of a motion that is known (`examples/walk.bvh`, and robots that swing their hinges), by code apart from the
 reader. An answer is right if all joints are within 0.5 mm and 0.1° of it. A second table has the largest error of each
 format, as it is read and as it comes back after Troupe wrote it. `make python-env` and `make python-client` build what is
-needed, and `cargo build` the program. The exit code is 1 if any answer is wrong.
+needed, and `cargo build` the program. The exit code is 1 if any answer is wrong, or if `--page` has another row.
 """
 
 import argparse
@@ -131,6 +131,7 @@ def figures(jobs: list[Job], read: dict[str, Answer], program: Path, folder: Pat
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", type=Path, default=ROOT / "target" / "debug" / "troupe", help="the command line")
+    parser.add_argument("--page", type=Path, help="a page that must have the rows of the first table")
     parser.add_argument("--errors", action="store_true", help="also print the words of each refusal")
     given = parser.parse_args()
     asked: list[Callable[[list[Job]], list[Answer]]] = [
@@ -161,13 +162,18 @@ def main() -> None:
             read = read or plain
         errors_of_formats = figures(jobs, read, given.program, Path(folder))
     print("| input | before |", " | ".join(COLUMNS), "|\n|" + "---|" * (2 + len(COLUMNS)))
+    rows = []
     for job in jobs:
         name = ", ".join(filter(None, (job.kind.group, job.kind.name)))
-        print(f"| {name} | {job.kind.before} |", " | ".join(cells[str(job.path)]), "|")
+        rows.append(f"| {' | '.join([name, job.kind.before, *cells[str(job.path)]])} |")
+    print(*rows, sep="\n")
     print("\n| format | | joints | turns |\n|---|---|---|---|", *errors_of_formats, sep="\n")
     if given.errors:
         print("", *said, sep="\n")
-    sys.exit(any("**" in cell for row in cells.values() for cell in row))
+    lines = given.page.read_text().splitlines() if given.page else rows
+    other = [row for row in rows if row not in lines]
+    print(*(f"{given.page} lacks: {row}" for row in other), sep="\n", file=sys.stderr)
+    sys.exit(bool(other) or any("**" in row for row in rows))
 
 
 main()

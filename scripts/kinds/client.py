@@ -66,7 +66,7 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
         "offsets": clip.skeleton.offsets.tolist(),
         "roots": clip.root.tolist(),
         "turns": clip.rotations.tolist(),
-        "notes": [json.dumps(clip.info["fps"])] if clip.info else [],
+        "notes": [json.dumps(clip.info[key]) for key in ("fps", "oddities")] if clip.info else [],
     }
 
 

@@ -200,7 +200,7 @@ def _trained(job: Job) -> Answer:
 def _of_file(motion: FileMotion) -> Answer:
     turns = matrix_to_quat(torch.from_numpy(motion.rotations)).numpy()
     fps = motion.report["fps"] if motion.report else {}
-    notes = f"{fps.get('basis')} {fps.get('evidence')}"
+    notes = "\n".join([f"{fps.get('basis')} {fps.get('evidence')}", *motion.notes])
     return Answer(motion.names, 30.0, motion.positions, turns, motion.offsets, notes=notes)
 
 

@@ -111,12 +111,12 @@ def tree_of(text: str) -> tuple[list[str], list[int]]:
     return names, [names.index(word[2]) if word[2] else -1 for word in words]
 
 
-def swinging(tree: str, fps: float, offset: Callable[[int], Array], frames: int = 60) -> Motion:
+def swinging(tree: str, fps: float, offset: Callable[[int], Array], frames: int = 60, by_rad: float = 0.3) -> Motion:
     """All joints of a tree swing; the root walks ahead, upright."""
     names, parents = tree_of(tree)
     t = np.arange(frames) / fps
     turns = np.stack(
-        [about(np.array([0.6, 0.64, 0.48]), 0.3 * np.sin(4 * t + nth)) for nth in range(len(names))], axis=1
+        [about(np.array([0.6, 0.64, 0.48]), by_rad * np.sin(4 * t + nth)) for nth in range(len(names))], axis=1
     )
     turns[:, 0] = about((0, 1, 0), 0.4 * t)
     roots = np.stack([0.2 * t, 0.95 + 0.02 * np.sin(6 * t), 1.1 * t], -1)
@@ -257,7 +257,7 @@ def robots() -> Iterator[Kind]:
             "w x y z, stands and faces backwards",
             "stands.csv",
             formats.csv(stands),
-            before,
+            "faces ahead, no note",
             options={"quaternion": "wxyz"},
         ),
         truth=replace(clip, roots=np.tile(clip.roots[:1], (len(rows), 1)), turns=turns),
@@ -319,7 +319,8 @@ def texts() -> Iterator[Kind]:
         "Frames one too few": ("fewer.bvh", TEXT.replace(f"Frames: {count}", f"Frames: {count - 1}").encode(), {}),
     }
     for name, (file, data, options) in texts.items():
-        yield Kind("text of BVH", name, file, data, WALK, "three answers, bare tracebacks", options)
+        before = "bones without length" if file == "zeros.bvh" else "three answers, bare tracebacks"
+        yield Kind("text of BVH", name, file, data, WALK, before, options)
 
 
 def archives() -> Iterator[Kind]:
@@ -364,12 +365,13 @@ def archives() -> Iterator[Kind]:
 
 def amass(width: int, rate: str, y_up: bool = False) -> tuple[bytes, Motion]:
     """AMASS's arrays, Z up if not said otherwise. Its bones are the mean body's, which the caller fills in."""
-    clip = swinging(SMPL, 120.0, lambda _: np.zeros(3), 120)
+    frames, by_rad = (300, 0.1) if y_up else (120, 0.3)
+    clip = swinging(SMPL, 120.0, lambda _: np.zeros(3), frames, by_rad)
     standing = clip if y_up else turned((1, 0, 0), np.pi / 2, clip)
     half = np.arccos(np.clip(standing.turns[..., :1], -1, 1))
     vectors = standing.turns[..., 1:] / np.maximum(np.sin(half), 1e-12) * 2 * half
-    poses = np.zeros((120, width), order="F" if y_up else "C")
-    poses[:, : 3 * len(clip.names)] = vectors.reshape(120, -1)
+    poses = np.zeros((frames, width), order="F" if y_up else "C")
+    poses[:, : 3 * len(clip.names)] = vectors.reshape(frames, -1)
     pelvis = np.array([-0.0018, -0.2233, 0.0282])  # of the mean body, beside the origin that `trans` moves
     data = formats.npz(
         trans=np.ascontiguousarray(standing.roots - pelvis), poses=poses, betas=np.zeros(16), **{rate: 120.0}

@@ -161,7 +161,7 @@ pub(super) fn finish(
 fn note_axes_and_unit(report: &mut Report, stated: Stated, stance: Option<&Stance>) {
     let (up, unit_m) = (report.up.clone(), report.unit_m.clone());
     if up.basis == Basis::Stated
-        && let Some(text) = stance.and_then(|stance| lies(stance, up.value))
+        && let Some(text) = stance.and_then(|stance| lies(stance, up.value, stated))
     {
         report.odd(Topic::Up, text);
     }

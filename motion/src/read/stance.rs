@@ -116,12 +116,18 @@ fn y_up_instead(stated: Up) -> impl Fn(&Stance) -> Option<Finding<Up>> {
     }
 }
 
-/// Says that a body lies, or that the format's up axis is not the file's.
-pub(super) fn lies(stance: &Stance, up: Up) -> Option<String> {
+/// Says that the up axis of a format may not be the file's: the body lies in all frames, and its
+/// lowest joint rises and falls. That of a body that crawls, or of an animal, stays low.
+pub(super) fn lies(stance: &Stance, up: Up, stated: Stated) -> Option<String> {
     let (moving, share) = Up::nearest(stance.moving);
-    (share >= MIN_MOVING && moving != up).then(|| {
+    let is_steady = stance.floor[up as usize] / stance.length <= STEADY_FLOOR;
+    let is_odd = share >= MIN_MOVING && moving != up && (stated.may_be_y_up || !is_steady);
+    is_odd.then(|| {
         let share = 100.0 * share;
-        format!("from feet to head is {share:.0} % {moving} over the frames, and {up} is up: if the body does not lie, --up decides")
+        format!(
+            "from feet to head is {share:.0} % {moving} over the frames, and {up} is up: if the body does not lie, \
+             --up decides"
+        )
     })
 }
 
