@@ -67,6 +67,7 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            may_be_y_up: false,
             by: "FBX says its axes and unit; both were converted to Y up and metres",
         },
         fps,

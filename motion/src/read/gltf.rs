@@ -70,6 +70,7 @@ pub(super) fn parse(
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            may_be_y_up: false,
             by: "glTF is Y up and in metres",
         },
         fps,

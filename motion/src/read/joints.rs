@@ -11,8 +11,8 @@ use super::options::Options;
 use super::rehang::{self, Rehung};
 use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 use super::slides::{hold_slides, little_slide_m};
-use super::stance::{Stated, height_m, unit_of, up_of};
-use super::survey::{Survey, to_world};
+use super::stance::{Stated, height_m, lies, unit_of, up_of};
+use super::survey::{Stance, Survey, to_world};
 use super::units::name_of;
 use super::{Understood, leading, oddities, rest, unique::unique};
 use crate::anatomy::{Name, Tree, without_namespace};
@@ -91,7 +91,7 @@ pub(super) fn understand(
         repairs: parsed.repairs,
         oddities: parsed.oddities,
     };
-    note_axes_and_unit(&mut report, parsed.stated);
+    note_axes_and_unit(&mut report, parsed.stated, stance);
     let names = joint_names(source, options, &mut report);
     let adapted = Adapted {
         source,
@@ -159,8 +159,20 @@ pub(super) fn finish(
     Ok(Understood { clip, rest, report })
 }
 
-fn note_axes_and_unit(report: &mut Report, stated: Stated) {
+fn note_axes_and_unit(report: &mut Report, stated: Stated, stance: Option<&Stance>) {
     let (up, unit_m) = (report.up.clone(), report.unit_m.clone());
+    if up.basis == Basis::Stated
+        && let Some(text) = stance.and_then(|stance| lies(stance, up.value, stated))
+    {
+        report.odd(Topic::Up, text);
+    }
+    if let Some(stated) = stated
+        .up
+        .filter(|stated| up.basis == Basis::Found && *stated != up.value)
+    {
+        let text = format!("{} is up, not {stated}: {}", up.value, up.evidence);
+        report.repaired(Topic::Up, text);
+    }
     if up.value != Up::Y {
         report.repaired(Topic::Up, format!("{} is up: turned so that Y is", up.value));
     }

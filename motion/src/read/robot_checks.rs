@@ -118,6 +118,14 @@ pub(super) fn quaternion_order(
         let ways = format!("{tilts}, but it walks backwards as {}", name(usual));
         return open(ways);
     }
+    if first.upright >= UPRIGHT && second.upright >= UPRIGHT && first.ahead.is_none() {
+        let text = format!(
+            "the root's quaternion is read as {}: {tilts}, and it walks too little to show which; \
+             --quaternion decides",
+            name(usual)
+        );
+        report.odd(Topic::Quaternion, text);
+    }
     Ok(usual)
 }
 

@@ -327,6 +327,26 @@ fn a_body_that_lies_is_not_taken_for_another_up_axis() {
 }
 
 #[test]
+fn a_body_that_lies_in_a_format_with_an_up_axis_is_noted() {
+    let mut clip = walk();
+    for frame in 0..clip.frames() {
+        let turn = Quat::from_rotation_x(std::f32::consts::FRAC_PI_2);
+        clip.root_positions[frame] = turn * clip.root_positions[frame];
+        let hips = &mut clip.rotations_at_mut(frame)[0];
+        *hips = turn * *hips;
+    }
+    let found = plain("lies.glb", &write_glb(&clip).unwrap());
+    assert!(topics_of_oddities(&found).contains(&Topic::Up));
+    let options = Options {
+        up: Some(Up::Z),
+        ..Options::default()
+    };
+    let found = with("lies.glb", &write_glb(&clip).unwrap(), &options).unwrap();
+    assert_eq!(topics_of_oddities(&found), []);
+    assert!((top_m(&found.clip) - 1.51).abs() < 0.02);
+}
+
+#[test]
 fn a_body_that_lies_stays_so_on_a_skeleton_of_its_bones() {
     // Bones along X, as in the human pack: at rest the body lies along X, and so it does here.
     let manifest = include_str!("../../../../models/human/pack.toml");

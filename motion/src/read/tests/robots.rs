@@ -218,6 +218,29 @@ fn a_quaternion_that_stands_upright_in_both_orders_is_told_by_where_it_walks() {
 }
 
 #[test]
+fn a_robot_that_stands_upright_in_both_orders_is_noted() {
+    let clip = walk(60, 30.0, 0.8);
+    let text = write_csv(&clip).unwrap();
+    // It faces ahead: with w first, it would face backwards.
+    let stands = rows(&text, |row| {
+        row[..3].copy_from_slice(&[0.0, 0.0, 0.76]);
+        row[3..7].copy_from_slice(&[0.0, 0.05, 0.0, 0.998_749]);
+    });
+    let found = with("walk.csv", stands.as_bytes(), &on_g1()).unwrap();
+    let odd = &found.report.oddities[0];
+    assert!(
+        odd.topic == Topic::Quaternion && odd.text.ends_with("--quaternion decides"),
+        "{odd:?}"
+    );
+    let options = Options {
+        quaternion: Some(QuaternionOrder::Xyzw),
+        ..on_g1()
+    };
+    let given = with("walk.csv", stands.as_bytes(), &options).unwrap();
+    assert_eq!((&given.clip, &given.report.oddities[..]), (&found.clip, &[][..]));
+}
+
+#[test]
 fn degrees_are_found_beyond_a_full_turn_and_asked_for_below() {
     let truth = walk(150, 30.0, 0.8);
     let degrees = |clip: &Clip| {
