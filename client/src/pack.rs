@@ -205,6 +205,7 @@ fn robot(robot: &v1::Robot) -> RobotDoc {
     RobotDoc {
         name: robot.name.clone(),
         hinges: robot.hinges.iter().map(hinge).collect(),
+        mimics: Vec::new(),
     }
 }
 

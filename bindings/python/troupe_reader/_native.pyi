@@ -137,10 +137,6 @@ class RobotDescription:
     def contacts(self) -> list[str]:
         """Joints that touch the ground."""
 
-    @property
-    def mimics(self) -> list[dict[str, Any]]:
-        """Joints that follow hinges."""
-
 def read(
     source: str | PathLike[str] | bytes,
     *,
