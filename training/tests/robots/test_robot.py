@@ -18,6 +18,7 @@ from troupe_training.data.mirror import MirrorError, mirror_of
 from troupe_training.data.neutral import robot_neutral
 from troupe_training.data.prepare import Choice, file_name, files_of, load_all, prepare
 from troupe_training.data.rotations import matrix_to_quat, six_d_to_matrix
+from troupe_training.data.sides import side_pairs
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.data.store import ClipStore
 from troupe_training.export.manifest import skeleton_lines
@@ -208,6 +209,17 @@ def test_quadrupeds_stand_on_the_ends_of_their_legs(tmp_path: Path):
     assert main([*argv, "--name", "go", "--cache", str(tmp_path / "cache"), "--workers", "1"]) == 0
     body = Body.load(tmp_path / "cache" / "go" / "body.json")
     assert body.size_m == pytest.approx(0.426, abs=0.01)
+    assert [body.sides[body.skeleton.names.index(name)] for name in ("FL_hip", "RR_calf_end", "base")] == [1, -1, 0]
+    argv = ["prepare", str(tmp_path / "csv"), "--urdf", str(tmp_path / "robot.urdf"), "--mirror"]
+    assert main([*argv, "--cache", str(tmp_path / "mirrored"), "--workers", "1"]) == 0
+    store = ClipStore(tmp_path / "mirrored", "train", lengths=[12])
+    assert [clip["name"] for clip in store.clips] == ["walk.csv", "walk_M.csv"]
+
+
+@pytest.mark.parametrize(("left", "right"), [("leg_l{}", "leg_r{}"), ("L_leg_{}", "R_leg_{}"), ("leg{}_L", "leg{}_R")])
+def test_sides_are_found_by_many_makers_names(left: str, right: str):
+    names = ["base", *(side.format(number) for side in (left, right) for number in (1, 6)), "level"]
+    assert side_pairs(names) == [(1, 3), (2, 4)]
 
 
 def test_legs_that_no_name_shows_are_an_option(tmp_path: Path):
