@@ -38,7 +38,7 @@ pub(crate) fn animations(
     beside: Option<HashMap<String, Vec<u8>>>,
 ) -> PyResult<Vec<String>> {
     let file = File::of(source, name, beside)?;
-    let names = py.detach(|| file.with_source(|source| reader::animations(source)));
+    let names = py.detach(|| file.with_source(reader::animations));
     names.map_err(refused)
 }
 
