@@ -13,7 +13,7 @@ const CLIPS: &str = "Clip files";
 const CENTIMETRE_M: f64 = 0.01;
 
 /// What a file may leave open. Without an option, the file's own motion decides if it can.
-#[derive(Debug, Clone, Default, Args)]
+#[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct Reading {
     /// Axis of the file that points up: x, y, z, -x, -y or -z. Default: the one along which the
     /// body stands.

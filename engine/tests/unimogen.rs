@@ -181,7 +181,9 @@ fn made_up_body(pack: &Pack, rng: &mut ChaCha8Rng) -> Body {
         joints: joints.collect(),
         ..InlineSkeleton::default()
     };
-    skeleton.body("made-up", 30.0, &pack.rig.dims).unwrap()
+    skeleton
+        .body("made-up", 30.0, &pack.rig.dims, &mut Vec::new())
+        .unwrap()
 }
 
 /// A task for any body: a walk on a curve. Some have a context, some a target, some guidance.

@@ -9,6 +9,7 @@
 //! `r_l` ([`root::LocalRoot`]), joint positions relative to the projected root and 6D rotations in
 //! the world ([`features`]), joint velocities, and foot contacts ([`contacts`]).
 
+pub mod anatomy;
 pub mod ballistic;
 pub mod bones;
 pub mod bvh;

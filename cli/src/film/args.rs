@@ -5,7 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::reading::Reading;
 use crate::take::Character;
+
+const FPS_HELP: &str = "\
+Frames a second of a moving picture: 10, 12, 15, 20 or 30 [default: 15]. With --clip: of the clip's \
+file, as it says by default; 30 for a robot's .csv and .npy";
+/// Rates of moving pictures.
+const PICTURE_FPS: [f32; 5] = [10.0, 12.0, 15.0, 20.0, 30.0];
 
 /// Draw a character on its path, a filled gap of a clip, or a whole cast.
 ///
@@ -19,7 +26,7 @@ use crate::take::Character;
 /// --cast: several characters live at the same time. The picture is an animated PNG, which browsers
 /// and GitHub play; other programs show its first frame. Its end fades into its beginning.
 #[derive(Debug, Args)]
-#[command(after_long_help = "\
+#[command(mut_arg("fps", |arg| arg.help(FPS_HELP).long_help(FPS_HELP)), after_long_help = "\
 Examples:
   troupe film --path examples/paths/square.toml --out square.png
   troupe film --path examples/paths/bow.toml --out bow.png --from 2 --to 8
@@ -48,16 +55,15 @@ pub(crate) struct Film {
     #[arg(long, value_name = "3-40", value_parser = clap::value_parser!(u8).range(3..=40), conflicts_with = "cast")]
     pub(crate) poses: Option<u8>,
 
-    /// Frames a second of a moving picture.
-    #[arg(long, default_value_t = 15, value_name = "10|12|15|20|30", value_parser = rate)]
-    pub(crate) fps: u16,
-
     /// Width of the picture in pixels [default: 1600; 1000 with --cast].
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(400..=8000))]
     pub(crate) width: Option<u32>,
 
     #[command(flatten)]
     pub(crate) character: Character,
+
+    #[command(flatten)]
+    pub(crate) reading: Reading,
 }
 
 /// What to draw: one of these.
@@ -83,6 +89,38 @@ impl Film {
         self.width.map_or(1.0, |pixels| pixels as f32 / layout_width)
     }
 
+    /// Frames a second of a moving picture, of which 60 are a multiple.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] with the rates that are allowed.
+    pub(crate) fn picture_fps(&self) -> Result<u16, Failure> {
+        let wanted = self.reading.fps.unwrap_or(PICTURE_FPS[2]);
+        match PICTURE_FPS.contains(&wanted) {
+            true => Ok(wanted as u16),
+            false => Err(Failure::Input(format!(
+                "--fps is {wanted}; allowed with --cast: 10, 12, 15, 20, 30"
+            ))),
+        }
+    }
+
+    /// Checks that no option is given that only clips have.
+    ///
+    /// # Errors
+    /// [`Failure::Input`] if one is given without a clip.
+    pub(crate) fn check(&self) -> Result<(), Failure> {
+        let without_fps = Reading {
+            fps: None,
+            ..self.reading.clone()
+        };
+        let has_rate = self.subject.path.is_none() || self.reading.fps.is_none();
+        match self.subject.clip.is_some() || (has_rate && without_fps == Reading::default()) {
+            true => Ok(()),
+            false => Err(Failure::Input(
+                "the options of clip files need --clip; --fps needs --clip or --cast".to_owned(),
+            )),
+        }
+    }
+
     /// --from and --to as frames of a clip.
     ///
     /// # Errors
@@ -95,13 +133,5 @@ impl Film {
             ))),
         };
         Ok((frame("--from", self.from)?, frame("--to", self.to)?))
-    }
-}
-
-/// Rates that 60 frames a second are a multiple of.
-fn rate(text: &str) -> Result<u16, String> {
-    match text.parse::<u16>() {
-        Ok(rate @ (10 | 12 | 15 | 20 | 30)) => Ok(rate),
-        _ => Err("allowed: 10, 12, 15, 20, 30".to_owned()),
     }
 }

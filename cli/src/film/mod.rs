@@ -12,6 +12,7 @@ use crate::context::Context;
 use crate::failure::Failure;
 
 pub(super) async fn run(context: &Context, command: &Film) -> Result<(), Failure> {
+    command.check()?;
     let of = &command.subject;
     if let Some(file) = &of.path {
         path::film(context, command, file).await

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use glam::{DVec3, Quat};
 
 use super::adapted::{Adapted, Turn};
-use super::body::Tree;
 use super::error::ReadErrorKind;
 use super::options::Options;
 use super::rehang::{self, Rehung};
@@ -14,7 +13,8 @@ use super::slides::{hold_slides, little_slide_m};
 use super::stance::{Stated, height_m, unit_of, up_of};
 use super::survey::{Survey, to_world};
 use super::units::name_of;
-use super::{Understood, leading, names, oddities, rest};
+use super::{Understood, leading, oddities, rest, unique::unique};
+use crate::anatomy::{Name, Tree, without_namespace};
 use crate::clip::Clip;
 use crate::convert::{Rules, Selection, Source, Transform, to_clip_of, to_clip_on};
 use crate::skeleton::{Joint, Skeleton};
@@ -210,7 +210,7 @@ fn joint_names(source: &dyn Source, options: &Options, report: &mut Report) -> V
     let mut made: Vec<String> = given
         .iter()
         .map(|&name| {
-            let bare = names::without_namespace(name);
+            let bare = without_namespace(name);
             let strips = match &options.skeleton {
                 Some(skeleton) => !is_there(skeleton, name) && is_there(skeleton, bare),
                 None => options.strip_namespaces,
@@ -220,15 +220,15 @@ fn joint_names(source: &dyn Source, options: &Options, report: &mut Report) -> V
         })
         .collect();
     if stripped > 0 {
-        let first = given.iter().find(|name| names::without_namespace(name) != **name);
+        let first = given.iter().find(|name| without_namespace(name) != **name);
         let first = first.copied().unwrap_or_default();
-        let bare = names::without_namespace(first);
+        let bare = without_namespace(first);
         report.repaired(
             Topic::Names,
             format!("{stripped} names lost their namespace: {first:?} is {bare:?}"),
         );
     }
-    let renamed = names::unique(&mut made);
+    let renamed = unique(&mut made);
     if let Some((old, new)) = renamed.first() {
         let count = renamed.len();
         report.repaired(
@@ -242,13 +242,13 @@ fn joint_names(source: &dyn Source, options: &Options, report: &mut Report) -> V
 /// The bones that a file shares with a skeleton: theirs in the file's unit, ours in metres.
 fn shared_bones(source: &dyn Source, survey: &Survey, skeleton: &Skeleton) -> Vec<[DVec3; 2]> {
     let bone = |joint: usize| {
-        let bare = names::without_namespace(source.name(joint));
+        let bare = without_namespace(source.name(joint));
         let to = skeleton
             .joint_index(source.name(joint))
             .or_else(|| skeleton.joint_index(bare))?;
         let parent = &skeleton.joints[skeleton.joints[to].parent?].name;
         let above = source.name(source.parent(joint)?);
-        let same_parent = parent == above || parent == names::without_namespace(above);
+        let same_parent = parent == above || parent == without_namespace(above);
         let bones = [survey.places[joint], skeleton.joints[to].offset_m.as_dvec3()];
         (same_parent && bones[0].length() > 0.0 && bones[1].length() > 0.01).then_some(bones)
     };
@@ -389,7 +389,7 @@ fn below_steering(survey: &Survey, root: usize) -> usize {
 /// Notes hips and shoulders without length, which say nothing of left and right.
 fn note_zero_bones(clip: &Clip, report: &mut Report) {
     let is_zero = |joint: &&Joint| {
-        let sided = names::Name::of(&joint.name).side.is_some();
+        let sided = Name::of(&joint.name).side.is_some();
         sided && joint.parent.is_some() && joint.offset_m.length() < MIN_BONE_M
     };
     let zero = clip.skeleton.joints.iter().filter(is_zero);

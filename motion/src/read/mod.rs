@@ -13,7 +13,6 @@
 mod adapted;
 mod agreement;
 mod archive;
-mod body;
 mod bvh;
 mod error;
 #[cfg(feature = "fbx")]
@@ -22,7 +21,6 @@ mod gltf;
 mod joints;
 mod kimodo;
 mod leading;
-mod names;
 mod neutral;
 mod oddities;
 mod options;
@@ -41,6 +39,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 mod text;
+mod unique;
 pub mod units;
 
 use glam::Quat;

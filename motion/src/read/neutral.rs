@@ -1,12 +1,11 @@
 //! The neutral pose of a file's body, for models of many bodies: upright, heading along +Z, limbs
 //! hanging down.
 
-use glam::{Quat, Vec3};
+use glam::Quat;
 
 use super::Understood;
-use super::body::{Body, Tree};
-use super::names::Name;
 use super::report::RestPose;
+use crate::anatomy::{Biped, Tree, let_down, stand_up};
 use crate::clip::Clip;
 use crate::root::heading_of;
 use crate::rotation::{align_sign, yaw};
@@ -21,64 +20,23 @@ impl Understood {
     /// skeleton.
     pub fn neutral_pose(&self) -> Option<Vec<Quat>> {
         let skeleton = &*self.clip.skeleton;
-        let body = Body::find(&tree_of(skeleton));
         let rest = self.rest.as_ref()?;
-        let no_limbs = Limbs::default();
-        let (pose, limbs) = match (body, self.report.rest_pose.value) {
-            (Some(body), RestPose::None) => {
-                let limbs = Limbs::of(skeleton, &body).with_spine(&body);
-                (average_pose(&self.clip), limbs)
-            }
-            (Some(body), RestPose::T | RestPose::A) => (world_of(skeleton, rest), Limbs::of(skeleton, &body)),
-            _ => (world_of(skeleton, rest), no_limbs),
+        let ahead = |pose: Vec<Quat>| -> Vec<Quat> {
+            let turn = yaw(-heading_of(pose[0], skeleton.left_axis));
+            pose.into_iter()
+                .map(|rotation| (turn * rotation).normalize())
+                .collect()
         };
-        let turn = yaw(-heading_of(pose[0], skeleton.left_axis));
-        let pose: Vec<Quat> = pose.into_iter().map(|rotation| turn * rotation).collect();
-        Some(straightened(skeleton, &pose, &limbs))
+        Some(
+            match (Biped::find(&Tree::of(skeleton)), self.report.rest_pose.value) {
+                (Some(body), RestPose::None) => stand_up(skeleton, &body, &ahead(average_pose(&self.clip))),
+                (Some(body), RestPose::T | RestPose::A) => {
+                    let_down(skeleton, &body, &ahead(world_of(skeleton, rest)))
+                }
+                _ => ahead(world_of(skeleton, rest)),
+            },
+        )
     }
-}
-
-/// What is straightened. Limbs are shoulder, elbow, wrist or hip, knee, ankle.
-#[derive(Default)]
-struct Limbs {
-    hanging: Vec<[usize; 3]>,
-    /// From the pelvis to the head.
-    spine: Vec<usize>,
-    /// Joints that keep their rotations in the world.
-    still: Vec<usize>,
-}
-
-impl Limbs {
-    /// Arms and legs. Feet keep their rotations.
-    fn of(skeleton: &Skeleton, body: &Body) -> Self {
-        let legs = body.hips.into_iter().zip(body.feet);
-        let legs = legs.filter_map(|(hip, foot)| leg(skeleton, hip, foot));
-        Self {
-            hanging: body.arms.into_iter().flatten().chain(legs).collect(),
-            still: body.feet.to_vec(),
-            ..Self::default()
-        }
-    }
-
-    fn with_spine(mut self, body: &Body) -> Self {
-        self.still.push(body.head);
-        self.spine.clone_from(&body.spine);
-        self
-    }
-}
-
-fn tree_of(skeleton: &Skeleton) -> Tree {
-    let joints = skeleton.joints.iter();
-    Tree {
-        names: joints.clone().map(|joint| Name::of(&joint.name)).collect(),
-        parents: joints.map(|joint| joint.parent).collect(),
-    }
-}
-
-/// Hip, knee and ankle. The knee is the joint above the ankle.
-fn leg(skeleton: &Skeleton, hip: usize, foot: usize) -> Option<[usize; 3]> {
-    let knee = skeleton.joints[foot].parent?;
-    (knee != hip).then_some([hip, knee, foot])
 }
 
 /// World rotations of a pose: joint 0 in the world, others relative to their parents.
@@ -108,47 +66,4 @@ fn average_pose(clip: &Clip) -> Vec<Quat> {
         }
     };
     sums.into_iter().map(unit).collect()
-}
-
-/// The pose with its limbs hanging down and the joints of its spine on top of each other. What
-/// hangs on them goes along.
-fn straightened(skeleton: &Skeleton, pose: &[Quat], limbs: &Limbs) -> Vec<Quat> {
-    // For each joint that is turned: the joint of its bone's end, and where the bone points then.
-    let mut aims: Vec<Option<(usize, Vec3)>> = vec![None; pose.len()];
-    for &[top, middle, end] in &limbs.hanging {
-        aims[top] = Some((middle, Vec3::NEG_Y));
-        aims[middle] = Some((end, Vec3::NEG_Y));
-    }
-    for bone in limbs.spine.windows(2) {
-        aims[bone[0]] = Some((bone[1], Vec3::Y));
-    }
-    let mut out: Vec<Quat> = Vec::with_capacity(pose.len());
-    for (joint, described) in skeleton.joints.iter().enumerate() {
-        let along = described
-            .parent
-            .map_or(Quat::IDENTITY, |parent| out[parent] * pose[parent].conjugate());
-        let mut rotation = match limbs.still.contains(&joint) {
-            true => pose[joint],
-            false => along * pose[joint],
-        };
-        if let Some((end, wanted)) = aims[joint] {
-            let bone = rotation * to(skeleton, pose, joint, end);
-            if let Some(bone) = bone.try_normalize() {
-                rotation = Quat::from_rotation_arc(bone, wanted) * rotation;
-            }
-        }
-        out.push(rotation.normalize());
-    }
-    out
-}
-
-/// The place of a joint below another, in the other's own frame, metres.
-fn to(skeleton: &Skeleton, pose: &[Quat], above: usize, below: usize) -> Vec3 {
-    let mut place = Vec3::ZERO;
-    let mut joint = below;
-    while let Some(parent) = skeleton.joints[joint].parent.filter(|_| joint != above) {
-        place += pose[parent] * skeleton.joints[joint].offset_m;
-        joint = parent;
-    }
-    pose[above].conjugate() * place
 }

@@ -1,7 +1,7 @@
 //! What looks odd in a clip, and which of its joints touch the ground.
 
-use super::names::Name;
 use super::report::{Basis, Finding, Report, Topic};
+use crate::anatomy::Name;
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 use crate::inspect::{Issue, Limits, inspect};

@@ -1,8 +1,8 @@
 //! Feet and hands that steer a rig: they hang on its root, and move with the end of their limb.
 //! They are hung where they belong.
 
-use super::body::Tree;
 use super::survey::{Survey, to_world};
+use crate::anatomy::Tree;
 use crate::convert::{Source, Transform};
 
 /// Farthest at rest from the end of its limb, by the body's size.

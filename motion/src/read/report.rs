@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::anatomy::RestPose;
+
 /// A format that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -91,44 +93,6 @@ impl Up {
 impl fmt::Display for Up {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
-    }
-}
-
-/// How the bones of a skeleton point at rest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RestPose {
-    /// Upright, arms to the sides.
-    T,
-    /// Upright, arms half down.
-    A,
-    /// Upright, arms hanging.
-    Standing,
-    /// Anything else: bones along an axis of their own, or a pose that is no stance.
-    None,
-}
-
-impl RestPose {
-    /// The pose that is written `t`, `a`, `standing` or `none`.
-    pub fn of_name(name: &str) -> Option<Self> {
-        match name {
-            "t" => Some(Self::T),
-            "a" => Some(Self::A),
-            "standing" => Some(Self::Standing),
-            "none" => Some(Self::None),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for RestPose {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::T => "T-pose",
-            Self::A => "A-pose",
-            Self::Standing => "standing",
-            Self::None => "none",
-        })
     }
 }
 

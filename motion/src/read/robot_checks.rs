@@ -169,6 +169,7 @@ pub(super) fn angles(
     let order = order_of(given, robot, skeleton)?;
     let unit = options.angles.unwrap_or(AngleUnit::Radians);
     let now = beyond(&rows.angles, robot, to_radians(unit), &order);
+    let largest = most(rows, robot.hinges().len());
     let joint = |hinge: usize| &*skeleton.joints[robot.hinges()[hinge].joint].name;
     let mut reading = (unit, order);
     if now.far_rad > FAR_RAD {
@@ -187,13 +188,16 @@ pub(super) fn angles(
             of.upper_rad,
             now.frame
         );
-        match fitting(rows, robot, &reading, options) {
-            Some((AngleUnit::Degrees, _, name)) if most(rows, robot.hinges().len()) <= FULL_TURN_RAD => {
+        match fitting(rows, robot, &reading, largest, options) {
+            Some((AngleUnit::Degrees, _, name)) if largest <= FULL_TURN_RAD => {
                 return Err(ReadErrorKind::Open {
                     topic: Topic::Angles,
                     what: "what the angles mean",
                     evidence,
-                    options: format!("all are within their limits with {name}"),
+                    options: format!(
+                        "--joint-order names the hinges of the columns; {name} fits too, but then most frames turn no \
+                         hinge farther than {largest:.1}°"
+                    ),
                 });
             }
             Some((unit, order, name)) => {
@@ -210,11 +214,15 @@ pub(super) fn angles(
             }
             None => {
                 return Err(ReadErrorKind::Robot(format!(
-                    "{evidence}: are the angles in radians (--degrees), in the robot's order (--joint-order), \
-                     and of this robot?"
+                    "{evidence}: are the angles in the robot's order (--joint-order), and of this robot?"
                 )));
             }
         }
+    }
+    if reading.0 == AngleUnit::Degrees && largest <= FULL_TURN_RAD {
+        let text =
+            format!("as degrees, most frames turn no hinge farther than {largest:.1}°; is --degrees right?");
+        report.odd(Topic::Angles, text);
     }
     apply(rows, &reading.1, to_radians(reading.0));
     note_limits(rows, robot, joint, report);
@@ -224,7 +232,13 @@ pub(super) fn angles(
 type Fit = (AngleUnit, Vec<usize>, &'static str);
 
 /// Another reading in which all angles are within their limits, with the option that asks for it.
-fn fitting(rows: &Rows, robot: &Robot, now: &(AngleUnit, Vec<usize>), options: &Options) -> Option<Fit> {
+fn fitting(
+    rows: &Rows,
+    robot: &Robot,
+    now: &(AngleUnit, Vec<usize>),
+    largest: f64,
+    options: &Options,
+) -> Option<Fit> {
     let (unit, order) = now;
     let breadth = robot.breadth_first();
     let (other, name, both) = match *order == breadth {
@@ -239,7 +253,7 @@ fn fitting(rows: &Rows, robot: &Robot, now: &(AngleUnit, Vec<usize>), options: &
         ),
     };
     let fits = |fit: &Fit| beyond(&rows.angles, robot, to_radians(fit.0), &fit.1).far_rad <= NOTED_RAD;
-    let is_large = most(rows, robot.hinges().len()) > FULL_TURN_RAD;
+    let is_large = largest > FULL_TURN_RAD;
     let may_turn = options.angles.is_none();
     let may_order = options.joint_order.is_none();
     let degrees = (AngleUnit::Degrees, order.clone(), "--degrees");

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::body::{Body, Tree};
 use super::report::Up;
+use crate::anatomy::{Biped, Name, Tree};
 use crate::convert::{Source, Transform};
 
 /// Most frames that are looked at for how the body stands.
@@ -15,7 +15,7 @@ const MAX_LEAN_DEG: f64 = 45.0;
 /// Lengths are in the file's units.
 pub(super) struct Survey {
     pub(super) tree: Tree,
-    pub(super) body: Option<Body>,
+    pub(super) body: Option<Biped>,
     /// Mean place of each joint in its parent.
     pub(super) places: Vec<DVec3>,
     /// How far each joint moves in its parent from its first place, and in which frame most.
@@ -42,8 +42,8 @@ pub(super) struct Stance {
 
 impl Survey {
     pub(super) fn of(source: &dyn Source) -> Self {
-        let tree = Tree::of(source);
-        let body = Body::find(&tree);
+        let tree = tree_of(source);
+        let body = Biped::find(&tree);
         let joints = source.joint_count();
         let mut local = vec![Transform::default(); joints];
         source.rest(&mut local);
@@ -62,6 +62,15 @@ impl Survey {
             rest,
             stance,
         }
+    }
+}
+
+/// Names and parents of a file's joints.
+fn tree_of(source: &dyn Source) -> Tree {
+    let joints = 0..source.joint_count();
+    Tree {
+        names: joints.clone().map(|joint| Name::of(source.name(joint))).collect(),
+        parents: joints.map(|joint| source.parent(joint)).collect(),
     }
 }
 
@@ -99,7 +108,7 @@ fn places(source: &dyn Source, local: &mut [Transform]) -> (Vec<DVec3>, Vec<(f64
 }
 
 impl Stance {
-    fn of(source: &dyn Source, tree: &Tree, body: &Body, rest: &[DVec3], places: &[DVec3]) -> Option<Self> {
+    fn of(source: &dyn Source, tree: &Tree, body: &Biped, rest: &[DVec3], places: &[DVec3]) -> Option<Self> {
         let length_of =
             |chain: &[usize]| -> f64 { chain[1..].iter().map(|&joint| places[joint].length()).sum() };
         let legs = [0, 1].map(|side| tree.chain(body.hips[side], body.feet[side]));
@@ -142,7 +151,7 @@ impl Stance {
 
 /// Whether the legs point down and the head is above the pelvis. The bones of many files all point
 /// along one axis at rest.
-fn is_stance(body: &Body, rest: &[DVec3], up: DVec3) -> bool {
+fn is_stance(body: &Biped, rest: &[DVec3], up: DVec3) -> bool {
     let points = |from: usize, to: usize, along: DVec3| {
         (rest[to] - rest[from]).angle_between(along).to_degrees() <= MAX_LEAN_DEG
     };

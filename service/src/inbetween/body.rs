@@ -10,7 +10,8 @@ use troupe_proto::v1;
 /// Name of a body whose skeleton came with the request.
 const NAME: &str = "skeleton";
 
-/// Makes a body from the skeleton that a request gives at `path`.
+/// Makes a body from the skeleton that a request gives at `path`. `notes` gets a line for what was
+/// derived and may be meant otherwise.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -18,6 +19,7 @@ pub(super) fn inline_body(
     path: &Path<'_>,
     skeleton: &v1::BodySkeleton,
     pack: &Pack,
+    notes: &mut Vec<String>,
 ) -> Result<Body, FieldError> {
     let mut joints = Vec::with_capacity(skeleton.joints.len());
     for (index, joint) in skeleton.joints.iter().enumerate() {
@@ -42,7 +44,7 @@ pub(super) fn inline_body(
         robot: None,
     };
     inline
-        .body(NAME, pack.rig.fps, &pack.rig.dims)
+        .body(NAME, pack.rig.fps, &pack.rig.dims, notes)
         .map_err(|error| field_error(path, error))
 }
 

@@ -46,7 +46,8 @@ pub fn prepare_path(
 ) -> Result<PathPlan, FieldError> {
     let root = Path::root();
     let path = root.field("path");
-    let body = body(&path, goal, pack)?;
+    let mut notes = Vec::new();
+    let body = body(&path, goal, pack, &mut notes)?;
     strict::check(&path, goal, &body.name, &body.rig)?;
     if !goal.keyframes.is_empty() {
         let allowed = format!("none: the network of the pack {} takes none", pack.name());
@@ -54,7 +55,6 @@ pub fn prepare_path(
     }
     let [past, targets] = check_ends(goal, past, &body.rig)?;
     let (points, seconds) = points(&path, goal, WALK * body.size_m)?;
-    let mut notes = Vec::new();
     let guidance = goal.guidance.unwrap_or(1.0);
     let mut plan = PathPlan::new(PathRequest {
         points,
@@ -96,13 +96,18 @@ fn check_ends(
     Ok([past, targets])
 }
 
-fn body(path: &Path<'_>, goal: &v1::PathGoal, pack: &Pack) -> Result<Arc<Body>, FieldError> {
+fn body(
+    path: &Path<'_>,
+    goal: &v1::PathGoal,
+    pack: &Pack,
+    notes: &mut Vec<String>,
+) -> Result<Arc<Body>, FieldError> {
     let field = path.field("body");
     match &goal.skeleton {
         Some(_) if !goal.body.is_empty() => {
             Err(field.error("is given beside a skeleton", "only one of the two"))
         }
-        Some(skeleton) => inline_body(&path.field("skeleton"), skeleton, pack).map(Arc::new),
+        Some(skeleton) => inline_body(&path.field("skeleton"), skeleton, pack, notes).map(Arc::new),
         None => pack.body(&goal.body).cloned().ok_or_else(|| {
             let names: Vec<&str> = pack.bodies.iter().map(|body| &*body.name).collect();
             field.error(format!("is {:?}", cut(&goal.body)), names.join(", "))

@@ -25,6 +25,7 @@ const LENGTHS_S: [f32; 2] = [1.0, 60.0];
 pub(super) async fn film(context: &Context, command: &Film, file: &Path) -> Result<(), Failure> {
     let cast = Cast::read(file)?;
     let (from_s, seconds) = times(command)?;
+    let fps = command.picture_fps()?;
     let take = follow_together(context, &cast, from_s + seconds).await?;
     let scenery = match &take.scene {
         Some(scene) => Some(Scenery::of(&context.connect().await?, scene, &take.events, &[]).await?),
@@ -36,7 +37,7 @@ pub(super) async fn film(context: &Context, command: &Film, file: &Path) -> Resu
         scenery,
         from_s,
         seconds,
-        fps: command.fps,
+        fps,
         zoom: command.zoom(WIDTH),
     };
     let bar = context.term.bar(picture.frame_count(), "pictures");

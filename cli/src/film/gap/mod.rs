@@ -13,7 +13,6 @@ use super::{Film, write};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::fill::{Filled, Gap, Sampling, fill};
-use crate::reading::Reading;
 use crate::splice::splice;
 
 /// Generated poses without --poses.
@@ -33,7 +32,7 @@ pub(super) async fn film(context: &Context, command: &Film, file: &Path) -> Resu
             seed: command.character.seed.unwrap_or_default(),
             ..Sampling::default()
         },
-        reading: Reading::default(),
+        reading: command.reading.clone(),
     };
     let filled = fill(context, &gap, None).await?;
     let first_frame = from + 1 - CONTEXT_FRAMES;

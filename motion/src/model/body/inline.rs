@@ -2,11 +2,11 @@
 
 use glam::{Quat, Vec3};
 
+use super::at_rest::AtRest;
 use super::description::is_leaf;
 use super::{Body, BodyError, BodyParts, MAX_BODY_JOINTS, bones, extent, places};
 use crate::model::Dims;
 use crate::robot::RobotDoc;
-use crate::root::heading_of;
 use crate::skeleton::{ContactParams, Joint, Skeleton};
 
 /// Joints farther from the middle than this share of the body's extent have a side.
@@ -41,7 +41,7 @@ pub struct InlineSkeleton {
     /// Names of the joints that touch the ground. `None`: the lowest ends.
     pub contacts: Option<Vec<String>>,
     /// World rotations of the neutral pose, one a joint. `None`: the rest pose, turned to head
-    /// along +Z.
+    /// along +Z. The limbs of a person in a T-pose or an A-pose are let down.
     pub neutral: Option<Vec<Quat>>,
     /// 1 left, -1 right, 0 middle, one a joint. `None`: by the places of the neutral pose.
     pub sides: Option<Vec<i8>>,
@@ -50,22 +50,35 @@ pub struct InlineSkeleton {
 }
 
 impl InlineSkeleton {
-    /// The body of the skeleton. `dims` has the sizes of the pack's windows.
+    /// The body of the skeleton. `dims` has the sizes of the pack's windows. `notes` gets a line
+    /// for what was derived and may be meant otherwise.
     ///
     /// # Errors
     /// [`BodyError`] with the field and its range.
-    pub fn body(&self, name: &str, fps: f32, dims: &Dims) -> Result<Body, BodyError> {
-        let left_axis = self.left_axis();
-        let mut skeleton = Skeleton::new(self.linked()?, left_axis, 0.0, None)?;
+    pub fn body(
+        &self,
+        name: &str,
+        fps: f32,
+        dims: &Dims,
+        notes: &mut Vec<String>,
+    ) -> Result<Body, BodyError> {
+        let mut skeleton = Skeleton::new(self.linked()?, self.left_axis(), 0.0, None)?;
         let joints = skeleton.joint_count();
-        let given = self.neutral.as_deref();
-        if let Some(neutral) = given.filter(|neutral| neutral.len() != joints) {
-            let found = format!("{} long", neutral.len());
-            let allowed = format!("{joints}, one a joint");
-            return Err(BodyError::field("neutral.rotations", found, allowed));
-        }
-        let rest = Quat::from_rotation_y(-heading_of(Quat::IDENTITY, left_axis));
-        let neutral = given.map_or_else(|| vec![rest; joints], <[Quat]>::to_vec);
+        let neutral = match &self.neutral {
+            Some(given) if given.len() != joints => {
+                let found = format!("{} long", given.len());
+                let allowed = format!("{joints}, one a joint");
+                return Err(BodyError::field("neutral.rotations", found, allowed));
+            }
+            Some(given) => given.clone(),
+            None => {
+                let at_rest = AtRest::of(&skeleton);
+                if self.left_axis.is_none() {
+                    skeleton.left_axis = at_rest.left_axis(notes);
+                }
+                at_rest.neutral(&skeleton, notes)?
+            }
+        };
         let places = places(&skeleton, &bones(&skeleton, &neutral));
         skeleton.contacts = Some(self.contact_params(&skeleton, &places)?);
         if let Some(robot) = &self.robot {

@@ -4,6 +4,7 @@
 //! `N[j]` the world rotation of a joint in that pose, `R[j] N[j]ᵀ` is its turn in a frame, in world
 //! axes: the same bend on every body. The reference is `training/troupe_training/data/bodies.py`.
 
+mod at_rest;
 mod description;
 mod error;
 mod inline;

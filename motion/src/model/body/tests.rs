@@ -30,7 +30,7 @@ fn inline() -> InlineSkeleton {
 }
 
 fn body_of(skeleton: &InlineSkeleton) -> Body {
-    skeleton.body("mine", 30.0, &DIMS).unwrap()
+    skeleton.body("mine", 30.0, &DIMS, &mut Vec::new()).unwrap()
 }
 
 #[test]
@@ -82,7 +82,10 @@ fn a_rest_pose_that_heads_elsewhere_is_turned() {
 fn only_hinges_may_be_at_one_place() {
     let mut skeleton = inline();
     skeleton.joints[1].offset_m = Vec3::ZERO;
-    let error = skeleton.body("mine", 30.0, &DIMS).unwrap_err().to_string();
+    let error = skeleton
+        .body("mine", 30.0, &DIMS, &mut Vec::new())
+        .unwrap_err()
+        .to_string();
     assert!(
         error.contains("skeleton.joints[1].offset_m is 0 m long"),
         "{error}"
@@ -174,13 +177,138 @@ fn every_mistake_is_named() {
     for (change, wanted) in cases {
         let mut skeleton = inline();
         change(&mut skeleton);
-        let error = skeleton.body("mine", 30.0, &DIMS).unwrap_err().to_string();
+        let error = skeleton
+            .body("mine", 30.0, &DIMS, &mut Vec::new())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(wanted), "{error} lacks {wanted}");
     }
     let small = InlineSkeleton {
         joints: inline().joints[..1].to_vec(),
         ..InlineSkeleton::default()
     };
-    let error = small.body("mine", 30.0, &DIMS).unwrap_err().to_string();
+    let error = small
+        .body("mine", 30.0, &DIMS, &mut Vec::new())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("size_m is 0; allowed: 0.01 to 100"), "{error}");
+}
+
+/// A person with its arms at an angle below the horizontal, turned about the vertical axis.
+fn person(arms_down_deg: f32, turn_rad: f32) -> InlineSkeleton {
+    let turn = Quat::from_rotation_y(turn_rad);
+    let joint = |name: &str, parent: &str, offset_m: Vec3| InlineJoint {
+        name: name.to_owned(),
+        parent: parent.to_owned(),
+        offset_m: turn * offset_m,
+    };
+    let mut joints = vec![
+        joint("Hips", "", Vec3::Y),
+        joint("Spine", "Hips", Vec3::Y * 0.3),
+        joint("Head", "Spine", Vec3::Y * 0.4),
+    ];
+    for (side, sign) in [("Left", 1.0), ("Right", -1.0)] {
+        let name = |part: &str| format!("{side}{part}");
+        let (sin, cos) = arms_down_deg.to_radians().sin_cos();
+        let along = Vec3::new(sign * cos, -sin, 0.0);
+        for (part, parent, offset_m) in [
+            ("UpLeg", "Hips".to_owned(), Vec3::new(0.1 * sign, 0.0, 0.0)),
+            ("Leg", name("UpLeg"), Vec3::Y * -0.45),
+            ("Foot", name("Leg"), Vec3::Y * -0.45),
+            ("Toe", name("Foot"), Vec3::new(0.0, -0.05, 0.15)),
+            ("Arm", "Spine".to_owned(), Vec3::new(0.18 * sign, 0.2, 0.0)),
+            ("ForeArm", name("Arm"), along * 0.3),
+            ("Hand", name("ForeArm"), along * 0.25),
+        ] {
+            joints.push(joint(&name(part), &parent, offset_m));
+        }
+    }
+    InlineSkeleton {
+        joints,
+        ..InlineSkeleton::default()
+    }
+}
+
+fn noted(skeleton: &InlineSkeleton) -> (Body, Vec<String>) {
+    let mut notes = Vec::new();
+    let body = skeleton.body("mine", 30.0, &DIMS, &mut notes).unwrap();
+    (body, notes)
+}
+
+#[test]
+fn a_person_in_a_t_pose_or_an_a_pose_lets_its_arms_down() {
+    for arms_down_deg in [-5.0, 0.0, 20.0, 45.0] {
+        for turn_rad in [0.0, 1.0, std::f32::consts::PI] {
+            let (body, notes) = noted(&person(arms_down_deg, turn_rad));
+            let bone = |name: &str| body.bones_m[body.rig.skeleton.joint_index(name).unwrap()];
+            for hanging in ["LeftForeArm", "LeftHand", "RightHand", "LeftLeg", "RightFoot"] {
+                let off_deg = bone(hanging).angle_between(Vec3::NEG_Y).to_degrees();
+                assert!(off_deg < 0.1, "{hanging}: {off_deg}°");
+            }
+            assert!(
+                bone("LeftUpLeg").abs_diff_eq(Vec3::X * 0.1, 1e-5),
+                "heads along +Z"
+            );
+            assert!(bone("LeftToe").z > 0.1);
+            assert!(notes.last().unwrap().contains("limbs are let down"), "{notes:?}");
+            assert_eq!(notes.len(), 1 + usize::from(turn_rad > 0.0), "{notes:?}");
+        }
+    }
+}
+
+#[test]
+fn a_person_that_stands_is_neutral_as_it_is() {
+    let (body, notes) = noted(&person(85.0, 0.0));
+    assert!(
+        body.neutral.iter().all(|q| *q == Quat::IDENTITY) && notes.is_empty(),
+        "{notes:?}"
+    );
+}
+
+#[test]
+fn a_person_in_no_stance_asks_for_its_neutral_pose() {
+    let error = |skeleton: &InlineSkeleton| {
+        let found = skeleton.body("mine", 30.0, &DIMS, &mut Vec::new());
+        found.unwrap_err().to_string()
+    };
+    let arms_up = error(&person(-60.0, 0.0));
+    assert!(
+        arms_up.contains("neutral.rotations") && arms_up.contains("arms -60°"),
+        "{arms_up}"
+    );
+    let mut lying = person(0.0, 0.0);
+    for joint in &mut lying.joints {
+        joint.offset_m = Quat::from_rotation_x(1.57) * joint.offset_m;
+    }
+    let why = error(&lying);
+    assert!(why.contains("is not upright"), "{why}");
+    lying.neutral = Some(vec![Quat::from_rotation_x(-1.57); lying.joints.len()]);
+    assert!(noted(&lying).1.is_empty(), "what is given is taken");
+}
+
+#[test]
+fn what_may_be_meant_otherwise_is_noted() {
+    let mut unknown = person(0.0, 0.0);
+    for (index, joint) in unknown.joints.iter_mut().enumerate() {
+        joint.name = format!("bone{index}");
+    }
+    let names: Vec<String> = person(0.0, 0.0)
+        .joints
+        .into_iter()
+        .map(|joint| joint.name)
+        .collect();
+    for joint in &mut unknown.joints {
+        if let Some(parent) = names.iter().position(|name| *name == joint.parent) {
+            joint.parent = format!("bone{parent}");
+        }
+    }
+    let notes = noted(&unknown).1;
+    assert!(notes.len() == 1 && notes[0].contains("1.46 m wide"), "{notes:?}");
+    let mut large = person(85.0, 0.0);
+    large.joints.iter_mut().for_each(|joint| joint.offset_m *= 39.37);
+    let notes = noted(&large).1;
+    assert!(
+        notes.len() == 1 && notes[0].contains("offsets are in metres"),
+        "{notes:?}"
+    );
 }

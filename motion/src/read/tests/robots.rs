@@ -241,8 +241,17 @@ fn degrees_are_found_beyond_a_full_turn_and_asked_for_below() {
         .unwrap_err()
         .to_string();
     assert!(
-        error.contains("--degrees") && error.contains("left_knee"),
+        error.contains("--degrees fits too, but then most frames turn no hinge farther than 4.5°")
+            && error.contains("--joint-order")
+            && error.contains("left_knee"),
         "{error}"
+    );
+    // Who follows that advice wrongly reads it again.
+    let found = with("walk.csv", small.as_bytes(), &options).unwrap();
+    assert!(
+        found.report.oddities[0].text.contains("is --degrees right?"),
+        "{:?}",
+        found.report.oddities
     );
     // One frame beyond a full turn does not make degrees of the others.
     let text = write_csv(&truth).unwrap();

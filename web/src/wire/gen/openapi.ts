@@ -665,7 +665,7 @@ export interface components {
             /** @description The body's left in the first joint's own frame, unit length. Left out: +X of the neutral pose. */
             left_axis?: components["schemas"]["Vec3"];
             /**
-             * @description World rotations of the neutral pose, one for each joint. Empty: the rest pose, turned to face +Z.
+             * @description World rotations of the neutral pose, one for each joint. Empty: the rest pose, turned to face +Z. A person's arms and legs are let down from a T-pose or an A-pose, which the answer notes. In any other pose it is refused.
              * @default []
              */
             neutral: components["schemas"]["Quat"][];

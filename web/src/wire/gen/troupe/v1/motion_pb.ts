@@ -1275,7 +1275,8 @@ export type BodySkeleton = Message<"troupe.v1.BodySkeleton"> & {
 
   /**
    * World rotations of the neutral pose, one for each joint. Empty: the rest pose, turned to face
-   * +Z.
+   * +Z. A person's arms and legs are let down from a T-pose or an A-pose, which the answer notes.
+   * In any other pose it is refused.
    *
    * @generated from field: repeated troupe.v1.Quat neutral = 4;
    */

@@ -1,24 +1,26 @@
 //! Joints' names as programs write them: namespaces, sides, and the words in them.
 
-use std::collections::{HashMap, HashSet};
-
 /// The side of the body that a name says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Side {
+pub enum Side {
+    /// Left.
     Left,
+    /// Right.
     Right,
 }
 
 impl Side {
-    pub(super) const BOTH: [Self; 2] = [Self::Left, Self::Right];
+    /// Left first.
+    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
 }
 
 /// A name taken apart.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Name {
-    pub(super) side: Option<Side>,
+pub struct Name {
+    /// None for the middle, and for names that say no side.
+    pub side: Option<Side>,
     /// Words in small letters, without the side and numbers.
-    pub(super) words: Vec<String>,
+    pub words: Vec<String>,
 }
 
 /// Words for parts of a body, which may follow a side without a gap: `lfemur`.
@@ -34,7 +36,8 @@ const HELPERS: [&str; 9] = [
 ];
 
 impl Name {
-    pub(super) fn of(name: &str) -> Self {
+    /// Takes a name apart. A namespace is left out.
+    pub fn of(name: &str) -> Self {
         let mut parsed = Self::default();
         for word in words(without_namespace(name)) {
             let side = match &*word {
@@ -59,27 +62,29 @@ impl Name {
         parsed
     }
 
-    pub(super) fn has(&self, word: &str) -> bool {
+    /// Whether one of its words is this, in small letters.
+    pub fn has(&self, word: &str) -> bool {
         self.words.iter().any(|w| w == word)
     }
 
-    pub(super) fn has_any(&self, words: &[&str]) -> bool {
+    /// Whether it has one of these words.
+    pub fn has_any(&self, words: &[&str]) -> bool {
         words.iter().any(|word| self.has(word))
     }
 
     /// Whether it steers a rig and is not of the body.
-    pub(super) fn is_steering(&self) -> bool {
+    pub fn is_steering(&self) -> bool {
         self.has_any(&STEERING)
     }
 
     /// Whether it steers or helps a limb, and is no joint of it.
-    pub(super) fn is_helper(&self) -> bool {
+    pub fn is_helper(&self) -> bool {
         self.has_any(&HELPERS)
     }
 }
 
 /// The name after the last `:` or `|`: `mixamorig:Hips` is `Hips`.
-pub(super) fn without_namespace(name: &str) -> &str {
+pub fn without_namespace(name: &str) -> &str {
     match name.rsplit([':', '|']).next() {
         Some(rest) if !rest.is_empty() => rest,
         _ => name,
@@ -107,31 +112,6 @@ fn words(name: &str) -> Vec<String> {
     }
     words.extend((!word.is_empty()).then_some(word));
     words
-}
-
-/// Names without duplicates: a second `Hand` becomes `Hand_2`. Returns the new names of those that
-/// changed, with the old ones.
-pub(super) fn unique(names: &mut [String]) -> Vec<(String, String)> {
-    let mut taken: HashSet<String> = HashSet::with_capacity(names.len());
-    let given: HashSet<String> = names.iter().cloned().collect();
-    let mut next: HashMap<String, usize> = HashMap::new();
-    let mut changed = Vec::new();
-    for name in names {
-        if taken.insert(name.clone()) {
-            continue;
-        }
-        let number = next.entry(name.clone()).or_insert(1);
-        let new = loop {
-            *number += 1;
-            let new = format!("{name}_{number}");
-            if !given.contains(&new) && !taken.contains(&new) {
-                break new;
-            }
-        };
-        taken.insert(new.clone());
-        changed.push((std::mem::replace(name, new.clone()), new));
-    }
-    changed
 }
 
 #[cfg(test)]
@@ -167,14 +147,5 @@ mod tests {
         }
         assert!(Name::of("foot_ik.L").is_helper());
         assert_eq!(without_namespace("a:"), "a:");
-    }
-
-    #[test]
-    fn a_second_joint_of_a_name_gets_a_number() {
-        let mut names = ["a", "a", "a_2", "b", "a"].map(str::to_owned);
-        let changed = unique(&mut names);
-        assert_eq!(names, ["a", "a_3", "a_2", "b", "a_4"]);
-        assert_eq!(changed.len(), 2);
-        assert_eq!(changed[0], ("a".to_owned(), "a_3".to_owned()));
     }
 }

@@ -1,51 +1,54 @@
-//! Finds a two-legged body among a file's joints, by names and by how they hang together.
+//! Finds a two-legged body among joints, by names and by how they hang together.
 
 use super::names::{Name, Side};
-use crate::convert::Source;
+use crate::skeleton::Skeleton;
 
-/// Joints of a two-legged body, as indices of the file. Pairs are left, right.
+/// Joints of a two-legged body, as indices. Pairs are left, right.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Body {
+pub struct Biped {
     /// The joint that both legs hang on.
-    pub(super) pelvis: usize,
+    pub pelvis: usize,
     /// The joint of each leg that turns the thigh.
-    pub(super) hips: [usize; 2],
+    pub hips: [usize; 2],
     /// Ankles: the first joint of each foot.
-    pub(super) feet: [usize; 2],
+    pub feet: [usize; 2],
     /// The head, or the neck if there is no head; the end of the spine.
-    pub(super) head: usize,
+    pub head: usize,
     /// The joints from the pelvis to the head, both included.
-    pub(super) spine: Vec<usize>,
+    pub spine: Vec<usize>,
     /// Each arm from the shoulder to the wrist, if both were found.
-    pub(super) arms: Option<[[usize; 3]; 2]>,
+    pub arms: Option<[[usize; 3]; 2]>,
 }
 
 const FOOT: [&str; 2] = ["foot", "ankle"];
 const HAND: [&str; 2] = ["hand", "wrist"];
 const ELBOW: [&str; 4] = ["elbow", "forearm", "radius", "fore"];
 
-/// Parents and names of a file's joints.
-pub(super) struct Tree {
-    pub(super) names: Vec<Name>,
-    pub(super) parents: Vec<Option<usize>>,
+/// Parents and names of joints, an entry each.
+pub struct Tree {
+    /// The names, taken apart.
+    pub names: Vec<Name>,
+    /// Indices of the parents, smaller than the joint's own.
+    pub parents: Vec<Option<usize>>,
 }
 
 impl Tree {
-    pub(super) fn of(source: &dyn Source) -> Self {
-        let joints = 0..source.joint_count();
+    /// The joints of a skeleton.
+    pub fn of(skeleton: &Skeleton) -> Self {
+        let joints = skeleton.joints.iter();
         Self {
-            names: joints.clone().map(|joint| Name::of(source.name(joint))).collect(),
-            parents: joints.map(|joint| source.parent(joint)).collect(),
+            names: joints.clone().map(|joint| Name::of(&joint.name)).collect(),
+            parents: joints.map(|joint| joint.parent).collect(),
         }
     }
 
     /// A joint and all above it.
-    pub(super) fn line(&self, joint: usize) -> impl Iterator<Item = usize> {
+    pub fn line(&self, joint: usize) -> impl Iterator<Item = usize> {
         std::iter::successors(Some(joint), |&joint| self.parents[joint])
     }
 
     /// The joints from one above to one below, both included; none if it is not above.
-    pub(super) fn chain(&self, above: usize, below: usize) -> Option<Vec<usize>> {
+    pub fn chain(&self, above: usize, below: usize) -> Option<Vec<usize>> {
         let mut chain: Vec<usize> = self.line(below).take_while(|&joint| joint != above).collect();
         let top = chain.last().map_or(Some(below), |&last| self.parents[last]);
         if top != Some(above) {
@@ -87,9 +90,9 @@ impl Tree {
     }
 }
 
-impl Body {
+impl Biped {
     /// The body of a file's joints; none if it has no two feet, or no head, by name.
-    pub(super) fn find(tree: &Tree) -> Option<Self> {
+    pub fn find(tree: &Tree) -> Option<Self> {
         let feet = tree.pair(&FOOT)?;
         let pelvis = tree.meeting(feet[0], feet[1])?;
         let [left, right] = feet.map(|foot| tree.chain(pelvis, foot));
@@ -267,7 +270,7 @@ mod tests {
                 "Hand_*",
             ],
         ] {
-            let body = Body::find(&rig(words)).unwrap_or_else(|| panic!("{words:?}"));
+            let body = Biped::find(&rig(words)).unwrap_or_else(|| panic!("{words:?}"));
             assert_eq!(
                 (body.pelvis, body.hips, body.feet, body.head),
                 (0, [4, 12], [6, 14], 3),
@@ -288,8 +291,8 @@ mod tests {
             ("front_foot_r", Some(0)),
             ("back_foot_r", Some(0)),
         ]);
-        assert_eq!(Body::find(&four), None);
-        assert_eq!(Body::find(&tree(&[("a", None), ("b", Some(0))])), None);
-        assert_eq!(Body::find(&tree(&[])), None);
+        assert_eq!(Biped::find(&four), None);
+        assert_eq!(Biped::find(&tree(&[("a", None), ("b", Some(0))])), None);
+        assert_eq!(Biped::find(&tree(&[])), None);
     }
 }
