@@ -1856,8 +1856,8 @@ export const MimicSchema: GenMessage<Mimic> = /*@__PURE__*/
 
 /**
  * The robot that a pack animates. The root floats, some joints are fixed to their parents, some
- * follow hinges, and all others are hinges. Every frame of such a pack is on the hinges and within their limits, in
- * whatever form it is written.
+ * follow hinges, and all others are hinges. Every frame of such a pack is on the hinges and within
+ * their limits, in whatever form it is written.
  *
  * @generated from message troupe.v1.Robot
  */
