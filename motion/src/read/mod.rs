@@ -52,8 +52,13 @@ pub use options::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder};
 pub use report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 
 use crate::clip::Clip;
-use crate::glb::Beside;
+use crate::glb::{Beside, animation_names_beside};
 use joints::Parsed;
+
+/// Endings of files of joints, in small letters. With a skeleton these may be a robot's too.
+pub const ENDINGS: [&str; 5] = ["bvh", "fbx", "glb", "gltf", "npz"];
+/// Endings of robots' files, in small letters.
+pub const ROBOT_ENDINGS: [&str; 3] = ["csv", "npy", "npz"];
 
 /// A file to read.
 #[derive(Clone, Copy)]
@@ -108,6 +113,21 @@ fn read_kind(source: &Source<'_>, options: &Options) -> Result<Understood, ReadE
         Kind::Qpos => tables::read_qpos(name, bytes, options),
         Kind::Sonic => archive::sonic(source, options),
     }
+}
+
+/// Names of a file's animations. Empty for formats that hold one motion without a name.
+///
+/// # Errors
+/// [`ReadError`] if the file cannot be read at all.
+pub fn animations(source: &Source<'_>) -> Result<Vec<String>, ReadError> {
+    let names = kind(source).and_then(|kind| match kind {
+        Kind::Joints(Format::Glb | Format::Gltf) => animation_names_beside(source.bytes, source.beside)
+            .map_err(|error| ReadErrorKind::Glb { error, option: None }),
+        #[cfg(feature = "fbx")]
+        Kind::Joints(Format::Fbx) => fbx::animations(source.bytes),
+        _ => Ok(Vec::new()),
+    });
+    names.map_err(|kind| kind.of(source.name))
 }
 
 /// Adds what a file shows by itself to what its folder agrees on. Robots' files leave nothing open.
