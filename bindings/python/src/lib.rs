@@ -18,7 +18,9 @@ use troupe_motion::read::{ENDINGS, ROBOT_ENDINGS};
 
 #[pymodule(gil_used = false)]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("ReadError", module.py().get_type::<errors::ReadError>())?;
+    let error = module.py().get_type::<errors::ReadError>();
+    error.setattr("options", PyTuple::empty(module.py()))?;
+    module.add("ReadError", error)?;
     for (name, endings) in [("ENDINGS", &ENDINGS[..]), ("ROBOT_ENDINGS", &ROBOT_ENDINGS[..])] {
         let endings = endings.iter().map(|ending| format!(".{ending}"));
         let endings: Vec<String> = endings.collect();

@@ -8,7 +8,7 @@ use pyo3::types::PyDict;
 use troupe_motion::read as reader;
 
 use crate::clip::Clip;
-use crate::errors::{refused, wrong};
+use crate::errors::{misread, refused, wrong};
 use crate::files::{File, at};
 use crate::options::options;
 
@@ -25,7 +25,7 @@ pub(crate) fn read(
     let options = options(given)?;
     let file = File::of(source, name, beside)?;
     let understood = py.detach(|| file.with_source(|source| reader::read(source, &options)));
-    Ok(Clip::of(understood.map_err(refused)?))
+    Ok(Clip::of(understood.map_err(|error| misread(py, &error))?))
 }
 
 /// Names of a file's animations.

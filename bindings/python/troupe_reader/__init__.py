@@ -22,12 +22,13 @@ from troupe_reader._native import (
     read,
     read_robot,
 )
-from troupe_reader.options import FileOptions
+from troupe_reader.options import Choice, FileOptions
 
 __all__ = [
     "ENDINGS",
     "ROBOT_ENDINGS",
     "Agreement",
+    "Choice",
     "Clip",
     "ReadError",
     "RobotDescription",
