@@ -38,7 +38,7 @@ mod survey;
 mod table;
 mod tables;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod text;
 mod unique;
 pub mod units;
