@@ -55,7 +55,11 @@ pub(super) fn parse(
     }
     let fps = match options.fps {
         Some(fps) => Finding::new(fps, Basis::Given, "--fps"),
-        None => Finding::new(animation.keys_fps(), Basis::Found, "the time between the closest keys"),
+        None => Finding::new(
+            animation.keys_fps(),
+            Basis::Found,
+            "the time between the closest keys",
+        ),
     };
     let names: Vec<&str> = (0..animation.joint_count())
         .map(|joint| animation.name(joint))
