@@ -1,11 +1,14 @@
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import troupe_reader
+from troupe_reader.options import FileOptions
 
+ROOT = Path(__file__).parents[3]
 BVH = """HIERARCHY
 ROOT Hips
 {
@@ -70,6 +73,29 @@ def test_errors_have_the_options_that_decide():
     with pytest.raises(troupe_reader.ReadError) as refused:
         troupe_reader.read(b"HIERARCHY", name="walk.bvh")
     assert len(refused.value.options) == 0
+
+
+def test_options_have_the_names_of_the_command_line():
+    """Of `troupe clip info`, but for those that choose a skeleton or what is printed."""
+    snapshot = ROOT / "cli" / "src" / "snapshots" / "troupe_cli__tests__help_of_clip_info.snap"
+    section = re.search(r"^Clip files:$(.*?)^\S", snapshot.read_text() + "\nend", re.MULTILINE | re.DOTALL)
+    assert section is not None
+    flags = {flag.replace("-", "_") for flag in re.findall(r"^\s+--([a-z-]+)", section[1], re.MULTILINE)}
+    assert {"max_slide", "unit", "joint_order"} <= flags <= set(FileOptions.__annotations__)
+
+
+def test_the_advice_of_an_error_can_be_followed():
+    """A hand that leaves its arm: the message says --max-slide."""
+    lines = BVH.splitlines()
+    hand = "JOINT Hand { OFFSET 0 -5 0 CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+    hand += " End Site { OFFSET 0 -5 0 } }"
+    text = "\n".join(hand if "End Site" in line else line for line in lines[:-3]) + "\n"
+    text += "".join(f"{line} 0 -5 {300 * nth} 0 0 0\n" for nth, line in enumerate(lines[-3:]))
+    with pytest.raises(troupe_reader.ReadError, match="--max-slide") as refused:
+        troupe_reader.read(text.encode(), name="walk.bvh", **OPTIONS)
+    assert "max_slide" in [choice["option"] for choice in refused.value.options]
+    clip = troupe_reader.read(text.encode(), name="walk.bvh", **OPTIONS, max_slide=20)
+    assert clip.skeleton.names == ["Hips", "LeftLeg", "Hand"]
 
 
 def test_a_survey_notes_what_it_cannot_read(tmp_path: Path):
