@@ -64,6 +64,7 @@ def test_bvh_is_what_the_servers_own_tools_write(tmp_path: Path) -> None:
             "HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 0 } MOTION Frames: 999999999 Frame Time: 1",
             "no joint has channels",
         ),
+        ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 2 Zrotation zrotation }", "a channel of joint a stands twice"),
         ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS " + 5000 * "9", "is no count"),
     ],
 )
