@@ -132,7 +132,12 @@ class Clip:
 
     @staticmethod
     def from_npz(path: str | Path) -> Clip:
-        """Reads what `to_npz` wrote."""
+        """Reads what `to_npz` wrote.
+
+        Raises:
+            InvalidArgumentError: The file is no such archive, or its arrays make no clip in metres.
+
+        """
         return Clip(*npz.read(path))
 
     def to_qpos(self) -> F32:

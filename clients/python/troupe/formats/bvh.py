@@ -23,6 +23,8 @@ _MAX_JOINTS = 512
 _SLIDE_M = 1e-4
 """How far a joint below the root may move in its parent."""
 _FRAME_TIMES_S = (1e-3, 1.0)
+_MAX_DIGITS = 9
+"""Of a count."""
 _WAY_ON = "`Clip.read` and `troupe clip convert` read more kinds of files"
 
 
@@ -188,7 +190,7 @@ class _Words:
 
     def count(self) -> int:
         word = self.next()
-        if not (word.isascii() and word.isdigit()):
+        if not (word.isascii() and word.isdigit()) or len(word) > _MAX_DIGITS:
             self.refuse(f"{word[:40]!r} is no count")
         return int(word)
 
@@ -214,6 +216,8 @@ def _frames(words: _Words, channels: int) -> tuple[float, F64]:
     words.expect("Frame")
     words.expect("Time:")
     frame_time_s = words.number()
+    if channels == 0:
+        words.refuse("no joint has channels, so nothing moves")
     low, high = _FRAME_TIMES_S
     if not low <= frame_time_s <= high:
         words.refuse(f"Frame Time is {frame_time_s:g} s; allowed: {low:g} to {high:g}")
