@@ -17,7 +17,7 @@ function valuesOf(given, isRobot) {
 function understand({ path, tables, fps, given }) {
   const [name, bytes] = [path.split('/').pop(), readFileSync(path)];
   const names = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
-  const robot = tables.robot ? { robot: { name: tables.robot.name, hinges: tables.robot.hinges } } : {};
+  const robot = tables.robot ? { robot: { name: tables.robot.name, hinges: tables.robot.hinges, mimics: tables.robot.mimics ?? [] } } : {};
   const options = { skeleton: tables.skeleton, ...robot, resample_fps: fps, ...valuesOf(given, 'robot' in robot) };
   if (names.length > 1) options.animation = names[0];
   const read = reader.read(name, bytes, JSON.stringify(options));

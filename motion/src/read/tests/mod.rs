@@ -8,7 +8,7 @@ mod hostile;
 mod kinds;
 mod neutral;
 mod onto;
-mod people;
+pub(crate) mod people;
 mod rigs;
 mod robots;
 mod shared;
