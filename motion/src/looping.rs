@@ -155,6 +155,6 @@ mod tests {
         let looped = close(&clip).unwrap();
         assert!(looped.clip.frames() >= 8);
         assert!(looped.turned_rad < 1e-6 && looped.raised_m < 1e-6);
-        assert_eq!(close(&stand(1)), Err(ClipError::Empty));
+        assert_eq!(close(&stand(1)), Err(ClipError::OneFrame));
     }
 }
