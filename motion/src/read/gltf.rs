@@ -5,7 +5,7 @@ use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
 use super::producer;
-use super::report::{Basis, Finding, Format, Note, Topic, Up};
+use super::report::{Basis, Finding, Format, Note, Topic, Up, listed};
 use super::stance::Stated;
 use crate::convert::Source as _;
 use crate::glb::{Beside, GlbOptions, GlbReadError, parse_beside};
@@ -49,7 +49,7 @@ pub(super) fn parse(
             topic: Topic::Bystanders,
             text: format!(
                 "moving nodes beside the body are left out: {}",
-                origin.props.join(", ")
+                listed(&origin.props)
             ),
         });
     }

@@ -144,8 +144,11 @@ pub fn survey(source: &Source<'_>, options: &Options, agreement: &mut Agreement)
         Kind::Joints(format) => parse(source, format, options).map(Some),
         _ => Ok(None),
     });
-    let parsed = parsed.map_err(|kind| kind.of(source.name))?;
-    if let Some(stance) = parsed.and_then(|parsed| survey::Survey::of(&*parsed.source).stance) {
+    let Some(parsed) = parsed.map_err(|kind| kind.of(source.name))? else {
+        return Ok(());
+    };
+    joints::check_size(&*parsed.source).map_err(|kind| kind.of(source.name))?;
+    if let Some(stance) = survey::Survey::of(&*parsed.source).stance {
         agreement.add(&stance);
     }
     Ok(())

@@ -7,6 +7,7 @@ mod fbx;
 mod hostile;
 mod kinds;
 mod neutral;
+mod onto;
 pub(crate) mod people;
 mod rigs;
 mod robots;
