@@ -232,6 +232,33 @@ fn a_pose_before_the_motion_is_left_out() {
         ..Options::default()
     };
     assert_eq!(with("walk.bvh", &bytes, &options).unwrap().clip.frames(), 60);
+    // Fingers, or one joint that is off, do not hide the pose; nor do several frames of it.
+    let mut off = clip.clone();
+    off.rotations_at_mut(0)[clip.skeleton.joint_index("UpperArm_L").unwrap()] = Quat::from_rotation_z(0.17);
+    let legs = ["UpperLeg_L", "UpperLeg_R"].map(|name| clip.skeleton.joint_index(name).unwrap());
+    for frame in 1..clip.frames() {
+        for leg in legs {
+            off.rotations_at_mut(frame)[leg] *= Quat::from_rotation_x(-1.0);
+        }
+    }
+    let mut held = off.clone();
+    let pose = off.rotations_at(0).to_vec();
+    (1..5).for_each(|frame| held.rotations_at_mut(frame).copy_from_slice(&pose));
+    // Resampling leaves frames between the pose and the motion.
+    let mut blurred = off.clone();
+    let motion = off.rotations_at(2).to_vec();
+    for (frame, share) in [(1, 0.3), (2, 0.8)] {
+        let between = pose.iter().zip(&motion).map(|(a, b)| a.slerp(*b, share));
+        let between: Vec<Quat> = between.collect();
+        blurred.rotations_at_mut(frame)[1..].copy_from_slice(&between[1..]);
+    }
+    for (clip, frames) in [(&off, 59), (&held, 55), (&blurred, 57)] {
+        let found = plain("walk.bvh", &Dialect::plain().bytes(clip));
+        assert_eq!(
+            (found.clip.frames(), topics(&found)),
+            (frames, vec![Topic::LeadingPose])
+        );
+    }
     // A walk that begins with its second frame keeps it.
     let found = plain("walk.bvh", &Dialect::plain().bytes(&clip.slice(1..60).unwrap()));
     assert_eq!(found.clip.frames(), 59);
