@@ -30,6 +30,10 @@ pub(crate) trait Source {
     fn parent(&self, joint: usize) -> Option<usize>;
     /// Whether the file moves the joint in its parent.
     fn moves(&self, joint: usize) -> bool;
+    /// Whether any animation of the file moves the joint in its parent, this one or another.
+    fn ever_moves(&self, joint: usize) -> bool {
+        self.moves(joint)
+    }
     /// Whether it is a joint, and not only a node between the world and the joints.
     fn is_joint(&self, joint: usize) -> bool;
     /// Number of frames.

@@ -21,6 +21,8 @@ pub(super) struct Node {
     pub(super) translations: Option<Keys<DVec3>>,
     pub(super) rotations: Option<Keys<DQuat>>,
     pub(super) scales: Option<Keys<DVec3>>,
+    /// Whether any animation of the file moves it in its parent.
+    pub(super) ever_moves: bool,
 }
 
 /// All nodes in the file's order, at rest.
@@ -63,6 +65,7 @@ fn rest_node(node: &gltf::Node<'_>) -> Node {
         translations: None,
         rotations: None,
         scales: None,
+        ever_moves: false,
     }
 }
 

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec3};
+use gltf::animation::Property;
 
 use super::document::{Beside, Document, open};
-use super::keys::{Track, read_track};
+use super::keys::{Keys, Track, read_track};
 use super::nodes::{Node, joints, leave_props_out, rest_nodes};
 use crate::clip::{Clip, MAX_FRAMES};
 use crate::convert::{self, ConvertError, Rules, Source, Transform};
@@ -187,6 +188,14 @@ pub fn parse_beside(
             node.is_joint = true;
         }
     }
+    for channel in file.animations().flat_map(|animation| animation.channels()) {
+        let node = &mut nodes[channel.target().node().index()];
+        if channel.target().property() == Property::Translation && !node.ever_moves {
+            // Other animations may be broken: they are not read here.
+            let track = read_track(&channel, &buffers);
+            node.ever_moves = matches!(track, Ok(Track::Translation(keys)) if is_moving(&keys));
+        }
+    }
     let origin = Origin {
         generator,
         animation: names[nth].clone(),
@@ -277,6 +286,12 @@ impl GlbAnimation {
     }
 }
 
+/// Whether places differ.
+fn is_moving(keys: &Keys<DVec3>) -> bool {
+    let first = keys.all().next().unwrap_or_default();
+    keys.all().any(|place| place.distance(first) > STILL_M)
+}
+
 /// The rate of the closest keys; a whole number if it is near to one.
 fn rate<'a>(times: impl Iterator<Item = &'a [f32]>) -> f32 {
     let step = times
@@ -319,8 +334,11 @@ impl Source for GlbAnimation {
         let Some(keys) = &self.nodes[joint].translations else {
             return false;
         };
-        let first = keys.all().next().unwrap_or_default();
-        keys.all().any(|place| place.distance(first) > STILL_M)
+        is_moving(keys)
+    }
+
+    fn ever_moves(&self, joint: usize) -> bool {
+        self.nodes[joint].ever_moves
     }
 
     fn is_joint(&self, joint: usize) -> bool {

@@ -88,6 +88,10 @@ impl Source for Adapted<'_> {
         self.source.moves(joint)
     }
 
+    fn ever_moves(&self, joint: usize) -> bool {
+        self.source.ever_moves(joint)
+    }
+
     fn is_joint(&self, joint: usize) -> bool {
         self.source.is_joint(joint)
     }

@@ -94,8 +94,7 @@ pub enum ReadErrorKind {
     /// A joint moves in its parent farther than can be held.
     #[error(
         "joint {joint:?} moves {slide_m:.3} m in its parent (most in frame {frame}), and {carries} on it; \
-         allowed: {allowed_m:.3} m. {} holds a joint that moves farther",
-        OptionName::MaxSlide.flag()
+         allowed: {allowed_m:.3} m. {advice}"
     )]
     Slides {
         /// Name of the joint.
@@ -108,6 +107,8 @@ pub enum ReadErrorKind {
         carries: String,
         /// Largest distance that is held, metres.
         allowed_m: f32,
+        /// The options that decide.
+        advice: Advice,
     },
     /// A value of an option or of the file is out of range.
     #[error("{field} is {found}; allowed: {allowed}{}", advice(.option))]
@@ -158,8 +159,9 @@ impl ReadErrorKind {
             Self::SeveralAnimations(names) | Self::UnknownAnimation { names, .. } => {
                 vec![Choice::new(OptionName::Animation, names)]
             }
-            Self::Open { options, .. } | Self::Angles { advice: options, .. } => options.choices().to_vec(),
-            Self::Slides { .. } => vec![Choice::any(OptionName::MaxSlide)],
+            Self::Open { options, .. }
+            | Self::Angles { advice: options, .. }
+            | Self::Slides { advice: options, .. } => options.choices().to_vec(),
             Self::NoRobot => vec![Choice::any(OptionName::Skeleton)],
             Self::Range {
                 field, option: None, ..

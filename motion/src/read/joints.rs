@@ -5,16 +5,16 @@ use std::sync::Arc;
 use glam::{DVec3, Quat};
 
 use super::adapted::{Adapted, Turn};
-use super::choices::{Advice, Choice, OptionName};
+use super::choices::OptionName;
 use super::error::ReadErrorKind;
 use super::options::Options;
 use super::rehang::{self, Rehung};
 use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up, listed};
-use super::slides::{hold_slides, hold_slides_on, little_slide_m};
+use super::slides::{hold_slides, hold_slides_on};
 use super::stance::{Stated, height_m, is_of_skeleton, lies, may_be_small, unit_of, up_of};
 use super::survey::{Stance, Survey, to_world};
 use super::units::name_of;
-use super::{Understood, leading, oddities, rest, unique::unique};
+use super::{Understood, leading, oddities, rest, root, unique::unique};
 use crate::anatomy::{Name, Tree, without_namespace};
 use crate::clip::Clip;
 use crate::convert::{Rules, Selection, Source, Transform, check_length, to_clip_of, to_clip_on_of};
@@ -130,14 +130,7 @@ pub(super) fn understand(
             (clip, rest)
         }
         None => {
-            let root = root_of(&adapted, &survey, options, &mut report)?;
-            let root = root.unwrap_or_else(|| {
-                let root = character_root(&adapted, &survey, size_m, &rules, report.unit_m.value);
-                match hung.is_empty() {
-                    true => root,
-                    false => below_steering(&survey, root),
-                }
-            });
+            let root = root::root_of(&adapted, &survey, !hung.is_empty(), size_m, options, &mut report)?;
             let left_out = hold_slides(&survey, &names, root, size_m, options, &mut report)?;
             let selection = Selection {
                 root: Some(root),
@@ -342,102 +335,6 @@ fn size_m(survey: &Survey, unit_m: f64) -> f64 {
                 }
             }
             most * unit_m
-        }
-    }
-}
-
-/// The root that an option names, or that of the only body of a file with several roots.
-fn root_of(
-    source: &Adapted<'_>,
-    survey: &Survey,
-    options: &Options,
-    report: &mut Report,
-) -> Result<Option<usize>, ReadErrorKind> {
-    let tree = &survey.tree;
-    if let Some(wanted) = &options.root {
-        let found = (0..source.names.len()).find(|&joint| source.names[joint] == *wanted);
-        return match found {
-            Some(joint) => Ok(Some(joint)),
-            None => Err(ReadErrorKind::Range {
-                field: OptionName::Root.flag().to_owned(),
-                found: format!("{wanted:?}"),
-                allowed: "a joint of the file".to_owned(),
-                option: None,
-            }),
-        };
-    }
-    let roots: Vec<usize> = (0..tree.parents.len())
-        .filter(|&joint| tree.parents[joint].is_none())
-        .collect();
-    if roots.len() == 1 {
-        return Ok(None);
-    }
-    let names =
-        |joints: &[usize]| -> Vec<&str> { joints.iter().map(|&joint| &*source.names[joint]).collect() };
-    let top = |joint: usize| tree.line(joint).last().unwrap_or(joint);
-    match &survey.body {
-        Some(body) => {
-            let body = top(body.pelvis);
-            let others: Vec<usize> = roots.into_iter().filter(|&root| root != body).collect();
-            let text = format!("not of the body, left out: {}", listed(&names(&others)));
-            report.repaired(Topic::Bystanders, text);
-            Ok(Some(descend(source, tree, body)))
-        }
-        None => Err(ReadErrorKind::Open {
-            topic: Topic::Body,
-            what: "which joint is the character's root",
-            evidence: format!("the file has {} roots: {}", roots.len(), listed(&names(&roots))),
-            options: Advice::decides(Choice::new(OptionName::Root, &names(&roots))),
-        }),
-    }
-}
-
-/// From a root down to the first joint.
-fn descend(source: &Adapted<'_>, tree: &Tree, root: usize) -> usize {
-    let children = tree.children();
-    let mut at = root;
-    while let [child] = children[at][..]
-        && !source.is_joint(at)
-    {
-        at = child;
-    }
-    at
-}
-
-/// The character's root: the first joint that does more than place its only child. Below it, down
-/// to the pelvis, joints that travel in their parents are roots too: what stands beside them steers
-/// the rig.
-fn character_root(source: &Adapted<'_>, survey: &Survey, size_m: f64, rules: &Rules, unit_m: f64) -> usize {
-    let rules = Rules {
-        max_offset_variation_m: 0.001,
-        ..*rules
-    };
-    let root = crate::convert::character_root(source, &rules);
-    let allowed = little_slide_m(size_m) / unit_m;
-    let pelvis = survey.body.as_ref().map(|body| body.pelvis);
-    let travels = pelvis.and_then(|pelvis| {
-        let chain = survey.tree.chain(root, pelvis)?;
-        chain[1..]
-            .iter()
-            .rev()
-            .copied()
-            .find(|&joint| survey.slides[joint].0 > allowed)
-    });
-    travels.unwrap_or(root)
-}
-
-/// In a rig whose feet were hung on their limbs: down from a root to the first joint that carries
-/// more than another one and what steers the rig.
-fn below_steering(survey: &Survey, root: usize) -> usize {
-    let tree = &survey.tree;
-    let children = tree.children();
-    let mut at = root;
-    loop {
-        let children = children[at].iter();
-        let mut carried = children.filter(|&&joint| !tree.names[joint].is_steering());
-        match (carried.next(), carried.next()) {
-            (Some(&child), None) => at = child,
-            _ => return at,
         }
     }
 }

@@ -31,6 +31,7 @@ mod report;
 mod rest;
 mod robot;
 mod robot_checks;
+mod root;
 mod slides;
 mod smpl;
 mod stance;

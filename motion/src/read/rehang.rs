@@ -185,6 +185,10 @@ impl Source for Rehung<'_> {
         self.source.moves(self.order[joint])
     }
 
+    fn ever_moves(&self, joint: usize) -> bool {
+        self.source.ever_moves(self.order[joint])
+    }
+
     fn is_joint(&self, joint: usize) -> bool {
         self.source.is_joint(self.order[joint])
     }

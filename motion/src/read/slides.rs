@@ -1,5 +1,6 @@
 //! Joints that slide in their parents.
 
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::Options;
 use super::report::{Report, Topic, listed};
@@ -18,8 +19,13 @@ const LIMB_JOINTS: usize = 4;
 /// A joint that slides less does not slide, by the body's height.
 const STILL_BY_HEIGHT: f64 = 1e-4;
 
+/// Distance up to which a joint is still, metres.
+pub(super) fn still_m(size_m: f64) -> f64 {
+    STILL_BY_HEIGHT * size_m
+}
+
 /// Distance up to which a joint slides little, metres.
-pub(super) fn little_slide_m(size_m: f64) -> f64 {
+fn little_slide_m(size_m: f64) -> f64 {
     (SLIDE_BY_HEIGHT * size_m).max(MIN_SLIDE_M)
 }
 
@@ -131,7 +137,7 @@ impl<'a> Slides<'a> {
             names,
             loads: Loads::new(survey, names),
             unit_m,
-            still_m: STILL_BY_HEIGHT * size_m,
+            still_m: still_m(size_m),
             little_m: little_slide_m(size_m),
             allowed_m: options.max_slide_m.map_or(TRAVEL_BY_HEIGHT * size_m, f64::from),
         }
@@ -143,12 +149,22 @@ impl<'a> Slides<'a> {
     }
 
     fn too_far(&self, joint: usize, carries: String) -> ReadErrorKind {
+        // Without names, a joint with most others below it may be the root that was meant.
+        let is_root = self.loads.parts.is_none() && 2 * (1 + self.loads.below[joint].0) > self.names.len();
+        let hold = Choice::any(OptionName::MaxSlide);
         ReadErrorKind::Slides {
             joint: self.names[joint].clone(),
             slide_m: self.slide_m(joint) as f32,
             frame: self.survey.slides[joint].1,
             carries,
             allowed_m: self.allowed_m as f32,
+            advice: match is_root {
+                true => Advice::new(
+                    "{} reads what hangs on it, {} holds a joint that moves farther",
+                    [Choice::new(OptionName::Root, &[&self.names[joint]]), hold],
+                ),
+                false => Advice::new("{} holds a joint that moves farther", [hold]),
+            },
         }
     }
 

@@ -9,6 +9,9 @@ use crate::convert::{Source, Transform};
 /// Most frames that are looked at for how the body stands.
 const LOOKED_AT: usize = 256;
 
+/// Cosine of half an angle that is none, 0.005°.
+const SAME_TURN: f64 = 1.0 - 1e-9;
+
 /// Largest angle of legs and trunk from the vertical in a rest pose that is a stance, degrees.
 const MAX_LEAN_DEG: f64 = 45.0;
 
@@ -20,6 +23,8 @@ pub(super) struct Survey {
     pub(super) places: Vec<DVec3>,
     /// How far each joint moves in its parent from its first place, and in which frame most.
     pub(super) slides: Vec<(f64, usize)>,
+    /// Whether each joint keeps its rotation in its parent.
+    pub(super) keeps_turn: Vec<bool>,
     /// Places of the joints at rest in the world.
     pub(super) rest: Vec<DVec3>,
     pub(super) stance: Option<Stance>,
@@ -50,7 +55,11 @@ impl Survey {
         let mut rest = vec![Transform::default(); joints];
         to_world(&tree, &local, &mut rest);
         let rest: Vec<DVec3> = rest.iter().map(|at| at.place).collect();
-        let (places, slides) = places(source, &mut local);
+        let Moves {
+            places,
+            slides,
+            keeps_turn,
+        } = moves(source, &mut local);
         let stance = body
             .as_ref()
             .and_then(|body| Stance::of(source, &tree, body, &rest, &places));
@@ -59,6 +68,7 @@ impl Survey {
             body,
             places,
             slides,
+            keeps_turn,
             rest,
             stance,
         }
@@ -84,27 +94,39 @@ pub(super) fn to_world(tree: &Tree, local: &[Transform], world: &mut [Transform]
     }
 }
 
-/// Mean places, and the largest distance from the first with its frame.
-fn places(source: &dyn Source, local: &mut [Transform]) -> (Vec<DVec3>, Vec<(f64, usize)>) {
+/// How joints move in their parents; the fields are those of [`Survey`].
+struct Moves {
+    places: Vec<DVec3>,
+    slides: Vec<(f64, usize)>,
+    keeps_turn: Vec<bool>,
+}
+
+fn moves(source: &dyn Source, local: &mut [Transform]) -> Moves {
     let (joints, frames) = (source.joint_count(), source.frames());
     let mut sums = vec![DVec3::ZERO; joints];
-    let mut firsts = vec![DVec3::ZERO; joints];
+    let mut firsts = vec![Transform::default(); joints];
     let mut slides = vec![(0.0, 0); joints];
+    let mut keeps_turn = vec![true; joints];
     for frame in 0..frames {
         source.locals(frame, local);
-        for (joint, Transform { place, .. }) in local.iter().enumerate() {
-            if frame == 0 {
-                firsts[joint] = *place;
-            }
+        if frame == 0 {
+            firsts.copy_from_slice(local);
+        }
+        for (joint, (Transform { place, turn }, first)) in local.iter().zip(&firsts).enumerate() {
             sums[joint] += *place;
-            let distance = place.distance(firsts[joint]);
+            keeps_turn[joint] &= turn.dot(first.turn).abs() >= SAME_TURN;
+            let distance = place.distance(first.place);
             if distance > slides[joint].0 {
                 slides[joint] = (distance, frame);
             }
         }
     }
     let count = frames.max(1) as f64;
-    (sums.into_iter().map(|sum| sum / count).collect(), slides)
+    Moves {
+        places: sums.into_iter().map(|sum| sum / count).collect(),
+        slides,
+        keeps_turn,
+    }
 }
 
 impl Stance {

@@ -11,6 +11,7 @@ mod onto;
 pub(crate) mod people;
 mod rigs;
 mod robots;
+mod roots;
 mod shared;
 
 use super::{OptionName, ReadError};
