@@ -221,15 +221,33 @@ pub(crate) fn to_clip_on(
     skeleton: &Arc<Skeleton>,
     rules: &Rules,
 ) -> Result<Clip, ConvertError> {
-    Ok(to_clip_on_of(source, skeleton, rules)?.0)
+    Ok(to_clip_on_of(source, skeleton, rules)?.clip)
 }
 
-/// As [`to_clip_on`]. Returns also the index in the file of each joint of the skeleton.
+/// A clip on a given skeleton, and how the file's joints fit it.
+pub(crate) struct OnSkeleton {
+    pub(crate) clip: Clip,
+    /// Index in the file of each joint of the skeleton.
+    #[cfg_attr(
+        not(feature = "files"),
+        expect(dead_code, reason = "only the reader of files asks")
+    )]
+    pub(crate) taken: Vec<usize>,
+    /// The skeleton's joint whose bone points farthest from the skeleton's, and the angle in
+    /// degrees.
+    #[cfg_attr(
+        not(feature = "files"),
+        expect(dead_code, reason = "only the reader of files asks")
+    )]
+    pub(crate) farthest: Option<(usize, f32)>,
+}
+
+/// As [`to_clip_on`].
 pub(crate) fn to_clip_on_of(
     source: &(impl Source + ?Sized),
     skeleton: &Arc<Skeleton>,
     rules: &Rules,
-) -> Result<(Clip, Vec<usize>), ConvertError> {
+) -> Result<OnSkeleton, ConvertError> {
     let index: HashMap<&str, usize> = (0..source.joint_count())
         .rev()
         .map(|i| (source.name(i), i))
@@ -255,24 +273,33 @@ pub(crate) fn to_clip_on_of(
             });
         }
     }
-    check_directions(skeleton, &played.places, source.frames())?;
+    let farthest = check_directions(skeleton, &played.places, source.frames())?;
     let clip = Clip::new(
         Arc::clone(skeleton),
         source.fps(),
         played.root_positions,
         played.rotations,
     )?;
-    Ok((clip, taken.into_iter().map(|(index, _)| index).collect()))
+    Ok(OnSkeleton {
+        clip,
+        taken: taken.into_iter().map(|(index, _)| index).collect(),
+        farthest,
+    })
 }
 
 /// Refuses bones that point elsewhere than the skeleton's: rotations then mean another pose. The
-/// worst bone is named.
-fn check_directions(skeleton: &Skeleton, places: &[JointOffset], frames: usize) -> Result<(), ConvertError> {
+/// worst bone is named. Returns the joint whose bone is farthest off, with the angle in degrees.
+fn check_directions(
+    skeleton: &Skeleton,
+    places: &[JointOffset],
+    frames: usize,
+) -> Result<Option<(usize, f32)>, ConvertError> {
     let mut children = vec![0; skeleton.joint_count()];
     for parent in skeleton.joints.iter().filter_map(|joint| joint.parent) {
         children[parent] += 1;
     }
-    let angles = skeleton.joints.iter().zip(places).filter_map(|(joint, place)| {
+    let angles = skeleton.joints.iter().zip(places).enumerate();
+    let angles = angles.filter_map(|(nth, (joint, place))| {
         let (ours, theirs) = (joint.offset_m, place.mean(frames));
         let is_long = ours.length().min(theirs.length()) >= MIN_BONE_M;
         let parent = joint.parent.filter(|_| is_long)?;
@@ -281,17 +308,22 @@ fn check_directions(skeleton: &Skeleton, places: &[JointOffset], frames: usize) 
             _ => MAX_FORK_ANGLE_DEG,
         };
         let angle_deg = ours.angle_between(theirs).to_degrees();
-        (angle_deg > allowed_deg).then_some((angle_deg, allowed_deg, joint, parent))
+        Some((angle_deg, allowed_deg, nth, parent))
     });
-    match angles.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        None => Ok(()),
-        Some((angle_deg, allowed_deg, joint, parent)) => Err(ConvertError::OtherRest {
-            joint: joint.name.clone(),
+    let angles: Vec<_> = angles.collect();
+    let refused = angles
+        .iter()
+        .filter(|(angle_deg, allowed_deg, ..)| angle_deg > allowed_deg);
+    if let Some(&(angle_deg, allowed_deg, nth, parent)) = refused.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        return Err(ConvertError::OtherRest {
+            joint: skeleton.joints[nth].name.clone(),
             parent: skeleton.joints[parent].name.clone(),
             angle_deg,
             allowed_deg,
-        }),
+        });
     }
+    let farthest = angles.iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(farthest.map(|&(angle_deg, _, nth, _)| (nth, angle_deg)))
 }
 
 /// Refuses what would take too much to play, before anything is played.

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Quat};
+use glam::{DVec3, Quat, Vec3};
 
 use super::adapted::{Adapted, Turn};
-use super::choices::OptionName;
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::Options;
 use super::rehang::{self, Rehung};
@@ -17,15 +17,21 @@ use super::units::name_of;
 use super::{Understood, leading, oddities, rest, root, unique::unique};
 use crate::anatomy::{Name, Tree, without_namespace};
 use crate::clip::Clip;
-use crate::convert::{Rules, Selection, Source, Transform, check_length, to_clip_of, to_clip_on_of};
+use crate::convert::{
+    OnSkeleton, Rules, Selection, Source, Transform, check_length, to_clip_of, to_clip_on_of,
+};
 use crate::glb::MAX_NODES;
 use crate::skeleton::{Joint, Skeleton};
 
+/// Farthest place of a root along an axis, metres: that of the server's interface.
+const MAX_ROOT_M: f32 = 10_000.0;
 /// Shorter bones have no length, metres.
 const MIN_BONE_M: f32 = 1e-6;
 /// Largest angle between bones that point alike, degrees, and how many bones must.
 const MAX_ALIKE_DEG: f64 = 2.0;
 const MIN_ALIKE: usize = 4;
+/// A bone that points farther from the skeleton's is noted, degrees.
+const MAX_ASLANT_DEG: f32 = 3.0;
 /// Share at rest along an axis from which a skeleton stands along it.
 const MIN_RESTING: f64 = 0.9;
 
@@ -123,9 +129,16 @@ pub(super) fn understand(
     let size_m = size_m(&survey, report.unit_m.value);
     let (clip, rest) = match &options.skeleton {
         Some(skeleton) => {
-            let (clip, taken) = to_clip_on_of(&adapted, skeleton, &rules).map_err(ReadErrorKind::convert)?;
+            let OnSkeleton {
+                clip,
+                taken,
+                farthest,
+            } = to_clip_on_of(&adapted, skeleton, &rules).map_err(ReadErrorKind::convert)?;
             let parents: Vec<_> = skeleton.joints.iter().map(|joint| joint.parent).collect();
             hold_slides_on(&survey, &names, (&taken, &parents), size_m, options, &mut report)?;
+            if options.other_bones {
+                note_other_directions(skeleton, farthest, &mut report);
+            }
             let rest = rest_rotations(&adapted, &survey.tree, &taken, &clip);
             (clip, rest)
         }
@@ -185,6 +198,7 @@ pub(super) fn finish(
     mut report: Report,
     options: &Options,
 ) -> Result<Understood, ReadErrorKind> {
+    check_places(&clip)?;
     // At the file's own rate: glTF may be sampled at another.
     report.frames = (clip.duration_s() * report.fps.value).round() as usize + 1;
     report.joints = clip.skeleton.joint_count();
@@ -195,6 +209,25 @@ pub(super) fn finish(
         None => clip,
     };
     Ok(Understood { clip, rest, report })
+}
+
+/// Refuses roots that are farther away than the server takes them.
+fn check_places(clip: &Clip) -> Result<(), ReadErrorKind> {
+    let far = |root: &Vec3| root.abs().max_element() > MAX_ROOT_M;
+    let Some(frame) = clip.root_positions.iter().position(far) else {
+        return Ok(());
+    };
+    let [x, y, z] = clip.root_positions[frame].to_array();
+    let metres = |m: f32| match m.abs() < 1e9 {
+        true => format!("{m:.0}"),
+        false => format!("{m:e}"),
+    };
+    Err(ReadErrorKind::Range {
+        field: format!("the root's place in frame {frame}"),
+        found: format!("({}, {}, {}) m", metres(x), metres(y), metres(z)),
+        allowed: format!("-{MAX_ROOT_M} to {MAX_ROOT_M} m along each axis"),
+        option: Some(Advice::new("is {} right?", [Choice::any(OptionName::Unit)])),
+    })
 }
 
 fn note_axes_and_unit(report: &mut Report, stated: Stated, stance: Option<&Stance>) {
@@ -337,6 +370,21 @@ fn size_m(survey: &Survey, unit_m: f64) -> f64 {
             most * unit_m
         }
     }
+}
+
+/// Notes bones that point otherwise than the skeleton's: the motion is off by that angle.
+fn note_other_directions(skeleton: &Skeleton, farthest: Option<(usize, f32)>, report: &mut Report) {
+    let Some((joint, angle_deg)) = farthest.filter(|&(_, angle_deg)| angle_deg > MAX_ASLANT_DEG) else {
+        return;
+    };
+    let joint = &skeleton.joints[joint];
+    let parent = joint.parent.map_or("", |parent| &*skeleton.joints[parent].name);
+    let text = format!(
+        "bones point otherwise than the skeleton's at rest, most of all that from {parent} to {}: it is played \
+         {angle_deg:.0}° off",
+        joint.name
+    );
+    report.odd(Topic::Body, text);
 }
 
 /// Notes hips and shoulders without length, which say nothing of left and right.

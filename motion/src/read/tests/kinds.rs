@@ -293,6 +293,21 @@ fn another_rest_pose_is_refused_with_the_joint_and_the_angle() {
             "{error}"
         );
     }
+    // A little off is played, and noted.
+    let mut other = (*person().skeleton()).clone();
+    let arm = other.joint_index("LowerArm_L").unwrap();
+    other.joints[arm].offset_m = Quat::from_rotation_z(0.175) * other.joints[arm].offset_m;
+    let options = Options {
+        skeleton: Some(Arc::new(other)),
+        other_bones: true,
+        ..Options::default()
+    };
+    let found = with("walk.bvh", text().as_bytes(), &options).unwrap();
+    let odd = &found.report.oddities[0].text;
+    assert!(
+        odd.contains("from UpperArm_L to LowerArm_L") && odd.contains("10° off"),
+        "{odd}"
+    );
     // Bones of other lengths in the same pose are allowed.
     let tall = Person {
         size: 1.1,
@@ -304,6 +319,7 @@ fn another_rest_pose_is_refused_with_the_joint_and_the_angle() {
         ..Options::default()
     };
     let found = with("walk.bvh", text().as_bytes(), &options).unwrap();
+    assert!(found.report.oddities.is_empty(), "{:?}", found.report.oddities);
     let near = |(a, b): (&Quat, &Quat)| a.abs_diff_eq(*b, 1e-3) || a.abs_diff_eq(-*b, 1e-3);
     assert!(found.clip.rotations.iter().zip(&clip.rotations).all(near));
 }
@@ -484,6 +500,19 @@ fn a_person_in_inches_may_be_a_small_figure_in_centimetres() {
     let found = with("walk.bvh", &bytes, &options).unwrap();
     assert!((found.report.unit_m.value - 0.01).abs() < 1e-9);
     assert!(!topics_of_oddities(&found).contains(&Topic::Unit));
+}
+
+#[test]
+fn a_root_that_is_kilometres_away_is_refused_with_the_frame() {
+    for (far_m, found) in [(1e6, "(1000000, "), (1e30, "e30")] {
+        let mut clip = walk();
+        clip.root_positions[7].x = far_m;
+        let error = message("walk.bvh", &Dialect::plain().bytes(&clip), &Options::default());
+        assert!(
+            error.contains("in frame 7 is") && error.contains(found) && error.contains("-10000 to 10000 m"),
+            "{error}"
+        );
+    }
 }
 
 #[test]
