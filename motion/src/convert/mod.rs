@@ -31,6 +31,10 @@ pub(crate) trait Source {
     /// Whether the file moves the joint in its parent.
     fn moves(&self, joint: usize) -> bool;
     /// Whether any animation of the file moves the joint in its parent, this one or another.
+    #[cfg_attr(
+        not(feature = "files"),
+        expect(dead_code, reason = "only the reader of files looks for the body's root")
+    )]
     fn ever_moves(&self, joint: usize) -> bool {
         self.moves(joint)
     }

@@ -101,9 +101,8 @@ fn find(clip: &Clip, rest: &[Quat]) -> Option<Lead> {
     let share = |of: f32| (of * (joints - 1) as f32) as usize;
     let is_exact = jump_at == 0 && off_rest(MAX_OFF_REST_DEG) == 0;
     let is_near = off_rest(MAX_NEAR_REST_DEG) <= share(MAX_ASTRAY).max(1);
-    let jumping = turned(pose(0), pose(frames), MIN_JUMP_DEG);
-    let is_clear = jumping >= share(MIN_JUMPING).max(MIN_JUMPING_JOINTS)
-        && (frames == last || !is_jump(step(frames).0, usual, 1.0));
+    let jumps = |a, b| turned(pose(a), pose(b), MIN_JUMP_DEG) >= share(MIN_JUMPING).max(MIN_JUMPING_JOINTS);
+    let is_clear = jumps(0, frames) && (frames == last || !jumps(frames, frames + 1));
     if !(is_exact || (is_near && is_clear)) {
         return None;
     }
