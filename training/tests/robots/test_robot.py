@@ -216,7 +216,17 @@ def test_quadrupeds_stand_on_the_ends_of_their_legs(tmp_path: Path):
     assert [clip["name"] for clip in store.clips] == ["walk.csv", "walk_M.csv"]
 
 
-@pytest.mark.parametrize(("left", "right"), [("leg_l{}", "leg_r{}"), ("L_leg_{}", "R_leg_{}"), ("leg{}_L", "leg{}_R")])
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("leg_l{}", "leg_r{}"),
+        ("L_leg_{}", "R_leg_{}"),
+        ("leg{}_L", "leg{}_R"),
+        ("Bip01 L Toe{}", "Bip01 R Toe{}"),
+        ("CC_Base_L_Toe{}", "CC_Base_R_Toe{}"),
+        ("LThigh{}", "RThigh{}"),
+    ],
+)
 def test_sides_are_found_by_many_makers_names(left: str, right: str):
     names = ["base", *(side.format(number) for side in (left, right) for number in (1, 6)), "level"]
     assert side_pairs(names) == [(1, 3), (2, 4)]
