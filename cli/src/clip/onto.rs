@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use troupe_motion::read::Options;
+use troupe_motion::read::beside::mesh;
 use troupe_motion::robot::description::{self, BuildOptions};
 use troupe_motion::skeleton::Skeleton;
 
@@ -61,8 +62,8 @@ impl Onto {
     fn robot(&self, file: &Path) -> Result<Skeleton, Failure> {
         let text = std::fs::read_to_string(file).map_err(|e| Failure::file(file, e))?;
         let folder = file.parent().unwrap_or(Path::new(""));
-        let beside = |name: &str| std::fs::read(folder.join(name)).ok();
-        let described = description::read(&text, &beside).map_err(|e| Failure::file(file, e))?;
+        let described =
+            description::read(&text, &|name| mesh(folder, name)).map_err(|e| Failure::file(file, e))?;
         let options = BuildOptions {
             legs: self.legs.clone(),
             ..BuildOptions::default()

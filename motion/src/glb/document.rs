@@ -13,7 +13,7 @@ use super::GlbReadError;
 /// Length of a binary file's header, bytes.
 const HEADER_BYTES: usize = 12;
 /// Most bytes of a buffer inside a `data:` URI or in a file beside it.
-const MAX_BUFFER_BYTES: usize = 1 << 30;
+pub(crate) const MAX_BUFFER_BYTES: usize = 1 << 30;
 /// Extensions that compress the bytes of a buffer view.
 const COMPRESSIONS: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 

@@ -17,6 +17,8 @@ mod write;
 #[cfg(feature = "files")]
 pub use document::Beside;
 #[cfg(feature = "files")]
+pub(crate) use document::MAX_BUFFER_BYTES;
+#[cfg(feature = "files")]
 pub use read::{
     GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, animation_names_beside, parse,
     parse_beside,

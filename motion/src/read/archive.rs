@@ -32,10 +32,10 @@ pub(super) fn read(file: &str, bytes: &[u8], options: &Options) -> Result<Unders
     joints::understand(file, parsed, options)
 }
 
-/// An archive of joints, for a survey too.
-pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
+/// An archive of joints.
+fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
     if archive.has("quaternions") && archive.has("joint_names") {
-        own(archive)
+        own(archive, options)
     } else if kimodo::is_kimodo(archive) {
         kimodo::parse(archive, options)
     } else if smpl::is_amass(archive) {
@@ -50,7 +50,7 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
 }
 
 /// Troupe's own archive.
-fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
+fn own(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
     let names = archive.texts("joint_names")?;
     let count = names.len();
     let (frames, roots) = archive.rows("root", &[3])?;
@@ -62,9 +62,9 @@ fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
     if rows != frames {
         return Err(NumpyError::array("quaternions", format!("{rows} frames, but root has {frames}")).into());
     }
-    let (_, fps) = archive.floats("fps")?;
-    let [fps] = fps[..] else {
-        return Err(NumpyError::array("fps", "it must be one number").into());
+    let fps = match options.fps {
+        Some(fps) => Finding::new(fps, Basis::Given, "--fps"),
+        None => Finding::new(own_fps(archive)?, Basis::Stated, "fps"),
     };
     let (joints, parents) = archive.rows("parents", &[])?;
     let (with_offset, offsets) = archive.rows("offsets", &[3])?;
@@ -117,7 +117,7 @@ fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
             offsets: vectors(&offsets),
             roots: vectors(&roots),
             rotations,
-            fps,
+            fps: fps.value,
         }),
         format: Finding::new(
             Format::Npz,
@@ -136,10 +136,18 @@ fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
             may_be_y_up: false,
             by: "Troupe is Y up and in metres",
         },
-        fps: Finding::new(fps, Basis::Stated, "fps"),
+        fps,
         repairs: Vec::new(),
         oddities: Vec::new(),
     })
+}
+
+/// The number in `fps`, Hz.
+fn own_fps(archive: &mut Unpacked<'_>) -> Result<f32, ReadErrorKind> {
+    match archive.floats("fps")?.1[..] {
+        [fps] => Ok(fps),
+        _ => Err(NumpyError::array("fps", "it must be one number").into()),
+    }
 }
 
 fn beyond_mimic(
@@ -164,10 +172,7 @@ fn beyond_mimic(
         let reason = format!("{placed} frames of {bodies} bodies; joint_pos has {frames} frames");
         return Err(NumpyError::array("body_pos_w", reason).into());
     }
-    let (_, fps) = archive.floats("fps")?;
-    let [fps] = fps[..] else {
-        return Err(NumpyError::array("fps", "it must be one number").into());
-    };
+    let fps = own_fps(archive)?;
     let named = archive
         .has("joint_names")
         .then(|| archive.texts("joint_names"))
@@ -194,7 +199,8 @@ fn beyond_mimic(
             "the names of its arrays",
         )),
         quaternion: QuaternionOrder::Wxyz,
-        is_fixed: true,
+        is_quaternion_fixed: true,
+        is_order_fixed: true,
         order: named.map_or(JointOrder::BreadthFirst, JointOrder::Named),
         fps: fps_of(options, Some(Finding::new(fps, Basis::Stated, "fps"))),
         first_column: 1,
@@ -282,7 +288,8 @@ pub(super) fn sonic(source: &Source<'_>, options: &Options) -> Result<Understood
         format: Finding::new(Format::Sonic, Basis::Found, evidence),
         producer: Some(Finding::new("SONIC".to_owned(), Basis::Found, evidence)),
         quaternion: QuaternionOrder::Wxyz,
-        is_fixed: true,
+        is_quaternion_fixed: true,
+        is_order_fixed: true,
         order: JointOrder::BreadthFirst,
         fps: fps_of(
             options,

@@ -8,11 +8,12 @@
 //! Files of one folder are read in two passes: [`survey`] adds what each shows to an [`Agreement`],
 //! which then decides for those that leave something open.
 //!
-//! Nothing here opens files: the caller brings bytes, and the bytes of files beside them.
+//! The caller brings bytes, and the bytes of files beside them. [`beside`] has those of the disk.
 
 mod adapted;
 mod agreement;
 mod archive;
+pub mod beside;
 mod bvh;
 mod choices;
 mod error;
@@ -106,7 +107,12 @@ pub fn read(source: &Source<'_>, options: &Options) -> Result<Understood, ReadEr
 fn read_kind(source: &Source<'_>, options: &Options) -> Result<Understood, ReadErrorKind> {
     check(options)?;
     let Source { name, bytes, .. } = *source;
-    match kind(source)? {
+    let kind = kind(source)?;
+    let has_animations = matches!(kind, Kind::Joints(Format::Glb | Format::Gltf | Format::Fbx));
+    if let Some(animation) = options.animation.as_ref().filter(|_| !has_animations) {
+        return Err(ReadErrorKind::NoAnimations(animation.clone()));
+    }
+    match kind {
         Kind::Joints(format) => joints::understand(name, parse(source, format, options)?, options),
         Kind::Archive => archive::read(name, bytes, options),
         Kind::Csv => tables::read_csv(name, bytes, options),

@@ -6,7 +6,7 @@ use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::{AngleUnit, JointOrder, Options, QuaternionOrder};
 use super::report::{Report, Topic};
-use super::robot::{Rows, note_quaternion, to_radians};
+use super::robot::{Rows, Usual, note_quaternion, to_radians};
 use crate::robot::Robot;
 use crate::skeleton::Skeleton;
 
@@ -169,12 +169,12 @@ pub(super) fn angles(
     rows: &mut Rows,
     robot: &Robot,
     skeleton: &Skeleton,
-    usual: &JointOrder,
-    first_column: usize,
+    usual: &Usual,
     options: &Options,
     report: &mut Report,
 ) -> Result<(), ReadErrorKind> {
-    let given = options.joint_order.as_ref().unwrap_or(usual);
+    let is_order_open = options.joint_order.is_none() && !usual.is_order_fixed;
+    let given = options.joint_order.as_ref().unwrap_or(&usual.order);
     let order = order_of(given, robot, skeleton)?;
     let unit = options.angles.unwrap_or(AngleUnit::Radians);
     let now = beyond(&rows.angles, robot, to_radians(unit), &order);
@@ -183,7 +183,7 @@ pub(super) fn angles(
     let mut reading = (unit, order);
     if now.far_rad > FAR_RAD {
         let of = &robot.hinges()[now.hinge];
-        let column = first_column
+        let column = usual.first_column
             + reading
                 .1
                 .iter()
@@ -197,7 +197,21 @@ pub(super) fn angles(
             of.upper_rad,
             now.frame
         );
-        match fitting(rows, robot, &reading, largest, options) {
+        match fitting(rows, robot, &reading, largest, options, is_order_open) {
+            Some((AngleUnit::Degrees, ..)) if largest <= FULL_TURN_RAD && usual.is_order_fixed => {
+                return Err(ReadErrorKind::Open {
+                    topic: Topic::Angles,
+                    what: "what the angles mean",
+                    evidence,
+                    options: Advice::new(
+                        format!(
+                            "{{}} fits, but then most frames turn no hinge farther than {largest:.1}°; else {{}} \
+                             gives the robot of the file"
+                        ),
+                        [OptionName::Degrees, OptionName::Skeleton].map(Choice::any),
+                    ),
+                });
+            }
             Some((AngleUnit::Degrees, order, _)) if largest <= FULL_TURN_RAD => {
                 return Err(ReadErrorKind::Open {
                     topic: Topic::Angles,
@@ -231,6 +245,13 @@ pub(super) fn angles(
                 );
                 reading = (unit, order);
             }
+            None if usual.is_order_fixed => {
+                let advice = Advice::new(
+                    "is this the robot of the file? {} gives another",
+                    [Choice::any(OptionName::Skeleton)],
+                );
+                return Err(ReadErrorKind::Angles { evidence, advice });
+            }
             None => {
                 let advice = Advice::new(
                     "are the angles in the robot's order ({}), and of this robot?",
@@ -259,6 +280,7 @@ fn fitting(
     now: &(AngleUnit, Vec<usize>),
     largest: f64,
     options: &Options,
+    may_order: bool,
 ) -> Option<Fit> {
     let (unit, order) = now;
     let breadth = robot.breadth_first();
@@ -276,7 +298,6 @@ fn fitting(
     let fits = |fit: &Fit| beyond(&rows.angles, robot, to_radians(fit.0), &fit.1).far_rad <= NOTED_RAD;
     let is_large = largest > FULL_TURN_RAD;
     let may_turn = options.angles.is_none();
-    let may_order = options.joint_order.is_none();
     let degrees = (AngleUnit::Degrees, order.clone(), "--degrees");
     let ordered = (*unit, other.clone(), name);
     let both = (AngleUnit::Degrees, other, both);

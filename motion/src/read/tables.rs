@@ -2,6 +2,7 @@
 //! array.
 
 use super::Understood;
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::{JointOrder, Options, QuaternionOrder};
 use super::report::{Basis, Finding, Format, Topic};
@@ -16,9 +17,16 @@ use crate::skeleton::Skeleton;
 
 /// Names of a first column of times, and of one that only counts.
 const TIMES: [&str; 5] = ["time", "t", "timestamp", "time_s", "seconds"];
+const TIMES_MS: [&str; 5] = ["time_ms", "t_ms", "timestamp_ms", "ms", "milliseconds"];
 const COUNTERS: [&str; 4] = ["frame", "index", "frame_index", ""];
+/// Steps that are milliseconds: nothing moves at so few frames a second if they were seconds.
+const STEPS_MS: std::ops::RangeInclusive<f64> = 5.0..=50.0;
 /// Largest difference between steps of a column of times, by their mean.
 const STEP_TOLERANCE: f64 = 0.02;
+/// Farthest that a time may be from where even steps have it, in steps.
+const GRID_TOLERANCE: f64 = 0.1;
+/// A rate that is as near to a whole number is that number, as in BVH.
+const RATE_TOLERANCE: f64 = 5e-4;
 
 pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Understood, ReadErrorKind> {
     let (skeleton, robot) = robot_of(options)?;
@@ -27,7 +35,7 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
     let expected = ROOT + robot.hinges().len();
     let mut stated = None;
     if table.columns == expected + 1 {
-        stated = without_first(&mut table);
+        stated = without_first(&mut table, options)?;
     }
     if table.columns != expected {
         return Err(columns_error(table.columns, robot));
@@ -45,7 +53,8 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
         format: Finding::new(Format::RobotCsv, Basis::Found, evidence),
         producer: None,
         quaternion: quaternion_of(table.header.as_deref()).unwrap_or(QuaternionOrder::Xyzw),
-        is_fixed: quaternion_of(table.header.as_deref()).is_some(),
+        is_quaternion_fixed: quaternion_of(table.header.as_deref()).is_some(),
+        is_order_fixed: named.is_some(),
         order: named.map_or(JointOrder::Tree, JointOrder::Named),
         fps: fps_of(options, stated),
         first_column: ROOT + 1,
@@ -79,7 +88,8 @@ pub(super) fn read_qpos(file: &str, bytes: &[u8], options: &Options) -> Result<U
         format: Finding::new(Format::Qpos, Basis::Found, evidence),
         producer: None,
         quaternion: QuaternionOrder::Wxyz,
-        is_fixed: false,
+        is_quaternion_fixed: false,
+        is_order_fixed: false,
         order: JointOrder::Tree,
         fps: fps_of(options, None),
         first_column: ROOT + 1,
@@ -107,19 +117,34 @@ fn quaternion_of(header: Option<&[String]>) -> Option<QuaternionOrder> {
 }
 
 /// Removes a first column of times or counts. Returns the rate that it shows.
-fn without_first(table: &mut Table) -> Option<Finding<f32>> {
+///
+/// # Errors
+/// [`ReadErrorKind::Range`] if the header names times that show no rate, and no option gives one.
+fn without_first(table: &mut Table, options: &Options) -> Result<Option<Finding<f32>>, ReadErrorKind> {
     let column: Vec<f64> = table.numbers.iter().copied().step_by(table.columns).collect();
     let name = table.header.as_ref().map(|header| header[0].to_ascii_lowercase());
     let is_named = |names: &[&str]| name.as_deref().is_some_and(|name| names.contains(&name));
-    let steps: Vec<f64> = column.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
-    let is_even = !steps.is_empty()
-        && steps
-            .iter()
-            .all(|step| (step - mean).abs() <= STEP_TOLERANCE * mean);
-    let is_time = (is_named(&TIMES) || name.is_none()) && is_even && (0.001..=1.0).contains(&mean);
-    if !(is_time && mean < 1.0 || is_named(&COUNTERS) || is_named(&TIMES)) {
-        return None;
+    let is_time = is_named(&TIMES) || is_named(&TIMES_MS);
+    let stated = rate_of(&column, is_named(&TIMES_MS), is_time);
+    let is_dropped = match name {
+        None => stated.is_some(),
+        Some(_) => is_time || is_named(&COUNTERS),
+    };
+    if !is_dropped {
+        return Ok(None);
+    }
+    if is_time && stated.is_none() && column.len() > 1 && options.fps.is_none() {
+        let steps = || column.windows(2).map(|pair| pair[1] - pair[0]);
+        let (least, most) = (
+            steps().fold(f64::INFINITY, f64::min),
+            steps().fold(-f64::INFINITY, f64::max),
+        );
+        return Err(ReadErrorKind::Range {
+            field: format!("the step of column {:?}", name.unwrap_or_default()),
+            found: format!("{least:.4} to {most:.4}"),
+            allowed: "even steps of 0.001 s to 1 s, or of 5 ms to 50 ms".to_owned(),
+            option: Some(Advice::decides(Choice::any(OptionName::Fps))),
+        });
     }
     let columns = table.columns;
     table.numbers = table
@@ -129,17 +154,42 @@ fn without_first(table: &mut Table) -> Option<Finding<f32>> {
         .collect();
     table.columns -= 1;
     table.header = table.header.take().map(|header| header[1..].to_vec());
-    let fps = (1.0 / mean) as f32;
-    let fps = if (fps - fps.round()).abs() < 0.02 * fps {
-        fps.round()
-    } else {
-        fps
+    Ok(stated.filter(|_| !is_named(&COUNTERS)))
+}
+
+/// The rate of a column of times, if they rise evenly. Only a column that is named as times may be
+/// in milliseconds.
+fn rate_of(times: &[f64], is_ms: bool, is_time: bool) -> Option<Finding<f32>> {
+    let [first, .., last] = times else {
+        return None;
     };
-    is_time.then(|| {
-        Finding::new(
-            fps,
-            Basis::Stated,
-            format!("the first column rises by {mean:.4} s a row"),
-        )
-    })
+    let step = (last - first) / (times.len() - 1) as f64;
+    // Rounded times do not rise by equal steps, but stay near those that do.
+    let grid = times.iter().enumerate();
+    let far = grid
+        .map(|(row, time)| (time - (first + row as f64 * step)).abs())
+        .fold(0.0, f64::max);
+    let mut steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    let is_even = far <= GRID_TOLERANCE * step || steps.all(|of| (of - step).abs() <= STEP_TOLERANCE * step);
+    let unit_s = match is_ms || (is_time && STEPS_MS.contains(&step)) {
+        true => 0.001,
+        false => 1.0,
+    };
+    let step_s = step * unit_s;
+    if !is_even || !(0.001..1.0).contains(&step_s) {
+        return None;
+    }
+    let fps = 1.0 / step_s;
+    // Rounded times leave open as much of the rate as they are off.
+    let off = far.min(GRID_TOLERANCE * step);
+    let tolerance = RATE_TOLERANCE + 2.0 * off / (last - first);
+    let fps = match (fps - fps.round()).abs() <= tolerance * fps {
+        true => fps.round(),
+        false => fps,
+    };
+    let text = match unit_s < 1.0 {
+        true => format!("the first column rises by {step:.2} ms a row"),
+        false => format!("the first column rises by {step:.4} s a row"),
+    };
+    Some(Finding::new(fps as f32, Basis::Stated, text))
 }

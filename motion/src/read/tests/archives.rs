@@ -45,6 +45,12 @@ fn troupes_own_archive_comes_back() {
             .zip(&b.positions)
             .all(|(a, b)| a.distance(*b) < 1e-5)
     );
+    let fast = Options {
+        fps: Some(60.0),
+        ..Options::default()
+    };
+    let found = with(&write_npz(&truth).unwrap(), &fast).unwrap();
+    assert_eq!((found.clip.fps, found.report.fps.basis), (60.0, Basis::Given));
     let options = Options {
         skeleton: Some(truth.skeleton.clone()),
         ..Options::default()
@@ -154,6 +160,23 @@ fn amass_is_read_with_the_published_tree() {
         error.contains("\"poses\": 100 numbers a frame; SMPL has 66 or 72"),
         "{error}"
     );
+}
+
+#[test]
+fn smpl_x_has_a_pelvis_of_its_own() {
+    let root = |width, split| plain(&amass(2, width, Some("fps"), split)).clip.root_positions[0];
+    // Added to `trans` along the file's axes, whose Z is our Y and whose Y is our -Z.
+    let place = |[x, y, z]: [f32; 3]| Vec3::new(0.2 + x, 0.9 + z, -y);
+    for (width, split) in [(72, false), (156, false)] {
+        assert!(root(width, split).abs_diff_eq(place([-0.0018, -0.2233, 0.0282]), 1e-5));
+    }
+    for (width, split) in [(165, false), (66, true)] {
+        let found = root(width, split);
+        assert!(
+            found.abs_diff_eq(place([0.0031, -0.3514, 0.0120]), 1e-5),
+            "{found}"
+        );
+    }
 }
 
 /// AMASS arrays of a person who walks on steps of a Y-up world, or lies in a Z-up one.
@@ -287,6 +310,24 @@ fn kimodos_archives_come_back() {
     };
     let error = with(&bytes, &options).unwrap_err().to_string();
     assert!(error.contains("the .csv that Kimodo writes beside it"), "{error}");
+}
+
+#[test]
+fn files_without_animations_take_no_name_of_one() {
+    let options = Options {
+        animation: Some("Walk".to_owned()),
+        ..Options::default()
+    };
+    let error = with(&write_npz(&walk(0)).unwrap(), &options)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("animation \"Walk\": only .glb, .gltf and .fbx files"),
+        "{error}"
+    );
+    let text = b"HIERARCHY";
+    let error = read(&Source::new("walk.bvh", text), &options).unwrap_err();
+    assert!(error.to_string().contains("animation \"Walk\""), "{error}");
 }
 
 #[test]
