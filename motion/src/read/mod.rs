@@ -20,6 +20,7 @@ mod error;
 #[cfg(feature = "fbx")]
 mod fbx;
 mod gltf;
+mod header;
 mod joints;
 mod kimodo;
 mod leading;

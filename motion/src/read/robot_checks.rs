@@ -349,16 +349,35 @@ fn order_of(order: &JointOrder, robot: &Robot, skeleton: &Skeleton) -> Result<Ve
     }
 }
 
-/// The hinge of a joint's name, as a pack or a URDF has it: with or without `_joint`.
+/// The hinge of a joint's name, as a pack, a URDF or a CSV has it: `left_knee`, `left_knee_joint`,
+/// `dof_left_knee` or `joint:left_knee`, in any case.
 pub(super) fn hinge_named(name: &str, robot: &Robot, skeleton: &Skeleton) -> Option<usize> {
-    let bare = |name: &str| {
-        name.trim_end_matches("_joint")
-            .trim_end_matches("_dof")
-            .to_ascii_lowercase()
-    };
+    let joint = |hinge: &crate::robot::Hinge| &*skeleton.joints[hinge.joint].name;
+    let mut hinges = robot.hinges().iter();
+    let exact = hinges.position(|hinge| joint(hinge).eq_ignore_ascii_case(name.trim()));
     let wanted = bare(name);
-    let joint = |hinge: &crate::robot::Hinge| bare(&skeleton.joints[hinge.joint].name);
-    robot.hinges().iter().position(|hinge| joint(hinge) == wanted)
+    exact.or_else(|| {
+        robot
+            .hinges()
+            .iter()
+            .position(|hinge| bare(joint(hinge)) == wanted)
+    })
+}
+
+/// A joint's name in small letters, without what programs put before and after it.
+pub(super) fn bare(name: &str) -> String {
+    let name = name.trim().to_lowercase();
+    let mut bare = &*name;
+    loop {
+        let before = ["dof_", "dof:", "joint_", "joint:"];
+        let after = ["_joint", "_dof", "_link"];
+        let shorter = before.iter().find_map(|word| bare.strip_prefix(word));
+        let shorter = shorter.or_else(|| after.iter().find_map(|word| bare.strip_suffix(word)));
+        match shorter {
+            Some(shorter) if !shorter.is_empty() => bare = shorter,
+            _ => return bare.to_owned(),
+        }
+    }
 }
 
 fn apply(rows: &mut Rows, order: &[usize], factor: f64) {

@@ -4,16 +4,14 @@
 use super::Understood;
 use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
+use super::header::{self, Named};
 use super::options::{JointOrder, Options, QuaternionOrder};
 use super::report::{Basis, Finding, Format, Topic};
 use super::robot::{ROOT, Usual, columns_error, fps_of, robot_of, rows_of, understand};
-use super::robot_checks::hinge_named;
 use super::table::Table;
 use super::text;
 use crate::files::NumpyError;
 use crate::files::npz::read_array;
-use crate::robot::Robot;
-use crate::skeleton::Skeleton;
 
 /// Names of a first column of times, and of one that only counts.
 const TIMES: [&str; 5] = ["time", "t", "timestamp", "time_s", "seconds"];
@@ -33,6 +31,10 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
     let text = text::decode(bytes);
     let mut table = Table::parse(&text.text)?;
     let expected = ROOT + robot.hinges().len();
+    if let Some(header) = &table.header {
+        header::refuse_angles(header, robot, skeleton)?;
+    }
+    let all = table.columns;
     let mut stated = None;
     if table.columns == expected + 1 {
         stated = without_first(&mut table, options)?;
@@ -40,11 +42,19 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
     if table.columns != expected {
         return Err(columns_error(table.columns, robot));
     }
-    let named = table
-        .header
-        .as_ref()
-        .and_then(|header| named(&header[ROOT..], robot, skeleton));
-    let evidence = match (&named, &table.header) {
+    let dropped = all - table.columns;
+    let named = match &table.header {
+        Some(header) => header::read(header, dropped, robot, skeleton, options)?,
+        None => Named::default(),
+    };
+    if let Some(columns) = named.root {
+        let columns = header::in_order(columns, options.quaternion);
+        for row in table.numbers.chunks_exact_mut(expected) {
+            let found = columns.map(|column| row[column]);
+            row[..ROOT].copy_from_slice(&found);
+        }
+    }
+    let evidence = match (&named.hinges, &table.header) {
         (Some(_), _) => "a row has the root and the hinges, which its header names",
         (None, Some(_)) => "a row has the root and as many angles as the robot has hinges, under a header",
         (None, None) => "a row has the root and as many angles as the robot has hinges",
@@ -52,12 +62,12 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
     let usual = Usual {
         format: Finding::new(Format::RobotCsv, Basis::Found, evidence),
         producer: None,
-        quaternion: quaternion_of(table.header.as_deref()).unwrap_or(QuaternionOrder::Xyzw),
-        is_quaternion_fixed: quaternion_of(table.header.as_deref()).is_some(),
-        is_order_fixed: named.is_some(),
-        order: named.map_or(JointOrder::Tree, JointOrder::Named),
+        quaternion: QuaternionOrder::Xyzw,
+        is_quaternion_fixed: named.root.is_some(),
+        is_order_fixed: named.hinges.is_some(),
+        order: named.hinges.map_or(JointOrder::Tree, JointOrder::Named),
         fps: fps_of(options, stated),
-        first_column: ROOT + 1,
+        first_column: ROOT + dropped + 1,
     };
     let mut understood = understand(file, rows_of(&table.numbers, table.columns), usual, options)?;
     if let Some(note) = text.note {
@@ -95,25 +105,6 @@ pub(super) fn read_qpos(file: &str, bytes: &[u8], options: &Options) -> Result<U
         first_column: ROOT + 1,
     };
     understand(file, rows_of(&numbers, expected), usual, options)
-}
-
-/// The hinges' names in a header; none if they are not all there.
-fn named(header: &[String], robot: &Robot, skeleton: &Skeleton) -> Option<Vec<String>> {
-    let all = header
-        .iter()
-        .all(|name| hinge_named(name, robot, skeleton).is_some());
-    all.then(|| header.to_vec())
-}
-
-/// The order of the quaternion that a header names: columns 4 to 7 end in x, y, z and w.
-fn quaternion_of(header: Option<&[String]>) -> Option<QuaternionOrder> {
-    let last = |name: &String| name.chars().last().map(|c| c.to_ascii_lowercase());
-    let ends: Option<String> = header?.get(3..ROOT)?.iter().map(last).collect();
-    match &*ends? {
-        "xyzw" => Some(QuaternionOrder::Xyzw),
-        "wxyz" => Some(QuaternionOrder::Wxyz),
-        _ => None,
-    }
 }
 
 /// Removes a first column of times or counts. Returns the rate that it shows.

@@ -4,6 +4,7 @@ mod archives;
 mod dialects;
 #[cfg(feature = "fbx")]
 mod fbx;
+mod headers;
 mod hostile;
 mod kinds;
 mod neutral;

@@ -49,14 +49,18 @@ pub(super) fn walk(frames: usize, fps: f32, share: f32) -> Clip {
     Clip::new(skeleton, fps, roots, rotations).unwrap()
 }
 
-fn on_g1() -> Options {
+pub(super) fn on_g1() -> Options {
     Options {
         skeleton: Some(g1()),
         ..Options::default()
     }
 }
 
-fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, crate::read::ReadError> {
+pub(super) fn with(
+    name: &str,
+    bytes: &[u8],
+    options: &Options,
+) -> Result<Understood, crate::read::ReadError> {
     read(&Source::new(name, bytes), options).inspect_err(names_its_options)
 }
 
@@ -71,7 +75,7 @@ pub(super) fn rows(text: &str, change: impl Fn(&mut Vec<f64>)) -> String {
     text.lines().map(row).collect()
 }
 
-fn same(a: &Clip, b: &Clip) -> bool {
+pub(super) fn same(a: &Clip, b: &Clip) -> bool {
     let places = a.root_positions.iter().zip(&b.root_positions);
     let turns = a.rotations.iter().zip(&b.rotations);
     a.frames() == b.frames()
@@ -81,7 +85,7 @@ fn same(a: &Clip, b: &Clip) -> bool {
             .all(|(a, b)| angle_between(*a, *b).to_degrees() < 0.1)
 }
 
-fn topics(found: &Understood) -> Vec<Topic> {
+pub(super) fn topics(found: &Understood) -> Vec<Topic> {
     found.report.repairs.iter().map(|note| note.topic).collect()
 }
 
@@ -373,7 +377,7 @@ fn headers_and_times_say_what_the_columns_are() {
 }
 
 /// Unitree's rows under a header that names all columns.
-fn with_header(rows: &str) -> String {
+pub(super) fn with_header(rows: &str) -> String {
     let skeleton = g1();
     let hinges = skeleton.robot.as_ref().unwrap().hinges();
     let names: Vec<&str> = hinges
@@ -384,10 +388,10 @@ fn with_header(rows: &str) -> String {
 }
 
 /// The time of a row, from 0.
-type Time<'a> = &'a dyn Fn(f64) -> String;
+pub(super) type Time<'a> = &'a dyn Fn(f64) -> String;
 
 /// Rows with a column of times before them.
-fn timed(name: &str, rows: &str, time: Time<'_>) -> String {
+pub(super) fn timed(name: &str, rows: &str, time: Time<'_>) -> String {
     let lines = rows.lines().enumerate();
     let lines = lines.map(|(nth, row)| match nth {
         0 => format!("{name},{row}\n"),
