@@ -63,6 +63,8 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
     }
     let (model, given, turns) = poses(archive, frames)?;
     let fps = rate(archive, options)?;
+    let has_shape = archive.has("betas")
+        && (archive.floats("betas")).is_ok_and(|(_, betas)| betas.iter().any(|beta| *beta != 0.0));
     let offset = DVec3::from(match model {
         SMPL_X => PELVIS_OF_SMPL_X,
         _ => JOINTS[0].2,
@@ -88,6 +90,12 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
                 "{} joints of hands and face are left out: the mean body's bones here end at the wrists and the head",
                 given - JOINTS.len()
             ),
+        });
+    }
+    if has_shape {
+        repairs.push(Note {
+            topic: Topic::Body,
+            text: "its shape (betas) is not applied: bones are the mean body's".to_owned(),
         });
     }
     Ok(Parsed {

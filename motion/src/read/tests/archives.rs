@@ -163,6 +163,25 @@ fn amass_is_read_with_the_published_tree() {
 }
 
 #[test]
+fn shapes_of_bodies_are_noted() {
+    let noted = |betas: &[f64]| {
+        let mut archive = Archive::new();
+        archive
+            .add("trans", &[30, 3], &[0.0, 0.0, 0.9].repeat(30))
+            .unwrap();
+        let mut pose = vec![0.0_f64; 72];
+        pose[0] = std::f64::consts::FRAC_PI_2;
+        archive.add("poses", &[30, 72], &pose.repeat(30)).unwrap();
+        archive.add("betas", &[betas.len()], betas).unwrap();
+        let repairs = plain(&archive.finish().unwrap()).report.repairs;
+        repairs
+            .iter()
+            .any(|note| note.topic == Topic::Body && note.text.contains("(betas) is not applied"))
+    };
+    assert!(!noted(&[0.0; 16]) && noted(&[2.0, 0.0]));
+}
+
+#[test]
 fn smpl_x_has_a_pelvis_of_its_own() {
     let root = |width, split| plain(&amass(2, width, Some("fps"), split)).clip.root_positions[0];
     // Added to `trans` along the file's axes, whose Z is our Y and whose Y is our -Z.
