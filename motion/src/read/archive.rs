@@ -163,7 +163,7 @@ fn beyond_mimic(
     if let [_, columns] = shape[..]
         && columns as usize != hinges
     {
-        return Err(columns_error(columns as usize + ROOT, robot));
+        return Err(columns_error(columns as usize + ROOT, robot, skeleton));
     }
     let (frames, angles) = archive.rows("joint_pos", &[hinges])?;
     let (shape, _) = archive.floats("body_pos_w")?;
@@ -284,11 +284,11 @@ fn compare_bodies(understood: &mut Understood, places: &[f32], joints: &[Option<
 
 /// SONIC's folder, by its `joint_pos.csv`; the other files are beside it.
 pub(super) fn sonic(source: &Source<'_>, options: &Options) -> Result<Understood, ReadErrorKind> {
-    let (_, robot) = robot_of(options)?;
+    let (skeleton, robot) = robot_of(options)?;
     let hinges = robot.hinges().len();
     let angles = Table::parse(&text::decode(source.bytes).text)?;
     if angles.columns != hinges {
-        return Err(columns_error(angles.columns + ROOT, robot));
+        return Err(columns_error(angles.columns + ROOT, robot, skeleton));
     }
     let beside = |name: &str, width: usize| -> Result<Table, ReadErrorKind> {
         let bytes = (source.beside)(name).ok_or_else(|| {

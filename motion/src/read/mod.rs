@@ -19,6 +19,7 @@ mod choices;
 mod error;
 #[cfg(feature = "fbx")]
 mod fbx;
+mod followers;
 mod gltf;
 mod header;
 mod joints;

@@ -173,10 +173,20 @@ fn refuse_unused(options: &Options) -> Result<(), ReadErrorKind> {
 }
 
 /// That a file has another number of columns than the robot.
-pub(super) fn columns_error(found: usize, robot: &Robot) -> ReadErrorKind {
+pub(super) fn columns_error(found: usize, robot: &Robot, skeleton: &Skeleton) -> ReadErrorKind {
     let hinges = robot.hinges().len();
+    let followers: Vec<&str> = (robot.mimics().iter())
+        .map(|mimic| &*skeleton.joints[mimic.joint].name)
+        .collect();
+    let left_out = match followers.is_empty() {
+        true => String::new(),
+        false => format!(
+            "; joints that follow others have no column: {}",
+            followers.join(", ")
+        ),
+    };
     ReadErrorKind::Robot(format!(
-        "{found} columns; robot {} has {}: 7 of the root and {hinges} angles",
+        "{found} columns; robot {} has {}: 7 of the root and {hinges} angles{left_out}",
         robot.name(),
         ROOT + hinges
     ))

@@ -4,6 +4,7 @@
 use super::Understood;
 use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
+use super::followers;
 use super::header::{self, Named};
 use super::options::{JointOrder, Options, QuaternionOrder};
 use super::report::{Basis, Finding, Format, Topic};
@@ -39,10 +40,17 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
     if table.columns == expected + 1 {
         stated = without_first(&mut table, options)?;
     }
-    if table.columns != expected {
-        return Err(columns_error(table.columns, robot));
-    }
     let dropped = all - table.columns;
+    let mut far_rad = None;
+    if table.columns != expected && table.header.is_none() {
+        far_rad = followers::take_out(&mut table.numbers, table.columns, robot, options);
+    }
+    if far_rad.is_some() {
+        table.columns = expected;
+    }
+    if table.columns != expected {
+        return Err(columns_error(table.columns, robot, skeleton));
+    }
     let named = match &table.header {
         Some(header) => header::read(header, dropped, robot, skeleton, options)?,
         None => Named::default(),
@@ -70,6 +78,9 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
         first_column: ROOT + dropped + 1,
     };
     let mut understood = understand(file, rows_of(&table.numbers, table.columns), usual, options)?;
+    if let Some(far_rad) = far_rad {
+        followers::note(&far_rad, robot, skeleton, &mut understood.report);
+    }
     if let Some(note) = text.note {
         understood.report.repaired(Topic::Encoding, note);
     }
@@ -78,21 +89,23 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], options: &Options) -> Result<Un
 
 /// An array of `qpos`, w x y z as in MuJoCo.
 pub(super) fn read_qpos(file: &str, bytes: &[u8], options: &Options) -> Result<Understood, ReadErrorKind> {
-    let (_, robot) = robot_of(options)?;
+    let (skeleton, robot) = robot_of(options)?;
     let (shape, numbers) = read_array(bytes).map_err(|reason| NumpyError::array("qpos", reason))?;
     let expected = ROOT + robot.hinges().len();
     let [_, columns] = shape[..] else {
         let reason = format!("shape {shape:?}; it must be frames, {expected}");
         return Err(NumpyError::array("qpos", reason).into());
     };
-    if columns as usize != expected {
-        return Err(columns_error(columns as usize, robot));
-    }
+    let columns = columns as usize;
     if let Some(at) = numbers.iter().position(|n| !n.is_finite()) {
-        let reason = format!("row {} is not finite", at / expected);
+        let reason = format!("row {} is not finite", at / columns.max(1));
         return Err(NumpyError::array("qpos", reason).into());
     }
-    let numbers: Vec<f64> = numbers.into_iter().map(f64::from).collect();
+    let mut numbers: Vec<f64> = numbers.into_iter().map(f64::from).collect();
+    let far_rad = followers::take_out(&mut numbers, columns, robot, options);
+    if columns != expected && far_rad.is_none() {
+        return Err(columns_error(columns, robot, skeleton));
+    }
     let evidence = format!("an array of frames, {expected}");
     let usual = Usual {
         format: Finding::new(Format::Qpos, Basis::Found, evidence),
@@ -104,7 +117,11 @@ pub(super) fn read_qpos(file: &str, bytes: &[u8], options: &Options) -> Result<U
         fps: fps_of(options, None),
         first_column: ROOT + 1,
     };
-    understand(file, rows_of(&numbers, expected), usual, options)
+    let mut understood = understand(file, rows_of(&numbers, expected), usual, options)?;
+    if let Some(far_rad) = far_rad {
+        followers::note(&far_rad, robot, skeleton, &mut understood.report);
+    }
+    Ok(understood)
 }
 
 /// Removes a first column of times or counts. Returns the rate that it shows.
