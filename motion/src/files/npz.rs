@@ -235,7 +235,13 @@ pub(crate) struct Unpacked<'a>(ZipArchive<Cursor<&'a [u8]>>);
 impl<'a> Unpacked<'a> {
     pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, NumpyError> {
         let archive = ZipArchive::new(Cursor::new(bytes));
-        Ok(Self(archive.map_err(|e| NumpyError::Archive(e.to_string()))?))
+        Ok(Self(archive.map_err(|e| {
+            let reason = match bytes.starts_with(b"PK") {
+                true => format!("the zip archive is damaged or cut off ({e})"),
+                false => e.to_string(),
+            };
+            NumpyError::Archive(reason)
+        })?))
     }
 
     /// Names of its arrays.
