@@ -145,7 +145,7 @@ fn own(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>,
 /// The rate that an option gives, or the array `fps`.
 fn own_fps(archive: &mut Unpacked<'_>, options: &Options) -> Result<Finding<f32>, ReadErrorKind> {
     smpl::stated_rate(archive, options)?.ok_or_else(|| ReadErrorKind::Range {
-        field: "fps".to_owned(),
+        field: "array \"fps\"".to_owned(),
         found: "missing".to_owned(),
         allowed: "one number from 1 to 1000".to_owned(),
         option: Some(Advice::decides(Choice::any(OptionName::Fps))),

@@ -735,7 +735,7 @@ fn trackers_arrays_are_checked() {
             .any(|note| note.text.contains("from the robot's links")),
         "{odd:?}"
     );
-    for (fps, found) in [(None, "fps is missing"), (Some(0.0), "fps is [0.0]")] {
+    for (fps, found) in [(None, "array \"fps\" is missing"), (Some(0.0), "fps is [0.0]")] {
         let bytes = beyond(&truth, fps, false, false, false);
         let error = with("walk.npz", &bytes, &on_g1()).unwrap_err().to_string();
         assert!(
