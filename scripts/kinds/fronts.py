@@ -35,7 +35,7 @@ from troupe_training.robots.source import RobotSource
 # Files that the client reads without the reader.
 OWN_READERS = (".bvh", ".csv", ".npz")
 # Options of the reader as the command line has them.
-FLAGS = {"fps": "--fps", "max_slide_m": "--max-slide", "other_bones": "--other-bones", "quaternion": "--quaternion"}
+FLAGS = {"fps": "--fps", "max_slide": "--max-slide", "other_bones": "--other-bones", "quaternion": "--quaternion"}
 CLIENT = ROOT / "target" / "python-client" / "bin" / "python"
 
 
@@ -191,7 +191,7 @@ def _tried(read: Callable[[Job], Answer], job: Job) -> Answer:
 
 def _given(job: Job) -> FileOptions:
     """Options that training's commands have."""
-    return cast(FileOptions, {key: value for key, value in job.options().items() if key in READING.values()})
+    return cast(FileOptions, {key: value for key, value in job.options().items() if key in READING})
 
 
 def _prepared(job: Job) -> Answer:

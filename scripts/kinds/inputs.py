@@ -185,7 +185,7 @@ def gltf() -> Iterator[Kind]:
     yield Kind(group, "the same, Armature of 1:100", "armature.glb", rig.glb(), mean_held, before)
     mean_held, rig = slide(0.6, "UpperArm_L")
     yield Kind(
-        group, "arm leaves by 0.6 m", "arm.glb", rig.glb(), mean_held, before, {"max_slide_m": 1.0},
+        group, "arm leaves by 0.6 m", "arm.glb", rig.glb(), mean_held, before, {"max_slide": 1.0},
         options_onto={"other_bones": True},
     )  # fmt: skip
     group, before = "glTF", "refused"

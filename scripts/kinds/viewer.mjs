@@ -9,15 +9,18 @@ await reader.default({ module_or_path: readFileSync(wasm) });
 // A person gives options by their controls, which the page has for these.
 const controls = JSON.parse(reader.options());
 
+// Jobs name options as Python and the command line do.
+const keyword = (name) => (name === 'max_slide_m' ? 'max_slide' : name);
+
 function valuesOf(given, isRobot) {
   const shown = controls.filter((option) => !option.is_of_robots || isRobot).map(({ name }) => name);
-  return Object.fromEntries(Object.entries(given).filter(([name]) => shown.includes(name)));
+  return Object.fromEntries(shown.filter((name) => keyword(name) in given).map((name) => [name, given[keyword(name)]]));
 }
 
 function understand({ path, tables, fps, given }) {
   const [name, bytes] = [path.split('/').pop(), readFileSync(path)];
   const names = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
-  const robot = tables.robot ? { robot: { name: tables.robot.name, hinges: tables.robot.hinges } } : {};
+  const robot = tables.robot ? { robot: { name: tables.robot.name, hinges: tables.robot.hinges, mimics: tables.robot.mimics ?? [] } } : {};
   const options = { skeleton: tables.skeleton, ...robot, resample_fps: fps, ...valuesOf(given, 'robot' in robot) };
   if (names.length > 1) options.animation = names[0];
   const read = reader.read(name, bytes, JSON.stringify(options));
@@ -46,7 +49,7 @@ const answers = jobs.map((job) => {
   try {
     return understand(job);
   } catch (error) {
-    return { error: error.message, asks: JSON.parse(error.options ?? '[]').map(({ option }) => option) };
+    return { error: error.message, asks: JSON.parse(error.options ?? '[]').map(({ option }) => keyword(option)) };
   }
 });
 process.stdout.write(JSON.stringify(answers));

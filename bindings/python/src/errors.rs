@@ -7,6 +7,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use troupe_motion::read;
 
+use crate::options::keyword;
+
 pyo3::create_exception!(
     troupe_reader,
     ReadError,
@@ -33,7 +35,7 @@ fn set_options(py: Python<'_>, error: &PyErr, choices: &[read::Choice]) -> PyRes
     let mut options = Vec::new();
     for choice in choices {
         let option = PyDict::new(py);
-        option.set_item("option", choice.option.name())?;
+        option.set_item("option", keyword(choice.option))?;
         option.set_item("values", &choice.values)?;
         options.push(option);
     }

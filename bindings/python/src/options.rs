@@ -26,6 +26,14 @@ pub(crate) fn options(given: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
     Ok(options)
 }
 
+/// The keyword argument of an option: its flag on a command line, in Python's spelling.
+pub(crate) fn keyword(option: OptionName) -> &'static str {
+    match option {
+        OptionName::MaxSlide => "max_slide",
+        other => other.name(),
+    }
+}
+
 fn set(options: &mut Options, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
     match key {
         "up" => options.up = Some(named(OptionName::Up, value, Up::of_name)?),
@@ -40,7 +48,7 @@ fn set(options: &mut Options, key: &str, value: &Bound<'_, PyAny>) -> PyResult<(
         "leading_pose" => {
             options.leading_pose = named(OptionName::LeadingPose, value, LeadingPose::of_name)?;
         }
-        "max_slide_m" => options.max_slide_m = Some(value.extract()?),
+        "max_slide" => options.max_slide_m = Some(value.extract()?),
         "strip_namespaces" => options.strip_namespaces = value.extract()?,
         "skeleton" => {
             options.skeleton = Some(Arc::clone(value.cast::<Skeleton>()?.get().inner()));
@@ -68,7 +76,7 @@ fn named<T>(option: OptionName, value: &Bound<'_, PyAny>, of_name: fn(&str) -> O
     let name: String = value.extract()?;
     of_name(&name).ok_or_else(|| {
         let allowed = option.values().join(", ");
-        wrong(format!("{} is {name:?}; allowed: {allowed}", option.name()))
+        wrong(format!("{} is {name:?}; allowed: {allowed}", keyword(option)))
     })
 }
 

@@ -1,11 +1,14 @@
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import troupe_reader
+from troupe_reader.options import FileOptions
 
+ROOT = Path(__file__).parents[3]
 BVH = """HIERARCHY
 ROOT Hips
 {
@@ -24,6 +27,42 @@ Frame Time: 0.0333333
 0 95 0 0 0 0 0 0 0
 0 95 1 0 0 0 0 10 0
 0 95 2 0 0 0 0 20 0
+"""
+# A leg leaves the hips.
+SLIDING = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT LeftLeg
+  {
+    OFFSET 10 0 0
+    CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+    JOINT LeftFoot
+    {
+      OFFSET 0 -90 0
+      CHANNELS 3 Zrotation Xrotation Yrotation
+      End Site { OFFSET 0 -5 0 }
+    }
+  }
+  JOINT RightLeg
+  {
+    OFFSET -10 0 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    JOINT RightFoot
+    {
+      OFFSET 0 -90 0
+      CHANNELS 3 Zrotation Xrotation Yrotation
+      End Site { OFFSET 0 -5 0 }
+    }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: 0.0333333
+0 95 0 0 0 0 10 0 0 0 0 0 0 0 0 0 0 0 0 0 0
+0 95 1 0 0 0 10 0 80 0 5 0 0 0 0 0 5 0 0 9 0
+0 95 2 0 0 0 10 0 160 0 9 0 0 0 0 0 10 0 0 3 0
 """
 OPTIONS = {"up": "y", "unit": "cm", "leading_pose": "keep"}
 
@@ -70,6 +109,23 @@ def test_errors_have_the_options_that_decide():
     with pytest.raises(troupe_reader.ReadError) as refused:
         troupe_reader.read(b"HIERARCHY", name="walk.bvh")
     assert len(refused.value.options) == 0
+
+
+def test_options_have_the_names_of_the_command_line():
+    """Of `troupe clip info`, but for those that choose a skeleton or what is printed."""
+    snapshot = ROOT / "cli" / "src" / "snapshots" / "troupe_cli__tests__help_of_clip_info.snap"
+    section = re.search(r"^Clip files:$(.*?)^\S", snapshot.read_text() + "\nend", re.MULTILINE | re.DOTALL)
+    assert section is not None
+    flags = {flag.replace("-", "_") for flag in re.findall(r"^\s+--([a-z-]+)", section[1], re.MULTILINE)}
+    assert {"max_slide", "unit", "joint_order"} <= flags <= set(FileOptions.__annotations__)
+
+
+def test_the_advice_of_an_error_can_be_followed():
+    with pytest.raises(troupe_reader.ReadError, match="--max-slide") as refused:
+        troupe_reader.read(SLIDING.encode(), name="walk.bvh", **OPTIONS)
+    assert refused.value.options == [{"option": "max_slide", "values": []}]
+    clip = troupe_reader.read(SLIDING.encode(), name="walk.bvh", **OPTIONS, max_slide=2)
+    assert clip.skeleton.names == ["Hips", "LeftLeg", "LeftFoot", "RightLeg", "RightFoot"]
 
 
 def test_a_survey_notes_what_it_cannot_read(tmp_path: Path):

@@ -1,4 +1,4 @@
-"""Options of reading, as keyword arguments. They have the names of the command line's."""
+"""Options of reading, as keyword arguments. Their names are those of the command line: `max_slide` is `--max-slide`."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, TypedDict
@@ -35,7 +35,7 @@ class FileOptions(TypedDict, total=False):
     """Rest pose of the file's skeleton."""
     leading_pose: Literal["find", "keep", "drop"] | None
     """Whether a pose before the motion is kept. By default it is left out if it is found."""
-    max_slide_m: float | None
+    max_slide: float | None
     """Farthest that a joint may move in its parent and still be held there, metres."""
     strip_namespaces: bool | None
     """Whether joints' names lose what stands before a `:` or `|`."""

@@ -16,6 +16,9 @@ use crate::reading::Reading;
 
 const SKELETON: &str = "Skeleton";
 
+/// Name, the joint that carries it, and its place there.
+type EndEffector = (String, String, [f64; 3]);
+
 /// Whose skeleton. Without any, files are read onto their own; a robot's files need one.
 #[derive(Debug, Args)]
 pub(super) struct Onto {
@@ -35,6 +38,18 @@ pub(super) struct Onto {
     /// Last hinges of the robot's legs, left before right. Default: the limbs that end lowest.
     #[arg(long, value_name = "JOINT,...", value_delimiter = ',', requires = "urdf", help_heading = SKELETON)]
     legs: Vec<String>,
+
+    /// A joint without a hinge at a point of the robot's link, in its own axes and metres. Default:
+    /// the sole's end and the hands, by collision shapes.
+    #[arg(
+        long,
+        value_name = "NAME=JOINT:X,Y,Z",
+        value_parser = end_effector,
+        allow_hyphen_values = true,
+        requires = "urdf",
+        help_heading = SKELETON
+    )]
+    end_effector: Vec<EndEffector>,
 
     #[command(flatten)]
     reading: Reading,
@@ -66,9 +81,34 @@ impl Onto {
             description::read(&text, &|name| mesh(folder, name)).map_err(|e| Failure::file(file, e))?;
         let options = BuildOptions {
             legs: self.legs.clone(),
-            ..BuildOptions::default()
+            end_effectors: self.end_effector.clone(),
         };
         let built = description::build(&described, &options).map_err(|e| Failure::file(file, e))?;
         Ok(built.skeleton)
+    }
+}
+
+fn end_effector(text: &str) -> Result<EndEffector, String> {
+    let parts = || {
+        let (name, rest) = text.split_once('=')?;
+        let (joint, place) = rest.rsplit_once(':')?;
+        let numbers = place.split(',').map(|number| number.trim().parse().ok());
+        let numbers = numbers.collect::<Option<Vec<f64>>>()?;
+        Some((name.to_owned(), joint.to_owned(), numbers.try_into().ok()?))
+    };
+    parts().ok_or_else(|| "must be as left_toe=left_ankle_roll:0.14,0,-0.03".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_effector_has_a_name_a_joint_and_a_place() {
+        let wanted = ("toe".to_owned(), "a:b".to_owned(), [0.1, 0.0, -0.03]);
+        assert_eq!(end_effector("toe=a:b:0.1,0, -0.03"), Ok(wanted));
+        for wrong in ["toe", "toe=ankle", "toe=ankle:1,2", "toe=ankle:x,y,z"] {
+            assert!(end_effector(wrong).unwrap_err().contains("left_toe="), "{wrong}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 import json
 import re
 import struct
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,12 @@ def test_bvh_is_what_the_servers_own_tools_write(tmp_path: Path) -> None:
             "Frame Time is 0 s",
         ),
         ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Zrotation } MOTION Frames: 1 Frame Time: 1 nan", "not finite"),
+        (
+            "HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 0 } MOTION Frames: 999999999 Frame Time: 1",
+            "no joint has channels",
+        ),
+        ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 2 Zrotation zrotation }", "a channel of joint a stands twice"),
+        ("HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS " + 5000 * "9", "is no count"),
     ],
 )
 def test_errors_name_what_is_no_bvh(tmp_path: Path, text: str, message: str) -> None:
@@ -85,6 +92,60 @@ def test_npz_has_named_arrays_and_comes_back(arm: troupe.Skeleton, tmp_path: Pat
         assert np.array_equal(archive["positions"], clip.world_positions())
     back = troupe.Clip.from_npz(tmp_path / "a.npz")
     assert np.array_equal(back.rotations, clip.rotations) and np.array_equal(back.root, clip.root)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"parents": [0, 0, 1, 1]}, "`parents` has 0 for hips; allowed: -1"),
+        ({"parents": [3, -1, 1, 1]}, "`parents` has 3 for hips; allowed: -1"),
+        ({"parents": [-1, 2, 1, 1]}, "`parents` has 2 for left; allowed: 0 to 0: parents come before"),
+        ({"parents": [-1, -1, 1, 1]}, "`parents` has -1 for left"),
+        ({"parents": [-1, 0, 0]}, "`parents` has the shape (3,); allowed: (4)"),
+        ({"quaternions": np.zeros((7, 4, 4))}, "`quaternions` has one of length 0 in frame 0 for hips; allowed: 1"),
+        ({"quaternions": np.ones((7, 3, 4))}, "`quaternions` has the shape (7, 3, 4); allowed: (7, 4, 4)"),
+        ({"offsets": np.full((4, 3), 90.0)}, "`offsets` may not be in metres"),
+        ({"offsets": np.full((4, 3), np.nan)}, "`offsets` has numbers that are not finite"),
+        ({"root": np.full((7, 3), 1e9)}, "`root` is 1e+09 m from the origin"),
+        ({"root": np.zeros((7, 2, 3))}, "`root` of many characters has the shape (7, 2, 3); allowed: (frames, 3)"),
+        ({"root": np.zeros((0, 3))}, "`root` has the shape (0, 3)"),
+        ({"fps": np.float32(0)}, "`fps` is 0; allowed: above 0"),
+        ({"fps": np.array("30")}, "`fps` must have numbers"),
+        ({"joint_names": ["hips", "left", "right", "left"]}, "two joints of `joint_names` have one name"),
+        ({"joint_names": np.array([b"hips", b"a", b"b", b"c"])}, "`joint_names` must be a list of texts"),
+        ({"joint_names": np.array(["hips", None, "b", "c"], object)}, "its arrays cannot be read"),
+        ({"contacts": np.zeros((7, 1)), "contact_joints": ["no"]}, "`contact_joints` has names"),
+        ({"fps": None, "parents": None}, "it lacks fps, parents"),
+    ],
+)
+def test_npz_of_another_kind_is_refused(
+    arm: troupe.Skeleton, tmp_path: Path, changes: dict[str, object], message: str
+) -> None:
+    any_clip(arm).to_npz(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as archive:
+        arrays = dict(archive)
+    arrays = {key: value for key, value in (arrays | changes).items() if value is not None}
+    np.savez(tmp_path / "b.npz", **arrays)
+    with pytest.raises(troupe.InvalidArgumentError, match=re.escape(message)) as caught:
+        troupe.Clip.from_npz(tmp_path / "b.npz")
+    assert caught.value.field == "npz" and str(caught.value).startswith("b.npz: ")
+    assert "`Clip.read` and `troupe clip convert`" in str(caught.value)
+
+
+def test_what_is_no_whole_archive_is_refused(arm: troupe.Skeleton, tmp_path: Path) -> None:
+    any_clip(arm).to_npz(tmp_path / "a.npz")
+    whole = (tmp_path / "a.npz").read_bytes()
+    broken = bytearray(whole)
+    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
+        inside = archive.getinfo("quaternions.npy").header_offset + 100
+    broken[inside : inside + 60] = bytes(60)
+    np.save(tmp_path / "one.npy", np.zeros(3))
+    for data in (b"", b"HIERARCHY", whole[:1000], bytes(broken), (tmp_path / "one.npy").read_bytes()):
+        (tmp_path / "b.npz").write_bytes(data)
+        with pytest.raises(troupe.InvalidArgumentError, match=r"b\.npz: .*`troupe clip convert`"):
+            troupe.Clip.from_npz(tmp_path / "b.npz")
+    with pytest.raises(FileNotFoundError):
+        troupe.Clip.from_npz(tmp_path / "missing.npz")
 
 
 def test_csv_comes_back(robot: troupe.Skeleton, tmp_path: Path) -> None:

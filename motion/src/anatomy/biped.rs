@@ -47,6 +47,26 @@ impl Tree {
         std::iter::successors(Some(joint), |&joint| self.parents[joint])
     }
 
+    /// For each joint, whether it is this one or hangs on it.
+    pub fn below(&self, joint: usize) -> Vec<bool> {
+        let mut below = vec![false; self.parents.len()];
+        for other in joint..below.len() {
+            below[other] = other == joint || self.parents[other].is_some_and(|parent| below[parent]);
+        }
+        below
+    }
+
+    /// For each joint, those that hang on it directly.
+    pub fn children(&self) -> Vec<Vec<usize>> {
+        let mut children = vec![Vec::new(); self.parents.len()];
+        for (joint, parent) in self.parents.iter().enumerate() {
+            if let Some(parent) = *parent {
+                children[parent].push(joint);
+            }
+        }
+        children
+    }
+
     /// The joints from one above to one below, both included; none if it is not above.
     pub fn chain(&self, above: usize, below: usize) -> Option<Vec<usize>> {
         let mut chain: Vec<usize> = self.line(below).take_while(|&joint| joint != above).collect();
@@ -61,14 +81,17 @@ impl Tree {
 
     /// The joints that `is` names and no joint above them.
     fn topmost(&self, is: impl Fn(&Name) -> bool) -> Vec<usize> {
-        let found: Vec<bool> = self
-            .names
-            .iter()
-            .map(|name| !name.is_helper() && is(name))
-            .collect();
-        (0..found.len())
-            .filter(|&joint| found[joint] && !self.line(joint).skip(1).any(|above| found[above]))
-            .collect()
+        // Whether one was found at each joint or above it.
+        let mut has = vec![false; self.names.len()];
+        let mut topmost = Vec::new();
+        for (joint, name) in self.names.iter().enumerate() {
+            has[joint] = self.parents[joint].is_some_and(|parent| has[parent]);
+            if !has[joint] && !name.is_helper() && is(name) {
+                has[joint] = true;
+                topmost.push(joint);
+            }
+        }
+        topmost
     }
 
     /// The only topmost joint of each side with one of some words.
@@ -85,8 +108,9 @@ impl Tree {
 
     /// The lowest joint above both.
     fn meeting(&self, a: usize, b: usize) -> Option<usize> {
-        let above: Vec<usize> = self.line(a).collect();
-        self.line(b).find(|joint| above.contains(joint))
+        let mut is_above = vec![false; self.parents.len()];
+        self.line(a).for_each(|joint| is_above[joint] = true);
+        self.line(b).find(|&joint| is_above[joint])
     }
 }
 

@@ -218,6 +218,15 @@ pub(crate) fn to_clip_on(
     skeleton: &Arc<Skeleton>,
     rules: &Rules,
 ) -> Result<Clip, ConvertError> {
+    Ok(to_clip_on_of(source, skeleton, rules)?.0)
+}
+
+/// As [`to_clip_on`]. Returns also the index in the file of each joint of the skeleton.
+pub(crate) fn to_clip_on_of(
+    source: &(impl Source + ?Sized),
+    skeleton: &Arc<Skeleton>,
+    rules: &Rules,
+) -> Result<(Clip, Vec<usize>), ConvertError> {
     let index: HashMap<&str, usize> = (0..source.joint_count())
         .rev()
         .map(|i| (source.name(i), i))
@@ -244,12 +253,13 @@ pub(crate) fn to_clip_on(
         }
     }
     check_directions(skeleton, &played.places, source.frames())?;
-    Ok(Clip::new(
+    let clip = Clip::new(
         Arc::clone(skeleton),
         source.fps(),
         played.root_positions,
         played.rotations,
-    )?)
+    )?;
+    Ok((clip, taken.into_iter().map(|(index, _)| index).collect()))
 }
 
 /// Refuses bones that point elsewhere than the skeleton's: rotations then mean another pose. The
@@ -282,11 +292,16 @@ fn check_directions(skeleton: &Skeleton, places: &[JointOffset], frames: usize) 
 }
 
 /// Refuses what would take too much to play, before anything is played.
-fn check(source: &(impl Source + ?Sized), rules: &Rules) -> Result<(), ConvertError> {
+pub(crate) fn check_length(source: &(impl Source + ?Sized)) -> Result<(), ConvertError> {
     let (frames, joints) = (source.frames(), source.joint_count());
-    if frames.saturating_mul(joints) > MAX_ROTATIONS {
-        return Err(ConvertError::TooLong { frames, joints });
+    match frames.saturating_mul(joints) > MAX_ROTATIONS {
+        true => Err(ConvertError::TooLong { frames, joints }),
+        false => Ok(()),
     }
+}
+
+fn check(source: &(impl Source + ?Sized), rules: &Rules) -> Result<(), ConvertError> {
+    check_length(source)?;
     let scale = rules.scale_to_metres;
     match scale.is_finite() && scale > 0.0 {
         true => Ok(()),
@@ -297,32 +312,58 @@ fn check(source: &(impl Source + ?Sized), rules: &Rules) -> Result<(), ConvertEr
 /// The first joint from the root on that does more than place its only child.
 pub(crate) fn character_root(source: &(impl Source + ?Sized), rules: &Rules) -> usize {
     let far = f64::from(rules.max_offset_variation_m) / f64::from(rules.scale_to_metres);
+    let mut children = vec![Vec::new(); source.joint_count()];
+    for joint in 0..source.joint_count() {
+        if let Some(parent) = source.parent(joint) {
+            children[parent].push(joint);
+        }
+    }
+    // The file is played once, and only if a joint may be a root that places another.
+    let mut ways = None;
     let mut root = 0;
-    loop {
-        let mut children = (0..source.joint_count()).filter(|&j| source.parent(j) == Some(root));
-        let (Some(child), None) = (children.next(), children.next()) else {
-            return root;
-        };
-        let places = !source.is_joint(root)
-            || (rules.fold_root && source.moves(child) && places_only(source, root, child, far));
-        if !places {
-            return root;
+    while let Some(&[child]) = children.get(root).map(Vec::as_slice) {
+        if source.is_joint(root) {
+            if !(rules.fold_root && source.moves(child)) {
+                return root;
+            }
+            let ways = ways.get_or_insert_with(|| ways_of(source));
+            if !ways[root].is_still && ways[child].farthest <= far {
+                return root;
+            }
         }
         root = child;
     }
+    root
 }
 
-/// Whether a root never moves, or its child moves in it farther than `far`, in the file's units.
-fn places_only(source: &(impl Source + ?Sized), root: usize, child: usize, far: f64) -> bool {
-    let mut locals = vec![Transform::default(); source.joint_count()];
-    let (mut first, mut still, mut way) = (None, true, 0.0_f64);
+/// How a joint moves in its parent.
+#[derive(Clone, Copy)]
+struct Way {
+    /// Whether it has the same place and rotation in all frames.
+    is_still: bool,
+    /// Largest distance from its first place along an axis, in the file's units.
+    farthest: f64,
+}
+
+fn ways_of(source: &(impl Source + ?Sized)) -> Vec<Way> {
+    let still = Way {
+        is_still: true,
+        farthest: 0.0,
+    };
+    let mut ways = vec![still; source.joint_count()];
+    let mut locals = vec![Transform::default(); ways.len()];
+    let mut firsts = Vec::new();
     for frame in 0..source.frames() {
         source.locals(frame, &mut locals);
-        let (root_first, child_first) = *first.get_or_insert((locals[root], locals[child]));
-        still &= locals[root] == root_first;
-        way = way.max((locals[child].place - child_first.place).abs().max_element());
+        if frame == 0 {
+            firsts.clone_from(&locals);
+        }
+        for ((way, at), first) in ways.iter_mut().zip(&locals).zip(&firsts) {
+            way.is_still &= at == first;
+            way.farthest = way.farthest.max((at.place - first.place).abs().max_element());
+        }
     }
-    still || way > far
+    ways
 }
 
 /// `root` and everything below it that is not left out, in the file's order.

@@ -98,6 +98,8 @@ pub struct GlbAnimation {
     nodes: Vec<Node>,
     start_s: f64,
     fps: f32,
+    /// Rate of the closest keys, Hz.
+    keys_fps: f32,
     frames: usize,
     origin: Origin,
 }
@@ -209,7 +211,8 @@ impl GlbAnimation {
             return Err(GlbReadError::NoAnimation);
         };
         let end = times().map(|times| times[times.len() - 1]).fold(start, f32::max);
-        let fps = fps.unwrap_or_else(|| rate(times()));
+        let keys_fps = rate(times());
+        let fps = fps.unwrap_or(keys_fps);
         if !(fps.is_finite() && fps > 0.0) {
             return Err(GlbReadError::Rate(fps));
         }
@@ -228,6 +231,7 @@ impl GlbAnimation {
             nodes,
             start_s,
             fps,
+            keys_fps,
             frames: frames as usize,
             origin,
         })
@@ -260,6 +264,11 @@ impl GlbAnimation {
     /// Rate at which the animation is sampled, Hz.
     pub fn fps(&self) -> f32 {
         self.fps
+    }
+
+    /// Rate of the closest keys, Hz; 30 if they show none.
+    pub fn keys_fps(&self) -> f32 {
+        self.keys_fps
     }
 
     /// Number of frames.

@@ -24,7 +24,7 @@ pub struct ReadError {
 pub enum ReadErrorKind {
     /// No format that is read.
     #[error(
-        "neither its ending nor its content is that of motion: .bvh, .glb, .gltf or .npz, or .csv or .npy of a robot"
+        "neither its ending nor its content is that of motion: .bvh, .fbx, .glb, .gltf or .npz, or .csv or .npy of a robot"
     )]
     Unknown,
     /// A format that is not read, and how to convert it.
@@ -94,13 +94,13 @@ pub enum ReadErrorKind {
     /// A joint moves in its parent farther than can be held.
     #[error(
         "joint {joint:?} moves {slide_m:.3} m in its parent (most in frame {frame}), and {carries} on it; \
-         allowed: {allowed_m:.3} m. {} holds a joint that moves farther in its mean place",
+         allowed: {allowed_m:.3} m. {} holds a joint that moves farther",
         OptionName::MaxSlide.flag()
     )]
     Slides {
         /// Name of the joint.
         joint: String,
-        /// Distance from its mean place, metres.
+        /// Largest distance from its place in the first frame, metres.
         slide_m: f32,
         /// Frame of that distance, from 0.
         frame: usize,

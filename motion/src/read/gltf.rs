@@ -5,7 +5,7 @@ use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
 use super::producer;
-use super::report::{Basis, Finding, Format, Note, Topic, Up};
+use super::report::{Basis, Finding, Format, Note, Topic, Up, listed};
 use super::stance::Stated;
 use crate::convert::Source as _;
 use crate::glb::{Beside, GlbOptions, GlbReadError, parse_beside};
@@ -17,7 +17,8 @@ pub(super) fn parse(
     options: &Options,
 ) -> Result<Parsed<'static>, ReadErrorKind> {
     let glb = GlbOptions {
-        fps: options.fps,
+        // Sampled once: keys are at any times.
+        fps: options.fps.or(options.resample_fps),
         animation: options.animation.clone(),
         ..GlbOptions::default()
     };
@@ -48,13 +49,17 @@ pub(super) fn parse(
             topic: Topic::Bystanders,
             text: format!(
                 "moving nodes beside the body are left out: {}",
-                origin.props.join(", ")
+                listed(&origin.props)
             ),
         });
     }
     let fps = match options.fps {
         Some(fps) => Finding::new(fps, Basis::Given, "--fps"),
-        None => Finding::new(animation.fps(), Basis::Found, "the time between the closest keys"),
+        None => Finding::new(
+            animation.keys_fps(),
+            Basis::Found,
+            "the time between the closest keys",
+        ),
     };
     let names: Vec<&str> = (0..animation.joint_count())
         .map(|joint| animation.name(joint))
@@ -77,4 +82,33 @@ pub(super) fn parse(
         repairs,
         oddities: Vec::new(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::glb::write_glb;
+    use crate::read::tests::people::Person;
+    use crate::read::{Options, RestPose, Source, read};
+
+    #[test]
+    fn keys_are_sampled_once_at_the_wanted_rate() {
+        let person = Person {
+            words: 0,
+            size: 1.0,
+            spine: 2,
+            rest: RestPose::T,
+        };
+        let bytes = write_glb(&person.walk(60, 30.0, &[0.3, 0.8, 0.1, 0.6])).unwrap();
+        let with = |options: Options| read(&Source::new("walk.glb", &bytes), &options).unwrap();
+        let resampled = with(Options {
+            resample_fps: Some(24.0),
+            ..Options::default()
+        });
+        let sampled = with(Options {
+            fps: Some(24.0),
+            ..Options::default()
+        });
+        assert_eq!(resampled.clip, sampled.clip);
+        assert_eq!((resampled.report.fps.value, resampled.report.frames), (30.0, 60));
+    }
 }

@@ -9,15 +9,16 @@ use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::Options;
 use super::rehang::{self, Rehung};
-use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
-use super::slides::{hold_slides, little_slide_m};
-use super::stance::{Stated, height_m, lies, unit_of, up_of};
+use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up, listed};
+use super::slides::{hold_slides, hold_slides_on, little_slide_m};
+use super::stance::{Stated, height_m, is_of_skeleton, lies, may_be_small, unit_of, up_of};
 use super::survey::{Stance, Survey, to_world};
 use super::units::name_of;
 use super::{Understood, leading, oddities, rest, unique::unique};
 use crate::anatomy::{Name, Tree, without_namespace};
 use crate::clip::Clip;
-use crate::convert::{Rules, Selection, Source, Transform, to_clip_of, to_clip_on};
+use crate::convert::{Rules, Selection, Source, Transform, check_length, to_clip_of, to_clip_on_of};
+use crate::glb::MAX_NODES;
 use crate::skeleton::{Joint, Skeleton};
 
 /// Shorter bones have no length, metres.
@@ -50,6 +51,8 @@ pub(super) fn understand(
     if parsed.source.frames() == 0 {
         return Err(crate::clip::ClipError::Empty.into());
     }
+    check_size(&*parsed.source)?;
+    check_root(options)?;
     let mut survey = Survey::of(&*parsed.source);
     let hung = rehang::find(&*parsed.source, &survey, size_m(&survey, 1.0));
     if !hung.is_empty() {
@@ -60,7 +63,7 @@ pub(super) fn understand(
         let names: Vec<String> = names.collect();
         parsed.repairs.push(Note {
             topic: Topic::Rig,
-            text: format!("hung on the limbs that they move with: {}", names.join(", ")),
+            text: format!("hung on the limbs that they move with: {}", listed(&names)),
         });
         parsed.source = Box::new(Rehung::new(parsed.source, survey.tree, &hung));
         survey = Survey::of(&*parsed.source);
@@ -92,6 +95,12 @@ pub(super) fn understand(
         oddities: parsed.oddities,
     };
     note_axes_and_unit(&mut report, parsed.stated, stance);
+    if let Some(text) = stance
+        .filter(|_| !is_of_skeleton(fit_m))
+        .and_then(|stance| may_be_small(stance, parsed.stated, &report.unit_m))
+    {
+        report.odd(Topic::Unit, text);
+    }
     let names = joint_names(source, options, &mut report);
     let adapted = Adapted {
         source,
@@ -114,8 +123,11 @@ pub(super) fn understand(
     let size_m = size_m(&survey, report.unit_m.value);
     let (clip, rest) = match &options.skeleton {
         Some(skeleton) => {
-            let clip = to_clip_on(&adapted, skeleton, &rules).map_err(ReadErrorKind::convert)?;
-            (clip, None)
+            let (clip, taken) = to_clip_on_of(&adapted, skeleton, &rules).map_err(ReadErrorKind::convert)?;
+            let parents: Vec<_> = skeleton.joints.iter().map(|joint| joint.parent).collect();
+            hold_slides_on(&survey, &names, (&taken, &parents), size_m, options, &mut report)?;
+            let rest = rest_rotations(&adapted, &survey.tree, &taken, &clip);
+            (clip, rest)
         }
         None => {
             let root = root_of(&adapted, &survey, options, &mut report)?;
@@ -134,11 +146,43 @@ pub(super) fn understand(
             let (clip, taken) = to_clip_of(&adapted, &rules, selection).map_err(ReadErrorKind::convert)?;
             let rest = rest_rotations(&adapted, &survey.tree, &taken, &clip);
             note_zero_bones(&clip, &mut report);
-            (clip, Some(rest))
+            (clip, rest)
         }
     };
-    let clip = leading::without_pose(clip, rest.as_deref(), options.leading_pose, &mut report)?;
+    let clip = leading::without_pose(clip, &rest, options, &mut report)?;
+    let rest = to.is_none().then_some(rest);
     finish(clip, rest, report, options)
+}
+
+/// Refuses a file that would take too long to look at.
+pub(super) fn check_size(source: &dyn Source) -> Result<(), ReadErrorKind> {
+    let joints = source.joint_count();
+    if joints > MAX_NODES {
+        return Err(ReadErrorKind::Range {
+            field: "the number of joints".to_owned(),
+            found: joints.to_string(),
+            allowed: format!("up to {MAX_NODES}"),
+            option: None,
+        });
+    }
+    check_length(source).map_err(ReadErrorKind::convert)
+}
+
+/// Refuses a root that is not the skeleton's: on a skeleton, the joints' names decide.
+fn check_root(options: &Options) -> Result<(), ReadErrorKind> {
+    let (Some(root), Some(skeleton)) = (&options.root, &options.skeleton) else {
+        return Ok(());
+    };
+    let name = &skeleton.joints[0].name;
+    match without_namespace(root) == without_namespace(name) {
+        true => Ok(()),
+        false => Err(ReadErrorKind::Range {
+            field: OptionName::Root.flag().to_owned(),
+            found: format!("{root:?}"),
+            allowed: format!("{name:?}, the root of the skeleton that the file is read onto"),
+            option: None,
+        }),
+    }
 }
 
 /// What is the same for every format: contacts, oddities, rate.
@@ -148,7 +192,8 @@ pub(super) fn finish(
     mut report: Report,
     options: &Options,
 ) -> Result<Understood, ReadErrorKind> {
-    report.frames = clip.frames();
+    // At the file's own rate: glTF may be sampled at another.
+    report.frames = (clip.duration_s() * report.fps.value).round() as usize + 1;
     report.joints = clip.skeleton.joint_count();
     report.contacts = oddities::contacts(&clip);
     oddities::note(&clip, &mut report);
@@ -334,14 +379,14 @@ fn root_of(
         Some(body) => {
             let body = top(body.pelvis);
             let others: Vec<usize> = roots.into_iter().filter(|&root| root != body).collect();
-            let text = format!("not of the body, left out: {}", names(&others).join(", "));
+            let text = format!("not of the body, left out: {}", listed(&names(&others)));
             report.repaired(Topic::Bystanders, text);
             Ok(Some(descend(source, tree, body)))
         }
         None => Err(ReadErrorKind::Open {
             topic: Topic::Body,
             what: "which joint is the character's root",
-            evidence: format!("the file has {} roots: {}", roots.len(), names(&roots).join(", ")),
+            evidence: format!("the file has {} roots: {}", roots.len(), listed(&names(&roots))),
             options: Advice::decides(Choice::new(OptionName::Root, &names(&roots))),
         }),
     }
@@ -349,13 +394,12 @@ fn root_of(
 
 /// From a root down to the first joint.
 fn descend(source: &Adapted<'_>, tree: &Tree, root: usize) -> usize {
+    let children = tree.children();
     let mut at = root;
-    while !source.is_joint(at) {
-        let mut children = (0..tree.parents.len()).filter(|&joint| tree.parents[joint] == Some(at));
-        match (children.next(), children.next()) {
-            (Some(child), None) => at = child,
-            _ => break,
-        }
+    while let [child] = children[at][..]
+        && !source.is_joint(at)
+    {
+        at = child;
     }
     at
 }
@@ -386,12 +430,13 @@ fn character_root(source: &Adapted<'_>, survey: &Survey, size_m: f64, rules: &Ru
 /// more than another one and what steers the rig.
 fn below_steering(survey: &Survey, root: usize) -> usize {
     let tree = &survey.tree;
-    let carries = |at: usize| (0..tree.parents.len()).filter(move |&joint| tree.parents[joint] == Some(at));
+    let children = tree.children();
     let mut at = root;
     loop {
-        let mut children = carries(at).filter(|&joint| !tree.names[joint].is_steering());
-        match (children.next(), children.next()) {
-            (Some(child), None) => at = child,
+        let children = children[at].iter();
+        let mut carried = children.filter(|&&joint| !tree.names[joint].is_steering());
+        match (carried.next(), carried.next()) {
+            (Some(&child), None) => at = child,
             _ => return at,
         }
     }
@@ -406,7 +451,7 @@ fn note_zero_bones(clip: &Clip, report: &mut Report) {
     let zero = clip.skeleton.joints.iter().filter(is_zero);
     let zero: Vec<&str> = zero.map(|joint| &*joint.name).collect();
     if !zero.is_empty() {
-        let text = format!("bones without length are kept: {}", zero.join(", "));
+        let text = format!("bones without length are kept: {}", listed(&zero));
         report.repaired(Topic::ZeroLength, text);
     }
 }

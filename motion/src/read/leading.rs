@@ -3,7 +3,7 @@
 use glam::Quat;
 
 use super::error::ReadErrorKind;
-use super::options::LeadingPose;
+use super::options::{LeadingPose, Options};
 use super::report::{Report, Topic};
 use crate::clip::Clip;
 use crate::rotation::angle_between;
@@ -17,22 +17,32 @@ const MIN_JUMP_RATIO: f32 = 5.0;
 /// Most frames that are compared with each other.
 const LOOKED_AT: usize = 64;
 
-/// The clip without a leading pose.
+/// The clip without a leading pose. On a given skeleton one that is found is noted and kept,
+/// because callers count frames.
 pub(super) fn without_pose(
     clip: Clip,
-    rest: Option<&[Quat]>,
-    how: LeadingPose,
+    rest: &[Quat],
+    options: &Options,
     report: &mut Report,
 ) -> Result<Clip, ReadErrorKind> {
-    let found = match how {
+    let found = match options.leading_pose {
         LeadingPose::Keep => None,
         LeadingPose::Drop => Some("--leading-pose".to_owned()),
-        LeadingPose::Find => rest.and_then(|rest| evidence(&clip, rest)),
+        LeadingPose::Find => evidence(&clip, rest),
     };
+    let is_found = options.leading_pose == LeadingPose::Find && found.is_some();
     let Some(evidence) = found else {
         return Ok(clip);
     };
     if clip.frames() < 2 {
+        return Ok(clip);
+    }
+    if is_found && options.skeleton.is_some() {
+        let text = format!(
+            "the first frame is kept, since frames count on a given skeleton: {evidence}; --leading-pose drop leaves \
+             it out"
+        );
+        report.odd(Topic::LeadingPose, text);
         return Ok(clip);
     }
     report.repaired(

@@ -39,6 +39,13 @@ fn named(skeleton: &Skeleton) -> Vec<usize> {
     (0..skeleton.joint_count()).filter(is_contact).collect()
 }
 
+/// Whether all frames are the first.
+fn is_still(clip: &Clip) -> bool {
+    let roots = &clip.root_positions;
+    (1..clip.frames())
+        .all(|frame| roots[frame] == roots[0] && clip.rotations_at(frame) == clip.rotations_at(0))
+}
+
 /// Notes jumps, depths and heights that motion seldom has.
 pub(super) fn note(clip: &Clip, report: &mut Report) {
     let limits = Limits {
@@ -51,6 +58,10 @@ pub(super) fn note(clip: &Clip, report: &mut Report) {
             _ => Topic::Speed,
         };
         report.odd(topic, issue.to_string());
+    }
+    if clip.frames() > 1 && is_still(clip) {
+        let text = format!("nothing moves: all {} frames are equal", clip.frames());
+        report.odd(Topic::Speed, text);
     }
     let world = WorldMotion::from_clip(clip);
     let lowest = world.positions.iter().map(|p| p.y).fold(f32::INFINITY, f32::min);

@@ -36,6 +36,9 @@ pub(super) fn find(source: &dyn Source, survey: &Survey, size: f64) -> Vec<Hung>
         is_leaf
     };
     let distance = |a: usize, b: usize| survey.rest[a].distance(survey.rest[b]);
+    let ends: Vec<usize> = (0..joints)
+        .filter(|&end| is_leaf[end] && !tree.names[end].is_steering())
+        .collect();
     let end_of = |joint: usize| -> Option<Hung> {
         let name = &tree.names[joint];
         let side = name.side?;
@@ -43,20 +46,17 @@ pub(super) fn find(source: &dyn Source, survey: &Survey, size: f64) -> Vec<Hung>
         if !name.has_any(&ENDS) || name.is_steering() || tree.names[parent].side.is_some() {
             return None;
         }
-        let ends = (0..joints).filter(|&end| {
-            let of = &tree.names[end];
-            is_leaf[end]
-                && of.side == Some(side)
-                && !of.is_steering()
-                && !tree.line(end).any(|above| above == joint)
-        });
+        let below = tree.below(joint);
+        let ends = ends.iter().copied();
+        let ends = ends.filter(|&end| tree.names[end].side == Some(side) && !below[end]);
         let on = ends.min_by(|&a, &b| distance(a, joint).total_cmp(&distance(b, joint)))?;
         (distance(on, joint) <= NEAR_BY_SIZE * size).then_some(Hung { joint, on })
     };
     let mut found: Vec<Hung> = (0..joints).filter_map(end_of).collect();
     // One foot or hand for an end.
-    let ends: Vec<usize> = found.iter().map(|hung| hung.on).collect();
-    found.retain(|hung| ends.iter().filter(|&&on| on == hung.on).count() == 1);
+    let mut uses = vec![0; joints];
+    found.iter().for_each(|hung| uses[hung.on] += 1);
+    found.retain(|hung| uses[hung.on] == 1);
     if !found.is_empty() {
         let stays = stays(source, tree, &found, STILL_BY_SIZE * size);
         found = found
@@ -64,8 +64,29 @@ pub(super) fn find(source: &dyn Source, survey: &Survey, size: f64) -> Vec<Hung>
             .zip(stays)
             .filter_map(|(hung, stays)| stays.then_some(hung))
             .collect();
+        without_rings(tree, &mut found);
     }
     found
+}
+
+/// The parents of all joints, with those of the hung ones.
+fn parents_with(tree: &Tree, hung: &[Hung]) -> Vec<Option<usize>> {
+    let mut parents = tree.parents.clone();
+    for of in hung {
+        parents[of.joint] = Some(of.on);
+    }
+    parents
+}
+
+/// Drops joints that would hang on themselves: a hand on an end below a foot, and that foot on an
+/// end below the hand.
+fn without_rings(tree: &Tree, found: &mut Vec<Hung>) {
+    let parents = parents_with(tree, found);
+    let next = |joint: &usize| parents[*joint];
+    found.retain(|hung| {
+        let above = std::iter::successors(Some(hung.on), next).take(parents.len());
+        !above.into_iter().any(|above| above == hung.joint)
+    });
 }
 
 /// Whether each joint keeps its place at the end that it moves with.
@@ -103,10 +124,7 @@ pub(super) struct Rehung<'a> {
 impl<'a> Rehung<'a> {
     pub(super) fn new(source: Box<dyn Source + 'a>, tree: Tree, hung: &[Hung]) -> Self {
         let joints = tree.parents.len();
-        let mut above = tree.parents.clone();
-        for of in hung {
-            above[of.joint] = Some(of.on);
-        }
+        let above = parents_with(&tree, hung);
         let mut children = vec![Vec::new(); joints];
         let mut open = Vec::new();
         for joint in (0..joints).rev() {

@@ -214,6 +214,19 @@ pub struct Report {
     pub oddities: Vec<Note>,
 }
 
+/// Most names that a note lists.
+const LISTED: usize = 8;
+
+/// Names between commas; of many, the first and how many more there are.
+pub(super) fn listed(names: &[impl AsRef<str>]) -> String {
+    let first: Vec<&str> = names.iter().take(LISTED).map(AsRef::as_ref).collect();
+    let more = match names.len() > LISTED {
+        true => format!(" and {} more", names.len() - LISTED),
+        false => String::new(),
+    };
+    first.join(", ") + &more
+}
+
 impl Report {
     /// The report as a table: what, its value, and the evidence. Repairs and oddities come last.
     pub fn rows(&self) -> Vec<[String; 3]> {

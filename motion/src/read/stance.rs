@@ -28,6 +28,10 @@ const PEOPLE_M: std::ops::RangeInclusive<f64> = 1.25..=2.15;
 /// Heights of other bodies on two legs, metres: children, and figures of games.
 const FIGURES_M: std::ops::RangeInclusive<f64> = 0.3..=4.0;
 
+/// From this height on, a figure in the usual unit is as likely as a person in another, metres.
+/// Smaller figures are rarer than files in CMU's unit.
+const SMALL_M: f64 = 0.45;
+
 /// Heights that are believed where the format says the unit, metres.
 const STATED_M: std::ops::RangeInclusive<f64> = 0.05..=20.0;
 
@@ -276,6 +280,23 @@ pub(super) fn unit_of(
             }
         },
     }
+}
+
+/// Whether the bones have the given skeleton's lengths in one of the units.
+pub(super) fn is_of_skeleton(fit_m: Option<f64>) -> bool {
+    fit_m.and_then(near).is_some()
+}
+
+/// Says that a body that is read as a person may be a small figure in the usual unit.
+pub(super) fn may_be_small(stance: &Stance, stated: Stated, unit_m: &Finding<f64>) -> Option<String> {
+    let usual = stated.unit_m.unwrap_or(CENTIMETRE_M);
+    let small_m = height_m(stance, usual);
+    let is_read_as_person = unit_m.basis == Basis::Found && unit_m.value > usual;
+    let may_be = is_read_as_person && (SMALL_M..*PEOPLE_M.start()).contains(&small_m);
+    may_be.then(|| {
+        let usual = units::name_of(usual);
+        format!("in {usual} the body is {small_m:.2} m tall: if it is so small, --unit {usual} decides")
+    })
 }
 
 /// The unit that a file shows by itself, for [`Agreement`].

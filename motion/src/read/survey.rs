@@ -126,9 +126,8 @@ impl Stance {
         let mut world = local.clone();
         let mut moving = DVec3::ZERO;
         let mut floors = Floors::default();
-        let below: Vec<usize> = (0..local.len())
-            .filter(|&joint| tree.line(joint).any(|above| above == body.pelvis))
-            .collect();
+        let is_below = tree.below(body.pelvis);
+        let below: Vec<usize> = (0..local.len()).filter(|&joint| is_below[joint]).collect();
         let mut looked_at = 0;
         for frame in (0..frames).step_by(step) {
             source.locals(frame, &mut local);

@@ -81,7 +81,7 @@ def test_headings_are_those_of_the_walks(corpus_cache: Path):
 
 def test_folders_without_motion_are_refused(tmp_path: Path):
     (tmp_path / "walk.csv").write_text("")
-    with pytest.raises(SystemExit, match="CSV files need their robot's --urdf"):
+    with pytest.raises(SystemExit, match=r"\.csv files need their robot's --urdf"):
         main(["unimogen", "prepare", "--source", str(tmp_path)])
 
 

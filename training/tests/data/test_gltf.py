@@ -102,7 +102,7 @@ def test_an_animation_that_is_torn_is_named_and_the_option_works(tmp_path: Path)
     rig = read_rig(path)
     assert list(rig.clips) == ["Walk"] and list(rig.refused) == ["Torn"]
     assert '"leg_l" moves' in rig.refused["Torn"] and "--max-slide" in rig.refused["Torn"]
-    assert list(read_rig(path, {"max_slide_m": 9.0}).clips) == ["Walk", "Torn"]
+    assert list(read_rig(path, {"max_slide": 9.0}).clips) == ["Walk", "Torn"]
     with pytest.raises(ValueError, match="none of 1 animations can be read"):
         read_rig(write_rig(tmp_path / "all.glb", ("Torn",)))
 

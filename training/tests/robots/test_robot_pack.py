@@ -82,5 +82,5 @@ def test_options_that_do_not_fit_are_refused(folder: Path, tmp_path: Path, more:
 
 
 def test_csv_files_need_their_urdf(folder: Path, tmp_path: Path):
-    with pytest.raises(SystemExit, match="CSV files need their robot's --urdf"):
+    with pytest.raises(SystemExit, match=r"\.csv files need their robot's --urdf"):
         main(["prepare", str(folder / "csv"), "--cache", str(tmp_path)])

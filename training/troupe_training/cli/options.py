@@ -47,25 +47,25 @@ def unit(text: str) -> float | str:
         return text
 
 
-# Options that go to the reader as they are, by their names there.
-READING = {
-    "fps": "fps",
-    "up": "up",
-    "unit": "unit",
-    "root": "root",
-    "rest_pose": "rest_pose",
-    "leading_pose": "leading_pose",
-    "max_slide": "max_slide_m",
-    "quaternion": "quaternion",
-    "degrees": "degrees",
-    "joint_order": "joint_order",
-}
+# Options that go to the reader as they are, with the same names.
+READING = (
+    "fps",
+    "up",
+    "unit",
+    "root",
+    "rest_pose",
+    "leading_pose",
+    "max_slide",
+    "quaternion",
+    "degrees",
+    "joint_order",
+)
 READING_FLAGS = tuple(f"--{name.replace('_', '-')}" for name in READING)
 
 
 def reading(args: argparse.Namespace) -> FileOptions:
     """The options for the reader that were given."""
-    given = {key: getattr(args, name) for name, key in READING.items()}
+    given = {name: getattr(args, name) for name in READING}
     return cast(FileOptions, {key: value for key, value in given.items() if value is not None and value is not False})
 
 
@@ -80,7 +80,7 @@ def robot_of(args: argparse.Namespace) -> RobotSource | None:
     legs = [name for text in args.legs or () for name in text.split(",")]
     try:
         return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps, reading(args), legs)
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         raise SystemExit(str(error)) from error
 
 

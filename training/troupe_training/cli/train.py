@@ -77,7 +77,10 @@ def prepare(args: argparse.Namespace) -> int:
 
 
 def _choice(args: argparse.Namespace) -> Choice:
-    cells = sorted(read_cells(args.cells)) if args.cells else []
+    try:
+        cells = sorted(read_cells(args.cells)) if args.cells else []
+    except (OSError, ValueError) as error:
+        raise SystemExit(f"--cells {args.cells}: {error}") from error
     return Choice(args.include, args.test_name, args.mirror, cells)
 
 
@@ -99,7 +102,7 @@ def _prepare_once(args: argparse.Namespace) -> None:
     wanted = _source(args).options() | asdict(_choice(args))
     options = made.get("options", wanted)
     # Options of the reader are there only if they were given.
-    for option in [*options, *(key for key in [*READING.values(), "legs"] if key in wanted and key not in options)]:
+    for option in [*options, *(key for key in [*READING, "legs"] if key in wanted and key not in options)]:
         value = options.get(option)
         if value != wanted.get(option):
             raise SystemExit(f"{args.cache} was made with {option} = {value}, not {wanted.get(option)}; {advice}")

@@ -140,7 +140,9 @@ def prepare(args: argparse.Namespace) -> int:
         raise SystemExit("give --bodies LIST, or --source FOLDER")
     try:
         wanted = _listed(args.bodies, args.data) if args.bodies else [_own(args)]
-    except (OSError, ValueError, KeyError) as error:
+    except KeyError as error:
+        raise SystemExit(f"{args.bodies}: {error} is missing") from error
+    except (OSError, ValueError) as error:
         raise SystemExit(f"{args.bodies or args.source}: {error}") from error
     make_corpus(wanted, args.cache, args.workers)
     return 0

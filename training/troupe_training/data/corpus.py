@@ -45,6 +45,7 @@ MAX_ROUND_TRIP_M = 1e-3
 RIG_ENDINGS = (".glb", ".gltf")
 LEFT_AXIS = [1.0, 0.0, 0.0]  # of rigs that head along +Z at rest
 LAFAN_NAME = re.compile(r"(?P<content>[A-Za-z]+)\d*_subject\d+")
+NAMED_REASONS = 3  # most clips that an error names
 STILL = re.compile("rest.?pose", re.IGNORECASE)
 
 
@@ -155,7 +156,10 @@ def _from_files(one: Wanted, reader: MotionSource, workers: int) -> Made:
     kept = [file for file in loaded if file.dropped is None]
     clips = [clip for file in kept for clip in file.clips]
     offsets = np.median([file.offsets for file in kept], axis=0)
-    skeleton = reader.skeleton(kept[0].names, kept[0].parents, offsets, clips)
+    try:
+        skeleton = reader.skeleton(kept[0].names, kept[0].parents, offsets, clips)
+    except ValueError as error:
+        raise SystemExit(f"{one.source}, skeleton of {kept[0].file}: {error}") from error
     if skeleton.robot is not None:
         neutral = robot_neutral(skeleton)
     else:
@@ -171,7 +175,7 @@ def _from_rig(path: Path, given: FileOptions) -> Made:
     try:
         rig = read_rig(path, given)
     except ValueError as error:
-        raise SystemExit(f"{path}: {error}") from error
+        raise SystemExit(f"{path}: {str(error).removeprefix(f'{path.name}: ')}") from error
     names, parents = rig.rest.names, rig.rest.parents
     feet, sides = feet_of(rig.rest, sides_of(names)), sides_of(names)
     extent = float(np.linalg.norm(np.ptp(rig.rest.positions[0], axis=0)))
@@ -193,9 +197,19 @@ def _from_rig(path: Path, given: FileOptions) -> Made:
         columns = moved.motion.rotations
         six_d = np.concatenate([columns[..., 0], columns[..., 1]], -1).astype(np.float32)
         clips.append(Clip(name, name, 0, moved.motion.positions.astype(np.float32), six_d))
+    if not clips:
+        raise SystemExit(
+            f"{path}: none of its {len(dropped)} animations can be used: {_reasons(dropped)}. Its root is {names[0]}: --root "
+            "decides if another joint carries the body; else take the file out of the folder"
+        )
     return Made(
         _rig_body(_rig_name(path), rig, names, parents, feet, clips), clips, dropped, notes, understood(rig.reports)
     )
+
+
+def _reasons(dropped: dict[str, str]) -> str:
+    """Why some clips are left out."""
+    return "; ".join(f"{name}: {reason}" for name, reason in list(dropped.items())[:NAMED_REASONS])
 
 
 def _rig_body(name: str, rig: Rig, names: list[str], parents: list[int], feet: list[int], clips: list[Clip]) -> Body:
@@ -228,7 +242,7 @@ def _write(folder: Path, one: Wanted, made: Made, options: dict[str, Any]) -> No
         index.append(_entry(one, clip, start))
         start += len(clip.positions)
     if not index:
-        raise SystemExit(f"{body.name}: no clip is left: {made.dropped}")
+        raise SystemExit(f"{body.name}, {one.source}: no clip is left: {_reasons(made.dropped)}")
     folder.mkdir(parents=True, exist_ok=True)
     body.save(folder / "body.json")
     for name, parts in arrays.items():

@@ -70,8 +70,20 @@ def _hips(names: list[str], parents: list[int]) -> tuple[int, int]:
     hips = [j for j, parent in enumerate(parents) if parent == 0]
     pairs = side_pairs([names[j] for j in hips])
     if not pairs:
-        raise ClipError(f"cannot tell the left from the right hip among {[names[j] for j in hips]}")
+        raise ClipError(
+            f"cannot tell the left from the right hip among the children of the root {names[0]}: "
+            f"{[names[j] for j in hips]}; {_advice(names, parents)}"
+        )
     return hips[pairs[0][0]], hips[pairs[0][1]]
+
+
+def _advice(names: list[str], parents: list[int]) -> str:
+    """Which joints ``--root`` may name, if any has a left and a right child."""
+    children = [[name for name, parent in zip(names, parents, strict=True) if parent == j] for j in range(len(names))]
+    paired = [name for name, own in zip(names, children, strict=True) if side_pairs(own)]
+    if not paired:
+        return "no names of its joints differ in the side alone, as LeftUpLeg and RightUpLeg do: rename the hips"
+    return f"--root decides; joints with a left and a right child: {', '.join(paired)}"
 
 
 def _knees(

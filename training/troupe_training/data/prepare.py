@@ -115,7 +115,11 @@ def files_of(folder: Path, source: MotionSource, include: str | None) -> list[Pa
     files = [p for p in files if p.parent not in sonic or p.name == SONIC_FILE or p.suffix.lower() != ".csv"]
     endings = ", ".join(source.endings)
     if not files:
-        hint = "; CSV files need their robot's --urdf" if any(folder.rglob("*.csv")) else ""
+        if not folder.is_dir():
+            raise SystemExit(f"{folder} is no folder; give the folder of the {endings} files")
+        others = set(troupe_reader.ROBOT_ENDINGS) - set(source.endings)
+        found = sorted({p.suffix.lower() for p in folder.rglob("*")} & others)
+        hint = f"; {' and '.join(found)} files need their robot's --urdf" if found else ""
         raise SystemExit(f"no {endings} file under {folder}{hint}")
     files = [p for p in files if include is None or re.search(include, file_name(p))]
     if not files:
@@ -125,7 +129,10 @@ def files_of(folder: Path, source: MotionSource, include: str | None) -> list[Pa
 
 def load_all(files: list[Path], source: MotionSource, workers: int, what: str) -> list[Loaded]:
     """All files' clips, in order; ends the command if none can be used."""
-    source.survey(files)
+    try:
+        source.survey(files)
+    except (OSError, ValueError) as error:
+        raise SystemExit(f"{what}: {error}") from error
     with ProcessPoolExecutor(workers) as pool:
         results = pool.map(partial(load_file, source=source), files, chunksize=1 + len(files) // (16 * workers))
         loaded = [one for of_file in tqdm(results, total=len(files), desc=what) for one in of_file]
@@ -135,7 +142,7 @@ def load_all(files: list[Path], source: MotionSource, workers: int, what: str) -
 
 
 def drop_odd_skeletons(loaded: list[Loaded]) -> None:
-    """Drops the files whose joints or bones are not those of the others."""
+    """Drops the files whose joints or bones are not those of the others; ends the command if none are left."""
     kept = [one for one in loaded if one.dropped is None]
     for one in kept:
         if one.names != kept[0].names:
@@ -146,6 +153,10 @@ def drop_odd_skeletons(loaded: list[Loaded]) -> None:
         error = np.abs(one.offsets - usual)[1:].max(initial=0.0)
         if error > MAX_OFFSET_ERROR_M:
             one.dropped = f"a bone is {error:.3f} m off the usual length"
+    if all(one.dropped for one in kept):
+        raise SystemExit(
+            f"the files are of different bodies, e.g. {kept[0].file}: {kept[0].dropped}; prepare a folder for each body"
+        )
 
 
 def prepare(
@@ -177,7 +188,7 @@ def prepare(
             mirrored = (mirroring.clip(c) for c in trained)
             clips += [c for c in mirrored if not choice.holds_out(c)]
     except ValueError as error:
-        raise SystemExit(str(error)) from error
+        raise SystemExit(f"{folder}, skeleton of {kept[0].file}: {error}") from error
 
     for clip, floor in zip(clips, floor_errors(clips, skeleton), strict=True):
         if abs(floor) > MAX_FLOOR_ERROR_M and not clip.mirrored:

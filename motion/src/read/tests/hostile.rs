@@ -1,15 +1,22 @@
 //! Broken files of every format are errors, never panics.
 
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
+use glam::{DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 
 use super::people::{Dialect, Person};
+use crate::bvh::{BvhFile, BvhJoint, Channel, write};
+use crate::clip::Clip;
 use crate::files::{write_beyond_mimic, write_npz, write_qpos};
 use crate::glb::write_glb;
+use crate::read::adapted::Arrays;
+use crate::read::joints::check_size;
 use crate::read::{Agreement, Options, RestPose, Source, read, survey};
 use crate::robot::testing::g1;
 use crate::robot::{description, write_csv};
+use crate::skeleton::{Joint, MAX_JOINTS, Skeleton};
 
 /// A small file of each format, with its name.
 fn files() -> &'static [(&'static str, Vec<u8>)] {
@@ -55,8 +62,176 @@ fn try_all(name: &str, bytes: &[u8]) {
     }
 }
 
+/// Names of joints that the reader treats in their own ways.
+const WORDS: [&str; 14] = [
+    "Hips",
+    "Spine",
+    "Head",
+    "LeftHand",
+    "RightHand",
+    "LeftFoot",
+    "RightFoot",
+    "LeftAnkle",
+    "LeftA",
+    "RightA",
+    "LeftFootIK",
+    "LeftLeg",
+    "RightLeg",
+    "Tail",
+];
+
+/// A tree of joints that slide: for each joint a word, the parent, and the place of its offset on a
+/// small grid.
+fn tree(joints: &[(usize, prop::sample::Index, [i8; 3])], slides: bool) -> Vec<u8> {
+    let moves = [Channel::Xposition, Channel::Yposition, Channel::Zposition];
+    let turns = [Channel::Zrotation, Channel::Xrotation, Channel::Yrotation];
+    let made = joints
+        .iter()
+        .enumerate()
+        .map(|(nth, (word, parent, at))| BvhJoint {
+            name: format!("{}.{nth}", WORDS[word % WORDS.len()]),
+            parent: (nth > 0).then(|| parent.index(nth)),
+            offset: DVec3::from_array(at.map(f64::from)),
+            channels: [&moves[..], &turns].concat(),
+            end_sites: Vec::new(),
+        });
+    let made: Vec<BvhJoint> = depth_first(&made.collect::<Vec<_>>());
+    let mut values = Vec::new();
+    for frame in 0..3 {
+        for joint in &made {
+            let slide = if slides { f64::from(frame) } else { 0.0 };
+            values.extend((joint.offset + slide * DVec3::X).to_array());
+            values.extend([0.0, 10.0 * f64::from(frame), 0.0]);
+        }
+    }
+    let file = BvhFile::new(made, 1.0 / 30.0, values).unwrap();
+    write(&file).into_bytes()
+}
+
+/// The joints in the order in which a file has them.
+fn depth_first(joints: &[BvhJoint]) -> Vec<BvhJoint> {
+    let mut made: Vec<BvhJoint> = Vec::new();
+    let mut open = vec![(0, None)];
+    while let Some((joint, parent)) = open.pop() {
+        let children = (0..joints.len()).filter(|&child| joints[child].parent == Some(joint));
+        open.extend(children.map(|child| (child, Some(made.len()))));
+        made.push(BvhJoint {
+            parent,
+            ..joints[joint].clone()
+        });
+    }
+    made
+}
+
+/// A chain of joints, each with another that hangs on it, in Troupe's archive. All turn.
+fn comb(joints: usize) -> Vec<u8> {
+    let joint = |nth: usize| Joint {
+        name: format!("Left{}{nth}", ["Bone", "Hand"][nth % 2]),
+        parent: nth.checked_sub(1).map(|before| before - before % 2),
+        offset_m: Vec3::new(0.01, 0.02, 0.0),
+    };
+    let skeleton = Skeleton::new((0..joints).map(joint).collect(), Vec3::X, 0.0, None).unwrap();
+    let turn = |frame: usize| Quat::from_rotation_z(0.01 * frame as f32);
+    let rotations = (0..3 * joints).map(|nth| turn(nth / joints)).collect();
+    let clip = Clip::new(skeleton.into(), 30.0, vec![Vec3::Y; 3], rotations).unwrap();
+    write_glb(&clip).unwrap()
+}
+
+/// As [`comb`], with nodes that all slide, in a glTF file.
+fn sliding_comb(nodes: usize) -> Vec<u8> {
+    let node = |nth: usize| {
+        let children: Vec<usize> = match nth % 2 {
+            0 => (nth + 1..nodes.min(nth + 3)).collect(),
+            _ => Vec::new(),
+        };
+        match children.is_empty() {
+            true => serde_json::json!({"name": format!("n{nth}")}),
+            false => serde_json::json!({"name": format!("n{nth}"), "children": children}),
+        }
+    };
+    let channel =
+        |nth: usize| serde_json::json!({"sampler": 0, "target": {"node": nth, "path": "translation"}});
+    let floats = [0.0_f32, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+    let bytes: Vec<u8> = floats.iter().flat_map(|number| number.to_le_bytes()).collect();
+    let uri = format!(
+        "data:application/octet-stream;base64,{}",
+        base64::Engine::encode(&base64::engine::general_purpose::STANDARD, bytes)
+    );
+    let file = serde_json::json!({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": (0..nodes).map(node).collect::<Vec<_>>(),
+        "buffers": [{"byteLength": 32, "uri": uri}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 8},
+            {"buffer": 0, "byteOffset": 8, "byteLength": 24},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]},
+            {"bufferView": 1, "componentType": 5126, "count": 2, "type": "VEC3"},
+        ],
+        "animations": [{
+            "samplers": [{"input": 0, "output": 1}],
+            "channels": (0..nodes).map(channel).collect::<Vec<_>>(),
+        }],
+    });
+    serde_json::to_vec(&file).unwrap()
+}
+
+/// Far above what a test without optimisation takes, and far below what work by the square or the
+/// cube of the joints does.
+const SOON: Duration = Duration::from_secs(20);
+
+#[test]
+fn many_joints_are_read_or_refused_soon() {
+    let began = Instant::now();
+    let most = comb(MAX_JOINTS);
+    let found = read(&Source::new("comb.glb", &most), &Options::default()).unwrap();
+    assert_eq!(found.report.joints, MAX_JOINTS);
+    let options = Options {
+        max_slide_m: Some(100.0),
+        ..Options::default()
+    };
+    let found = read(&Source::new("comb.gltf", &sliding_comb(MAX_JOINTS)), &options).unwrap();
+    assert_eq!(found.report.joints, MAX_JOINTS);
+    let error = read(&Source::new("comb.gltf", &sliding_comb(8_000)), &options).unwrap_err();
+    assert!(error.to_string().contains("at most 512 are supported"), "{error}");
+    assert!(began.elapsed() < SOON, "{:?}", began.elapsed());
+}
+
+#[test]
+fn more_joints_than_any_format_has_are_refused_at_once() {
+    let joints = 100_000;
+    let source = Arrays {
+        names: (0..joints).map(|nth| format!("j{nth}")).collect(),
+        parents: (0..joints).map(|nth: usize| nth.checked_sub(1)).collect(),
+        offsets: vec![DVec3::Y; joints],
+        roots: vec![DVec3::ZERO],
+        rotations: vec![DQuat::IDENTITY; joints],
+        fps: 30.0,
+    };
+    let error = check_size(&source).unwrap_err().to_string();
+    assert_eq!(error, "the number of joints is 100000; allowed: up to 16384");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn odd_trees_do_not_panic(
+        joints in proptest::collection::vec(
+            (0..WORDS.len(), any::<prop::sample::Index>(), [-1..2_i8, -1..2_i8, -1..2_i8]),
+            1..14,
+        ),
+        tall in 1..120_i8,
+        slides: bool,
+    ) {
+        // One long bone makes the others near to each other.
+        let mut joints = joints;
+        let (_, parent, _) = joints[0];
+        joints.push((1, parent, [0, tall, 0]));
+        try_all("tree.bvh", &tree(&joints, slides));
+    }
 
     #[test]
     fn changed_files_do_not_panic(

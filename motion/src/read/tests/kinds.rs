@@ -18,7 +18,7 @@ use crate::skeleton::{Joint, Skeleton};
 
 const NUMBERS: [f32; 7] = [0.3, 0.8, 0.1, 0.6, 0.9, 0.2, 0.45];
 
-fn person() -> Person {
+pub(super) fn person() -> Person {
     Person {
         words: 2,
         size: 1.0,
@@ -35,11 +35,11 @@ fn text() -> String {
     String::from_utf8(Dialect::plain().bytes(&walk())).unwrap()
 }
 
-fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, ReadError> {
+pub(super) fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, ReadError> {
     read(&Source::new(name, bytes), options).inspect_err(names_its_options)
 }
 
-fn plain(name: &str, bytes: &[u8]) -> Understood {
+pub(super) fn plain(name: &str, bytes: &[u8]) -> Understood {
     with(name, bytes, &Options::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -203,8 +203,8 @@ fn a_second_joint_of_a_name_is_renamed_and_a_namespace_lost_if_asked() {
     assert_eq!(on.clip.rotations, bare.clip.rotations);
 }
 
-#[test]
-fn a_pose_before_the_motion_is_left_out() {
+/// A walk whose first frame is the rest pose.
+pub(super) fn with_leading_pose() -> Clip {
     let mut clip = walk();
     let pose = vec![Quat::IDENTITY; clip.skeleton.joint_count()];
     clip.rotations_at_mut(0).copy_from_slice(&pose);
@@ -215,6 +215,12 @@ fn a_pose_before_the_motion_is_left_out() {
             clip.rotations_at_mut(frame)[arm] = Quat::from_rotation_z(turn);
         }
     }
+    clip
+}
+
+#[test]
+fn a_pose_before_the_motion_is_left_out() {
+    let clip = with_leading_pose();
     let bytes = Dialect::plain().bytes(&clip);
     let found = plain("walk.bvh", &bytes);
     assert_eq!(
@@ -423,6 +429,53 @@ fn units_are_found_by_the_height_of_people() {
 }
 
 #[test]
+fn a_person_in_inches_may_be_a_small_figure_in_centimetres() {
+    // 0.65 m in centimetres, and 1.65 m in inches.
+    let small = Person {
+        size: 0.65 / 1.72,
+        ..person()
+    };
+    let bytes = Dialect::plain().bytes(&small.walk(60, 30.0, &NUMBERS));
+    let found = plain("walk.bvh", &bytes);
+    assert!((found.report.unit_m.value - 0.0254).abs() < 1e-9);
+    let odd = &found.report.oddities[..];
+    assert!(
+        odd.len() == 1 && odd[0].topic == Topic::Unit && odd[0].text.contains("--unit cm decides"),
+        "{odd:?}"
+    );
+    let options = Options {
+        unit_m: Some(0.01),
+        ..Options::default()
+    };
+    let found = with("walk.bvh", &bytes, &options).unwrap();
+    assert!(!topics_of_oddities(&found).contains(&Topic::Unit));
+    // A skeleton of the same lengths decides.
+    let options = Options {
+        skeleton: Some(small.skeleton()),
+        ..Options::default()
+    };
+    let found = with("walk.bvh", &bytes, &options).unwrap();
+    assert!((found.report.unit_m.value - 0.01).abs() < 1e-9);
+    assert!(!topics_of_oddities(&found).contains(&Topic::Unit));
+}
+
+#[test]
+fn a_clip_in_which_nothing_moves_is_noted() {
+    let first = walk().slice(0..1).unwrap();
+    let joints = first.skeleton.joint_count();
+    let still = |frames: usize| {
+        let roots = vec![first.root_positions[0]; frames];
+        let rotations = (0..frames * joints).map(|nth| first.rotations[nth % joints]);
+        let clip = Clip::new(first.skeleton.clone(), 30.0, roots, rotations.collect()).unwrap();
+        plain("still.bvh", &Dialect::plain().bytes(&clip)).report.oddities
+    };
+    assert_eq!(still(1), []);
+    let odd = still(20);
+    assert_eq!(odd.len(), 1, "{odd:?}");
+    assert_eq!(odd[0].text, "nothing moves: all 20 frames are equal");
+}
+
+#[test]
 fn hips_without_length_are_kept_and_left_is_found() {
     let clip = walk();
     let mut joints: Vec<Joint> = Vec::new();
@@ -463,7 +516,7 @@ fn hips_without_length_are_kept_and_left_is_found() {
 }
 
 /// A BVH whose joint moves in its parent by up to some metres.
-fn sliding(joint: &str, by_m: f64) -> Vec<u8> {
+pub(super) fn sliding(joint: &str, by_m: f64) -> Vec<u8> {
     let file = Dialect::plain().file(&walk());
     let mut joints: Vec<BvhJoint> = file.joints().to_vec();
     let which = joints.iter().position(|of| of.name == joint).unwrap();

@@ -115,6 +115,78 @@ fn feet_that_steer_legs_are_hung_on_them() {
     }
 }
 
+/// A still body of joints with parents and offsets in centimetres.
+fn still(joints: &[(&str, Option<usize>, [f64; 3])]) -> Vec<u8> {
+    let made = joints.iter().map(|&(name, parent, offset)| BvhJoint {
+        name: name.to_owned(),
+        parent,
+        offset: DVec3::from_array(offset),
+        channels: match parent {
+            None => [MOVES, TURNS].concat(),
+            Some(_) => TURNS.to_vec(),
+        },
+        end_sites: Vec::new(),
+    });
+    let values = vec![0.0; 3 * (3 + 3 * joints.len())];
+    write(&BvhFile::new(made.collect(), 1.0 / 30.0, values).unwrap()).into_bytes()
+}
+
+#[test]
+fn joints_that_would_hang_on_each_other_stay() {
+    let body = [("Hips", None, [0.0; 3]), ("Spine", Some(0), [0.0, 150.0, 0.0])];
+    let hand = |nth: usize| {
+        [
+            ("LeftHand", Some(0), [10.0, 0.0, 0.0]),
+            ("LeftA", Some(nth), [0.1, 0.0, 0.0]),
+        ]
+    };
+    let foot = |nth: usize| {
+        [
+            ("LeftFoot", Some(0), [10.5, 0.0, 0.0]),
+            ("LeftB", Some(nth), [0.1, 0.0, 0.0]),
+        ]
+    };
+    for joints in [
+        [body, hand(2), foot(4)].concat(),
+        [&body[..1], &hand(1), &foot(3), &body[1..]].concat(),
+    ] {
+        let found = read(&Source::new("ring.bvh", &still(&joints)), &Options::default()).unwrap();
+        assert_eq!(found.report.joints, joints.len());
+        assert!(
+            found.report.repairs.iter().all(|note| note.topic != Topic::Rig),
+            "{:?}",
+            found.report.repairs
+        );
+    }
+}
+
+#[test]
+fn notes_list_a_few_joints_and_count_the_others() {
+    let names: Vec<String> = (0..40).map(|nth| format!("Bone{nth}")).collect();
+    let joint = |nth: usize, name: &str| BvhJoint {
+        name: name.to_owned(),
+        parent: nth.checked_sub(1).map(|_| 0),
+        offset: DVec3::Y,
+        channels: [MOVES, TURNS].concat(),
+        end_sites: Vec::new(),
+    };
+    let joints = names.iter().enumerate().map(|(nth, name)| joint(nth, name));
+    let values = (0..10).flat_map(|frame| {
+        let mut row = vec![0.0; 6 * 40];
+        row.chunks_mut(6).skip(1).for_each(|of| of[0] = f64::from(frame));
+        row
+    });
+    let file = BvhFile::new(joints.collect(), 1.0 / 30.0, values.collect()).unwrap();
+    let found = read(
+        &Source::new("star.bvh", write(&file).as_bytes()),
+        &Options::default(),
+    );
+    let repairs = found.unwrap().report.repairs;
+    let note = repairs.iter().find(|note| note.topic == Topic::Bystanders);
+    let text = &note.unwrap().text;
+    assert!(text.ends_with(" and 31 more") && text.len() < 300, "{text}");
+}
+
 #[test]
 fn a_foot_that_leaves_its_leg_is_named_and_one_that_walks_away_refused() {
     let (_, bytes) = rig(0.08);
