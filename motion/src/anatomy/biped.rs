@@ -84,7 +84,7 @@ impl Tree {
     }
 
     /// The lowest joint above both.
-    fn meeting(&self, a: usize, b: usize) -> Option<usize> {
+    pub(super) fn meeting(&self, a: usize, b: usize) -> Option<usize> {
         let above: Vec<usize> = self.line(a).collect();
         self.line(b).find(|joint| above.contains(joint))
     }

@@ -4,9 +4,15 @@
 mod biped;
 mod names;
 mod neutral;
+mod parts;
 mod rest;
+mod shape;
 
 pub use biped::{Biped, Tree};
 pub use names::{Name, Side, without_namespace};
 pub use neutral::{let_down, stand_up};
+pub use parts::{Limb, Parts};
 pub use rest::RestPose;
+
+pub(crate) use neutral::hang;
+pub(crate) use parts::places;

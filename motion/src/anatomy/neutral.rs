@@ -3,12 +3,24 @@
 use glam::{Quat, Vec3};
 
 use super::biped::Biped;
+use super::parts::Parts;
 use crate::skeleton::Skeleton;
 
 /// World rotations of a pose whose arms and legs are let down. Feet keep their rotations in the
 /// world. `pose` has a world rotation for each joint.
 pub fn let_down(skeleton: &Skeleton, body: &Biped, pose: &[Quat]) -> Vec<Quat> {
     straightened(skeleton, pose, &Limbs::of(skeleton, body))
+}
+
+/// As [`let_down`], by the parts of a body on two legs.
+pub(crate) fn hang(skeleton: &Skeleton, parts: &Parts, pose: &[Quat]) -> Vec<Quat> {
+    let limbs = parts.legs.iter().chain(parts.arms.iter().flatten());
+    let limbs = Limbs {
+        hanging: limbs.map(|limb| limb.chain()).collect(),
+        still: parts.legs.iter().map(|leg| leg.end).collect(),
+        ..Limbs::default()
+    };
+    straightened(skeleton, pose, &limbs)
 }
 
 /// As [`let_down`], and the trunk is made upright. The head keeps its rotation too.

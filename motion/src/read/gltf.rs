@@ -18,6 +18,7 @@ pub(super) fn parse(
     let glb = GlbOptions {
         fps: options.fps,
         animation: options.animation.clone(),
+        at_rest: options.at_rest,
         ..GlbOptions::default()
     };
     let animation = parse_beside(bytes, beside, &glb).map_err(|error| {

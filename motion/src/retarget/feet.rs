@@ -1,0 +1,55 @@
+//! How feet stand flat on the ground in a clip.
+
+use glam::Quat;
+
+use crate::anatomy::{Limb, Parts};
+use crate::clip::Clip;
+use crate::fk::WorldMotion;
+use crate::rotation::{align_sign, yaw};
+
+/// Ankle and toe of a flat foot are within this of their lowest places, by the length of the shin.
+const FLAT_SHARE: f32 = 0.04;
+/// Share of the lowest heights that is left out: jumps and faults of the recording.
+const LOWEST_SHARE: f32 = 0.02;
+
+/// Turns the feet of a neutral pose, and what hangs on them, as they stand flat in the clip. A foot
+/// that never does keeps its rotation.
+pub(super) fn stand(clip: &Clip, parts: &Parts, neutral: &mut [Quat]) {
+    let world = WorldMotion::from_clip(clip);
+    for leg in &parts.legs {
+        let Some(flat) = flat(clip, &world, leg) else { continue };
+        let turn = flat * neutral[leg.end].conjugate();
+        let skeleton = &clip.skeleton;
+        for joint in leg.end..neutral.len() {
+            let line = std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent);
+            if line.into_iter().any(|above| above == leg.end) {
+                neutral[joint] = (turn * neutral[joint]).normalize();
+            }
+        }
+    }
+}
+
+/// The mean rotation of an ankle while its foot is flat, relative to the body's heading.
+fn flat(clip: &Clip, world: &WorldMotion, leg: &Limb) -> Option<Quat> {
+    let toe = leg.toe.unwrap_or(leg.end);
+    let heights = |joint: usize| (0..world.frames()).map(move |frame| world.positions_at(frame)[joint].y);
+    let lowest = |joint: usize| {
+        let mut sorted: Vec<f32> = heights(joint).collect();
+        sorted.sort_by(f32::total_cmp);
+        sorted.get((LOWEST_SHARE * sorted.len() as f32) as usize).copied()
+    };
+    let (low_end, low_toe) = (lowest(leg.end)?, lowest(toe)?);
+    let shin_m = clip.skeleton.joints[leg.end].offset_m.length();
+    let room = FLAT_SHARE * shin_m;
+    let mut sum = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0);
+    for frame in 0..world.frames() {
+        let places = world.positions_at(frame);
+        if places[leg.end].y > low_end + room || places[toe].y > low_toe + room {
+            continue;
+        }
+        let heading = clip.root_at(frame).heading;
+        let rotation = yaw(-heading) * world.rotations_at(frame)[leg.end];
+        sum = sum + align_sign(rotation, sum);
+    }
+    (sum.length() > 1e-3).then(|| sum.normalize())
+}
