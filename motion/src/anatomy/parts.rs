@@ -4,14 +4,21 @@ use glam::{Quat, Vec3};
 
 use super::biped::{Biped, Tree};
 use super::shape;
+use crate::ik;
 use crate::skeleton::Skeleton;
+
+/// Limbs of a robot that end this near to the lowest one are legs, by its height.
+const LEG_SHARE: f32 = 0.15;
 
 /// A limb: the joints from the trunk to the hand, foot or paw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limb {
     /// Joints between the trunk and the limb: clavicles, shoulder blades. Often empty.
     pub girdle: Vec<usize>,
-    /// Shoulder or hip, and the joints along the upper bone: twists.
+    /// Where the limb begins: shoulder or hip. The first hinge of a robot's.
+    pub top: usize,
+    /// The joint that turns the upper bone, and the joints along it: twists. The first is `top`,
+    /// but for robots, whose hips and shoulders have several hinges: the last of them.
     pub upper: Vec<usize>,
     /// Elbow or knee, and the joints along the lower bone.
     pub lower: Vec<usize>,
@@ -24,7 +31,7 @@ pub struct Limb {
 impl Limb {
     /// Shoulder, elbow, wrist; or hip, knee, ankle.
     pub fn chain(&self) -> [usize; 3] {
-        [self.upper[0], self.lower[0], self.end]
+        [self.top, self.lower[0], self.end]
     }
 }
 
@@ -52,6 +59,9 @@ impl Parts {
     pub fn find(skeleton: &Skeleton, pose: &[Quat]) -> Option<Self> {
         let tree = Tree::of(skeleton);
         let places = places(skeleton, pose);
+        if skeleton.robot.is_some() {
+            return Self::of_robot(skeleton, &tree, &places);
+        }
         match Biped::find(&tree) {
             Some(body) => Some(Self::of(&tree, &places, &body, false)),
             None => {
@@ -61,12 +71,71 @@ impl Parts {
         }
     }
 
+    /// The parts of a robot, whose limbs are chains of hinges: the upper bone of a limb is the last
+    /// hinge before the knee or elbow, which has all turns of the hip or shoulder.
+    fn of_robot(skeleton: &Skeleton, tree: &Tree, places: &[Vec3]) -> Option<Self> {
+        let limb = |[top, middle, end]: [usize; 3], toe: Option<usize>| {
+            let chain = tree.chain(top, end)?;
+            let at = chain.iter().position(|&joint| joint == middle)?;
+            Some(Limb {
+                girdle: Vec::new(),
+                top,
+                upper: vec![chain[at.checked_sub(1)?]],
+                lower: chain[at..chain.len() - 1].to_vec(),
+                end,
+                toe,
+            })
+        };
+        let pair = |limbs: Vec<Limb>| -> Option<[Limb; 2]> {
+            let mut limbs: [Limb; 2] = limbs.try_into().ok()?;
+            let left = |limb: &Limb| (places[limb.end] - places[0]).dot(skeleton.left_axis);
+            if left(&limbs[0]) < left(&limbs[1]) {
+                limbs.reverse();
+            }
+            Some(limbs)
+        };
+        let legs = ik::legs(skeleton);
+        let known: Vec<Limb> = legs.iter().filter_map(|leg| limb(leg.chain(), leg.toe)).collect();
+        let arms = ik::arms(skeleton);
+        let mut found: Vec<Limb> = arms
+            .iter()
+            .filter_map(|&arm| limb(with_hand(tree, places, arm), toe(tree, places, arm[2])))
+            .collect();
+        // Without contact joints, legs are among the limbs: those that end lowest.
+        let lowest = found.iter().map(|limb| places[limb.end].y).fold(f32::INFINITY, f32::min);
+        let highest = places.iter().map(|place| place.y).fold(f32::NEG_INFINITY, f32::max);
+        let is_leg = |limb: &Limb| places[limb.end].y <= lowest + LEG_SHARE * (highest - lowest);
+        let (mut hind, mut fore): (Vec<Limb>, Vec<Limb>) = match known.is_empty() {
+            true => found.drain(..).partition(is_leg),
+            false => (known, found),
+        };
+        fore.iter_mut().for_each(|arm| arm.toe = None);
+        let on_fours = hind.len() == 4;
+        let ahead = |limb: &Limb| (places[limb.end] - places[0]).dot(skeleton.left_axis.cross(Vec3::Y));
+        if on_fours {
+            hind.sort_by(|a, b| ahead(a).total_cmp(&ahead(b)));
+            fore = hind.split_off(2);
+        }
+        let trunk = match on_fours {
+            true => vec![0],
+            false => trunk(tree, &fore),
+        };
+        Some(Self {
+            trunk,
+            neck: Vec::new(),
+            legs: pair(hind)?,
+            arms: pair(fore),
+            tail: Vec::new(),
+            on_fours,
+        })
+    }
+
     /// Its main joints.
     pub fn body(&self) -> Biped {
         let spine: Vec<usize> = self.trunk.iter().chain(&self.neck).copied().collect();
         Biped {
             pelvis: self.trunk[0],
-            hips: self.legs.each_ref().map(|leg| leg.upper[0]),
+            hips: self.legs.each_ref().map(|leg| leg.top),
             feet: self.legs.each_ref().map(|leg| leg.end),
             head: *spine.last().unwrap_or(&self.trunk[0]),
             arms: self.arms.as_ref().map(|arms| arms.each_ref().map(Limb::chain)),
@@ -113,12 +182,33 @@ impl Parts {
     }
 }
 
+/// An arm of hinges whose last one is the elbow ends in the hand below it.
+fn with_hand(tree: &Tree, places: &[Vec3], [top, middle, end]: [usize; 3]) -> [usize; 3] {
+    let bone = |a: usize, b: usize| places[a].distance(places[b]);
+    match toe(tree, places, end) {
+        Some(hand) if bone(top, middle).min(bone(middle, end)) < bone(top, end).min(bone(end, hand)) => {
+            [top, end, hand]
+        }
+        _ => [top, middle, end],
+    }
+}
+
+/// The joints from the root to where the arms meet.
+fn trunk(tree: &Tree, arms: &[Limb]) -> Vec<usize> {
+    let chest = match arms {
+        [left, right] => tree.meeting(left.top, right.top),
+        _ => None,
+    };
+    tree.chain(0, chest.unwrap_or(0)).unwrap_or_else(|| vec![0])
+}
+
 /// A limb of the joints from shoulder to wrist, whose elbow is at an index. `girdle` begins at the
 /// trunk and ends with the shoulder.
 fn limb(girdle: &[usize], chain: &[usize], elbow: usize) -> Limb {
     let last = chain.len() - 1;
     Limb {
         girdle: girdle.iter().copied().skip(1).filter(|&joint| joint != chain[0]).collect(),
+        top: chain[0],
         upper: chain[..elbow].to_vec(),
         lower: chain[elbow..last].to_vec(),
         end: chain[last],

@@ -18,6 +18,7 @@ pub fn retarget(retargeter: &mut Retargeter, clip: &Clip) -> Result<(Clip, Figur
     let mut roots = Vec::with_capacity(clip.frames());
     let mut short_m = 0.0_f32;
     let mut pose = vec![Quat::IDENTITY; joints];
+    retargeter.reset();
     for frame in 0..clip.frames() {
         roots.push(retargeter.pose(clip.root_positions[frame], clip.rotations_at(frame), &mut pose));
         rotations.extend_from_slice(&pose);

@@ -13,11 +13,14 @@ const FLAT_SHARE: f32 = 0.04;
 const LOWEST_SHARE: f32 = 0.02;
 
 /// Turns the feet of a neutral pose, and what hangs on them, as they stand flat in the clip. A foot
-/// that never does keeps its rotation.
-pub(super) fn stand(clip: &Clip, parts: &Parts, neutral: &mut [Quat]) {
+/// that never does keeps its rotation. Returns the mean height of the toes over the ground while
+/// they are flat, metres, if one is.
+pub(super) fn stand(clip: &Clip, parts: &Parts, neutral: &mut [Quat]) -> Option<f32> {
     let world = WorldMotion::from_clip(clip);
+    let mut heights = Vec::new();
     for leg in &parts.legs {
-        let Some(flat) = flat(clip, &world, leg) else { continue };
+        let Some((flat, height_m)) = flat(clip, &world, leg) else { continue };
+        heights.push(height_m);
         let turn = flat * neutral[leg.end].conjugate();
         let skeleton = &clip.skeleton;
         for joint in leg.end..neutral.len() {
@@ -27,10 +30,12 @@ pub(super) fn stand(clip: &Clip, parts: &Parts, neutral: &mut [Quat]) {
             }
         }
     }
+    (!heights.is_empty()).then(|| heights.iter().sum::<f32>() / heights.len() as f32)
 }
 
-/// The mean rotation of an ankle while its foot is flat, relative to the body's heading.
-fn flat(clip: &Clip, world: &WorldMotion, leg: &Limb) -> Option<Quat> {
+/// The mean rotation of an ankle while its foot is flat, relative to the body's heading, and the
+/// mean height of the toes over the ground.
+fn flat(clip: &Clip, world: &WorldMotion, leg: &Limb) -> Option<(Quat, f32)> {
     let toe = leg.toe.unwrap_or(leg.end);
     let heights = |joint: usize| (0..world.frames()).map(move |frame| world.positions_at(frame)[joint].y);
     let lowest = |joint: usize| {
@@ -42,6 +47,7 @@ fn flat(clip: &Clip, world: &WorldMotion, leg: &Limb) -> Option<Quat> {
     let shin_m = clip.skeleton.joints[leg.end].offset_m.length();
     let room = FLAT_SHARE * shin_m;
     let mut sum = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0);
+    let (mut height_m, mut count) = (0.0, 0);
     for frame in 0..world.frames() {
         let places = world.positions_at(frame);
         if places[leg.end].y > low_end + room || places[toe].y > low_toe + room {
@@ -50,6 +56,8 @@ fn flat(clip: &Clip, world: &WorldMotion, leg: &Limb) -> Option<Quat> {
         let heading = clip.root_at(frame).heading;
         let rotation = yaw(-heading) * world.rotations_at(frame)[leg.end];
         sum = sum + align_sign(rotation, sum);
+        height_m += places[toe].y - clip.skeleton.ground_y_m;
+        count += 1;
     }
-    (sum.length() > 1e-3).then(|| sum.normalize())
+    (sum.length() > 1e-3).then(|| (sum.normalize(), height_m / count as f32))
 }

@@ -16,6 +16,9 @@ const UPRIGHT: f32 = 0.9;
 /// How far the ground is below the toes, by the ankles' height over them, if nothing says it.
 const SOLE_SHARE: f32 = 0.25;
 
+/// Toes of a clip that stand higher than this share of the legs' length do not show the ground.
+const MOST_TOE_SHARE: f32 = 0.12;
+
 /// A body with its neutral pose: upright, heading along +Z, limbs hanging down.
 #[derive(Clone, Debug)]
 pub struct Figure {
@@ -65,8 +68,15 @@ impl Figure {
     pub fn of_motion(clip: &Clip, mut neutral: Vec<Quat>) -> Result<Self, RetargetError> {
         let skeleton = Arc::clone(&clip.skeleton);
         let parts = Parts::find(&skeleton, &neutral).ok_or(RetargetError::NoBody)?;
-        feet::stand(clip, &parts, &mut neutral);
-        Self::of_parts(skeleton, parts, neutral, None)
+        let toes_m = feet::stand(clip, &parts, &mut neutral);
+        let at = places(&skeleton, &neutral);
+        let toes = parts.legs.each_ref().map(|leg| at[leg.toe.unwrap_or(leg.end)].y);
+        let lowest = 0.5 * (toes[0] + toes[1]);
+        let tall = at[parts.legs[0].top].y - lowest;
+        // Higher feet stand on something.
+        let root_y_m = toes_m.filter(|toes_m| *toes_m <= MOST_TOE_SHARE * tall);
+        let root_y_m = root_y_m.map(|toes_m| toes_m - lowest);
+        Self::of_parts(skeleton, parts, neutral, root_y_m)
     }
 
     fn of_parts(
@@ -77,7 +87,7 @@ impl Figure {
     ) -> Result<Self, RetargetError> {
         let at = grounded(&skeleton, &parts, places(&skeleton, &neutral), root_y_m);
         let middle = |joints: [usize; 2]| 0.5 * (at[joints[0]] + at[joints[1]]);
-        let hips = middle([0, 1].map(|side| parts.legs[side].upper[0]));
+        let hips = middle([0, 1].map(|side| parts.legs[side].top));
         let feet = middle([0, 1].map(|side| parts.legs[side].end));
         let leg_m = hips.y - feet.y;
         if leg_m.is_nan() || leg_m <= 0.0 {
@@ -109,7 +119,7 @@ impl Figure {
 
     /// Hips, the middle between them.
     pub(super) fn hips(&self) -> [usize; 2] {
-        [0, 1].map(|side| self.parts.legs[side].upper[0])
+        [0, 1].map(|side| self.parts.legs[side].top)
     }
 
     /// The vector from one joint to another in the neutral pose.
@@ -121,7 +131,7 @@ impl Figure {
 /// The turn about the vertical axis that makes a body head along +Z: by its hips.
 fn turn_ahead(skeleton: &Skeleton, parts: &Parts, pose: &[Quat]) -> Quat {
     let places = places(skeleton, pose);
-    let [left, right] = [0, 1].map(|side| places[parts.legs[side].upper[0]]);
+    let [left, right] = [0, 1].map(|side| places[parts.legs[side].top]);
     let across = (left - right).with_y(0.0);
     match across.try_normalize() {
         Some(left) => yaw(-heading_of(Quat::IDENTITY, left)),
@@ -133,9 +143,11 @@ fn turn_ahead(skeleton: &Skeleton, parts: &Parts, pose: &[Quat]) -> Quat {
 fn neutral(skeleton: &Skeleton, parts: &Parts, pose: Vec<Quat>) -> Result<Vec<Quat>, RetargetError> {
     let at: Vec<Vec3> = places(skeleton, &pose);
     let feet = 0.5 * (at[parts.legs[0].end] + at[parts.legs[1].end]);
-    let top = parts.neck.last().or(parts.trunk.last()).copied().unwrap_or(0);
+    // A robot may have no head, and no chest.
+    let arms = parts.arms.as_ref().map(|arms| arms[0].top);
+    let top = parts.neck.last().copied().or(arms).unwrap_or(parts.trunk[0]);
     let upward = (at[top] - feet).normalize_or_zero();
-    if upward.y < UPRIGHT {
+    if upward.y < UPRIGHT && skeleton.robot.is_none() {
         let away = upward.angle_between(Vec3::Y).to_degrees();
         return Err(RetargetError::NoStance(format!(
             "from its feet to its head is {away:.0}° away from upwards"
@@ -143,7 +155,7 @@ fn neutral(skeleton: &Skeleton, parts: &Parts, pose: Vec<Quat>) -> Result<Vec<Qu
     }
     let at: Vec<DVec3> = at.into_iter().map(Vec3::as_dvec3).collect();
     match RestPose::of(&parts.body(), &at, DVec3::Y) {
-        (RestPose::None, evidence) => Err(RetargetError::NoStance(evidence)),
+        (RestPose::None, evidence) if skeleton.robot.is_none() => Err(RetargetError::NoStance(evidence)),
         _ => Ok(hang(skeleton, parts, &pose)),
     }
 }
@@ -164,7 +176,7 @@ fn grounded(
         (None, Some(root_y_m)) => -root_y_m,
         (None, None) => ground(parts, &places),
     };
-    let hips = [0, 1].map(|side| places[parts.legs[side].upper[0]]);
+    let hips = [0, 1].map(|side| places[parts.legs[side].top]);
     let middle = (0.5 * (hips[0] + hips[1])).with_y(lowest);
     places.iter_mut().for_each(|place| *place -= middle);
     places

@@ -10,16 +10,18 @@ mod certificate;
 mod clip;
 mod feet;
 mod figure;
+mod hinges;
 mod plan;
 #[cfg(test)]
 mod tests;
 
 use glam::{Quat, Vec3};
 
+use self::hinges::Hinges;
 use self::plan::{Turn, plan};
 use crate::fk::world_transforms;
 use crate::ik::place_end;
-use crate::root::heading_of;
+use crate::root::{heading_of, wrap_angle};
 use crate::rotation::{align_sign, slerp, yaw};
 
 pub use certificate::Figures;
@@ -32,7 +34,7 @@ const SOFT_SHARE: f32 = 0.02;
 /// other.
 const ROLL_SHARE: f32 = 0.04;
 /// A foot that is higher over the ground than this share of the leg's length is in the air.
-const LIFTED_SHARE: f32 = 0.15;
+const LIFTED_SHARE: f32 = 0.1;
 /// Farthest that the root is lowered, by the leg's length.
 const DROP_SHARE: f32 = 0.1;
 /// Most feet.
@@ -85,10 +87,15 @@ pub struct Retargeter {
     target: Figure,
     turns: Box<[Turn]>,
     steps: Vec<Step>,
+    /// Headings of the feet: they change while a foot is in the air. None before the first pose.
+    headings: [Option<f32>; MAX_STEPS],
     scale: f32,
     /// World transforms of the source's and the target's joints.
     from: (Vec<Vec3>, Vec<Quat>),
     to: (Vec<Vec3>, Vec<Quat>),
+    /// World rotations that the target's joints should have.
+    wanted: Vec<Quat>,
+    hinges: Option<Hinges>,
     /// Farthest that a leg of the last pose remained from its foot's place, metres.
     short_m: f32,
 }
@@ -108,8 +115,11 @@ impl Retargeter {
         Ok(Self {
             turns: plan(&source, &target),
             steps: steps(&source, &target, scale),
+            headings: [None; MAX_STEPS],
             scale,
             from,
+            wanted: to.1.clone(),
+            hinges: Hinges::of(&target),
             to,
             short_m: 0.0,
             source,
@@ -132,7 +142,15 @@ impl Retargeter {
         self.short_m
     }
 
-    /// Carries a pose over. `root` is the world position of joint 0; rotations are those of joint 0
+    /// Forgets the poses before: the next one begins a motion.
+    pub fn reset(&mut self) {
+        self.headings = [None; MAX_STEPS];
+        if let Some(hinges) = &mut self.hinges {
+            hinges.reset();
+        }
+    }
+
+    /// Carries the next pose of a motion over. `root` is the world position of joint 0; rotations are those of joint 0
     /// in the world and of the others relative to their parents. `out` has one rotation for each
     /// joint of the target, and keeps the hemispheres that it has. Returns the target's root.
     ///
@@ -142,32 +160,38 @@ impl Retargeter {
         let (places, world) = (&mut self.from.0, &mut self.from.1);
         world_transforms(&self.source.skeleton, root, rotations, places, world);
         self.turn(out);
+        if let (Some(hinges), Some(robot)) = (&mut self.hinges, &self.target.skeleton.robot) {
+            hinges.turn(&self.target, robot, &self.wanted, out);
+        }
         let root = self.root(out);
         let count = self.steps.len();
-        let goals: [Vec3; MAX_STEPS] = std::array::from_fn(|nth| match nth < count {
-            true => self.goal(nth),
-            false => Vec3::ZERO,
-        });
+        let mut goals = [Vec3::ZERO; MAX_STEPS];
+        for (nth, goal) in goals[..count].iter_mut().enumerate() {
+            *goal = self.goal(nth);
+        }
         let root = root - Vec3::Y * self.drop(&goals[..count]);
         self.short_m = 0.0;
         for (step, &goal) in self.steps.iter().zip(&goals) {
-            let rotation = self.to.1[step.chain[2]];
+            let rotation = self.wanted[step.chain[2]];
             let pole = yaw(heading_of(rotation * step.still, Vec3::X)) * Vec3::Z;
             let skeleton = &self.target.skeleton;
             let short = place_end(skeleton, root, out, step.chain, (goal, SOFT_SHARE), pole, rotation);
             self.short_m = self.short_m.max(short);
         }
+        if let (Some(hinges), Some(robot)) = (&mut self.hinges, &self.target.skeleton.robot) {
+            hinges.fit(robot, out);
+        }
         root
     }
 
-    /// Turns the target's joints.
+    /// Turns the target's joints. A robot's keep their rotations: only the wanted ones are found.
     fn turn(&mut self, out: &mut [Quat]) {
         let world = &self.from.1;
         let turn_of = |joint: usize| world[joint] * self.source.neutral[joint].conjugate();
         let joints = self.target.skeleton.joints.iter().enumerate();
         for ((joint, described), turn) in joints.zip(&self.turns) {
             let neutral = self.target.neutral[joint];
-            let above = described.parent.map(|parent| (self.to.1[parent], self.target.neutral[parent]));
+            let above = described.parent.map(|parent| (self.wanted[parent], self.target.neutral[parent]));
             let rotation = match (*turn, above) {
                 (Turn::Between(one, other, share), _) if one != other && share > 0.0 => {
                     slerp(turn_of(one), turn_of(other), share) * neutral
@@ -177,9 +201,11 @@ impl Retargeter {
                 (Turn::Along, None) => neutral,
             };
             let rotation = rotation.normalize();
-            self.to.1[joint] = rotation;
-            let local = above.map_or(rotation, |(above, _)| above.conjugate() * rotation);
-            out[joint] = align_sign(local, out[joint]);
+            self.wanted[joint] = rotation;
+            if self.hinges.is_none() {
+                let local = above.map_or(rotation, |(above, _)| above.conjugate() * rotation);
+                out[joint] = align_sign(local, out[joint]);
+            }
         }
     }
 
@@ -200,19 +226,27 @@ impl Retargeter {
     }
 
     /// The place of a foot: the target's ankle.
-    fn goal(&self, nth: usize) -> Vec3 {
-        let step = &self.steps[nth];
+    fn goal(&mut self, nth: usize) -> Vec3 {
+        let step = self.steps[nth];
         let [ankle, toe] = step.from;
         let ground = self.source.skeleton.ground_y_m;
         let scaled = |joint: usize| (self.from.0[joint] - Vec3::Y * ground) * self.scale + Vec3::Y * ground;
-        let rotation = self.to.1[step.chain[2]];
-        let facing = yaw(heading_of(rotation * step.still, Vec3::X));
+        let rotation = self.wanted[step.chain[2]];
+        let over = |joint: usize| self.from.0[joint].y - ground - self.source.places[joint].y;
+        let now = heading_of(rotation * step.still, Vec3::X);
+        // A standing foot rolls; what is between the places of the two feet does not turn with it.
+        let lifted = over(ankle).min(over(toe)) / (LIFTED_SHARE * self.source.leg_m);
+        let facing = match self.headings[nth] {
+            None => now,
+            Some(before) => before + lifted.clamp(0.0, 1.0) * wrap_angle(now - before),
+        };
+        self.headings[nth] = Some(facing);
+        let facing = yaw(facing);
         let by_ankle = scaled(ankle) + facing * step.ankle_m;
         if toe == ankle {
             return by_ankle;
         }
         let by_toe = scaled(toe) + facing * step.toe_m - rotation * step.foot;
-        let over = |joint: usize| self.from.0[joint].y - ground - self.source.places[joint].y;
         let room = ROLL_SHARE * self.source.leg_m;
         let toes = (0.5 + 0.5 * (over(ankle) - over(toe)) / room).clamp(0.0, 1.0);
         by_ankle.lerp(by_toe, toes)

@@ -44,7 +44,7 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
 
 /// A limb: girdle, upper and lower bone, hand or foot, toes. Fingers hold.
 fn limb(from: &Limb, to: &Limb, trunk: usize, set: &mut impl FnMut(usize, Turn)) {
-    let [upper, lower, _] = from.chain();
+    let (upper, lower) = (from.upper[0], from.lower[0]);
     spread(&from.girdle, &to.girdle, (trunk, trunk), set);
     // Twists of the source end in the next joint; the target's share the way there.
     share(&from.upper, &to.upper, upper, set);
