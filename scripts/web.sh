@@ -36,7 +36,7 @@ browser() {
 
 # What the WebAssembly is built of, as one number. Tests are not in it.
 reader_sources() {
-    find bindings/web motion/Cargo.toml motion/src/{read,bvh,glb,files,convert,robot} motion/src/{clip,skeleton}.rs -type f \
+    find bindings/web motion/Cargo.toml motion/src/{read,anatomy,bvh,glb,files,convert,robot} motion/src/{clip,skeleton}.rs -type f \
         ! -path '*/tests/*' ! -name 'test*.rs' | LC_ALL=C sort | xargs cat | cksum | cut -d' ' -f1
 }
 

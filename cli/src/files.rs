@@ -103,6 +103,13 @@ pub(super) enum Misread {
     Animation(String),
 }
 
+impl Misread {
+    /// Whether another choice of options may read the file.
+    pub(super) fn has_options(&self) -> bool {
+        matches!(self, Self::Kind(kind) if !kind.options().is_empty())
+    }
+}
+
 /// Reads a file of motion, and says what was understood of it. Names and rates as for
 /// [`read_clip_on`].
 ///

@@ -35,12 +35,11 @@ impl OwnBody {
             return Ok(None);
         }
         let understood = understand(path, Options::default(), None).map_err(|why| {
-            let why = why.to_string();
-            let advice = match why.contains("--") {
+            let advice = match why.has_options() {
                 true => "; `troupe clip convert` has these options, and writes a file that needs none",
                 false => "",
             };
-            Failure::file(path, why + advice)
+            Failure::file(path, format!("{why}{advice}"))
         })?;
         note(path, &understood.report, term);
         Ok(Some(Self(understood)))

@@ -1,6 +1,6 @@
 // The in-between editor: fills a gap of a walk that the server makes, and exports it.
 import { readFileSync } from 'node:fs';
-import { expect, test } from './viewer';
+import { choose, expect, test } from './viewer';
 
 test('fills a gap and exports it as BVH', async ({ page, open, watched }) => {
   test.setTimeout(90_000);
@@ -64,6 +64,36 @@ test('says what it understood of a file', async ({ page, open, watched }) => {
   await expect(table.getByRole('row', { name: 'up axis y' })).toHaveAttribute('title', /from feet to head/);
   await input.setInputFiles({ name: 'wrong.bvh', mimeType: 'text/plain', buffer: Buffer.from('HIERARCHY ROOT a') });
   await expect(page.getByText(/wrong\.bvh: line 1: /)).toBeVisible();
+  expect(watched.errors).toEqual([]);
+});
+
+test('reads a file again with the option that its error names', async ({ page, open, watched }) => {
+  await open('mode=inbetween');
+  const input = page.locator('input[type="file"][accept*=".bvh"]');
+  await expect(input.first()).toBeAttached({ timeout: 45_000 });
+  await expect(page.getByRole('combobox', { name: 'Pack' })).not.toHaveValue('', { timeout: 45_000 });
+  const text = readFileSync('../examples/walk.bvh', 'utf8').replace('OFFSET 39.0811 0 0', 'OFFSET 45 0 0');
+  const file = { name: 'long.bvh', mimeType: 'text/plain', buffer: Buffer.from(text) };
+  await input.first().setInputFiles(file);
+  await expect(page.getByText(/long\.bvh: .*--other-bones/).first()).toBeVisible();
+  // The panel opens at the options that the error names.
+  const options = page.getByRole('group', { name: 'How the file is read' });
+  const control = (name: string) => options.getByRole('combobox', { name });
+  await expect(control('Other bones')).toHaveAttribute('aria-invalid', 'true');
+  await expect(control('Up axis')).not.toHaveAttribute('aria-invalid', 'true');
+  await expect(control('Quaternion')).toHaveCount(0);
+  await choose(page, 'Other bones', 'yes');
+  await expect.poll(() => page.evaluate(() => window.editor!.frames())).toBe(120);
+  expect(await page.evaluate(() => window.editor!.trouble())).toBe('');
+  // Another rate gives another clip; without one, it is the file's own.
+  await control('Rate, Hz').fill('15');
+  await control('Rate, Hz').press('Enter');
+  await expect.poll(() => page.evaluate(() => window.editor!.frames())).toBe(239);
+  await control('Rate, Hz').fill('');
+  await control('Rate, Hz').press('Enter');
+  await expect.poll(() => page.evaluate(() => window.editor!.frames())).toBe(120);
+  await page.getByRole('button', { name: 'Read long.bvh as …' }).click();
+  await expect(options).toHaveCount(0);
   expect(watched.errors).toEqual([]);
 });
 

@@ -13,10 +13,13 @@ mod robot;
 mod skeleton;
 
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 #[pymodule(gil_used = false)]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("ReadError", module.py().get_type::<errors::ReadError>())?;
+    let error = module.py().get_type::<errors::ReadError>();
+    error.setattr("options", PyTuple::empty(module.py()))?;
+    module.add("ReadError", error)?;
     module.add_class::<clip::Clip>()?;
     module.add_class::<read::Agreement>()?;
     module.add_class::<robot::RobotDescription>()?;

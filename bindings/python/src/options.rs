@@ -5,8 +5,10 @@ use std::sync::Arc;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use troupe_motion::read::units::{metres_of, names as unit_names};
-use troupe_motion::read::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder, RestPose, Up};
+use troupe_motion::read::units::metres_of;
+use troupe_motion::read::{
+    AngleUnit, JointOrder, LeadingPose, OptionName, Options, QuaternionOrder, RestPose, Up,
+};
 
 use crate::errors::wrong;
 use crate::read::Agreement;
@@ -26,17 +28,17 @@ pub(crate) fn options(given: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
 
 fn set(options: &mut Options, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
     match key {
-        "up" => options.up = Some(named(key, value, Up::of_name, "x, y, z, -x, -y, -z")?),
+        "up" => options.up = Some(named(OptionName::Up, value, Up::of_name)?),
         "unit" => options.unit_m = Some(unit(value)?),
         "fps" => options.fps = Some(value.extract()?),
         "resample_fps" => options.resample_fps = Some(value.extract()?),
         "animation" => options.animation = Some(value.extract()?),
         "root" => options.root = Some(value.extract()?),
         "rest_pose" => {
-            options.rest_pose = Some(named(key, value, RestPose::of_name, "t, a, standing, none")?);
+            options.rest_pose = Some(named(OptionName::RestPose, value, RestPose::of_name)?);
         }
         "leading_pose" => {
-            options.leading_pose = named(key, value, LeadingPose::of_name, "find, keep, drop")?;
+            options.leading_pose = named(OptionName::LeadingPose, value, LeadingPose::of_name)?;
         }
         "max_slide_m" => options.max_slide_m = Some(value.extract()?),
         "strip_namespaces" => options.strip_namespaces = value.extract()?,
@@ -45,7 +47,7 @@ fn set(options: &mut Options, key: &str, value: &Bound<'_, PyAny>) -> PyResult<(
         }
         "other_bones" => options.other_bones = value.extract()?,
         "quaternion" => {
-            options.quaternion = Some(named(key, value, QuaternionOrder::of_name, "xyzw, wxyz")?);
+            options.quaternion = Some(named(OptionName::Quaternion, value, QuaternionOrder::of_name)?);
         }
         "degrees" => {
             options.angles = Some(match value.extract::<bool>()? {
@@ -62,14 +64,12 @@ fn set(options: &mut Options, key: &str, value: &Bound<'_, PyAny>) -> PyResult<(
     Ok(())
 }
 
-fn named<T>(
-    key: &str,
-    value: &Bound<'_, PyAny>,
-    of_name: fn(&str) -> Option<T>,
-    allowed: &str,
-) -> PyResult<T> {
+fn named<T>(option: OptionName, value: &Bound<'_, PyAny>, of_name: fn(&str) -> Option<T>) -> PyResult<T> {
     let name: String = value.extract()?;
-    of_name(&name).ok_or_else(|| wrong(format!("{key} is {name:?}; allowed: {allowed}")))
+    of_name(&name).ok_or_else(|| {
+        let allowed = option.values().join(", ");
+        wrong(format!("{} is {name:?}; allowed: {allowed}", option.name()))
+    })
 }
 
 /// Metres a unit, from a number or the unit's name.
@@ -79,7 +79,7 @@ fn unit(value: &Bound<'_, PyAny>) -> PyResult<f64> {
     }
     let name: String = value.extract()?;
     metres_of(&name).ok_or_else(|| {
-        let names = unit_names();
+        let names = OptionName::Unit.values().join(", ");
         wrong(format!("unit is {name:?}; allowed: metres a unit, or {names}"))
     })
 }

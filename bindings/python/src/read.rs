@@ -9,7 +9,7 @@ use troupe_motion::glb::animation_names_beside;
 use troupe_motion::read as reader;
 
 use crate::clip::Clip;
-use crate::errors::{refused, wrong};
+use crate::errors::{misread, refused, wrong};
 use crate::files::{File, at};
 use crate::options::options;
 
@@ -26,7 +26,7 @@ pub(crate) fn read(
     let options = options(given)?;
     let file = File::of(source, name, beside)?;
     let understood = py.detach(|| file.with_source(|source| reader::read(source, &options)));
-    Ok(Clip::of(understood.map_err(refused)?))
+    Ok(Clip::of(understood.map_err(|error| misread(py, &error))?))
 }
 
 /// Names of the animations of a glTF file.

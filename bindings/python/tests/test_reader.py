@@ -58,6 +58,20 @@ def test_errors_are_the_readers_own(tmp_path: Path):
         troupe_reader.read(BVH.encode(), name="walk.bvh", up="w")
 
 
+def test_errors_have_the_options_that_decide():
+    with pytest.raises(troupe_reader.ReadError, match="--fps decides") as refused:
+        troupe_reader.read(BVH.replace("0.0333333", "0").encode(), name="walk.bvh")
+    assert refused.value.options == [{"option": "fps", "values": []}]
+    assert pickle.loads(pickle.dumps(refused.value)).options == refused.value.options
+    prop = BVH.replace("MOTION", "ROOT Prop\n{ OFFSET 0 0 0 CHANNELS 0 End Site { OFFSET 0 1 0 } }\nMOTION")
+    with pytest.raises(troupe_reader.ReadError) as refused:
+        troupe_reader.read(prop.encode(), name="walk.bvh")
+    assert refused.value.options == [{"option": "root", "values": ["Hips", "Prop"]}]
+    with pytest.raises(troupe_reader.ReadError) as refused:
+        troupe_reader.read(b"HIERARCHY", name="walk.bvh")
+    assert len(refused.value.options) == 0
+
+
 def test_a_survey_notes_what_it_cannot_read(tmp_path: Path):
     (tmp_path / "wrong.bvh").write_text("HIERARCHY")
     (tmp_path / "notes.txt").write_text("no motion")

@@ -11,11 +11,12 @@ from typing import Unpack
 
 from troupe_reader import _native
 from troupe_reader._native import Agreement, Clip, ReadError, RobotDescription, Skeleton, animations, read, read_robot
-from troupe_reader.options import FileOptions
+from troupe_reader.options import Choice, FileOptions
 
 __all__ = [
     "ENDINGS",
     "Agreement",
+    "Choice",
     "Clip",
     "ReadError",
     "RobotDescription",

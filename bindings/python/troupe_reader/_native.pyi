@@ -7,12 +7,15 @@ from typing import Any, TypeAlias, Unpack, final
 import numpy as np
 import numpy.typing as npt
 
-from troupe_reader.options import FileOptions
+from troupe_reader.options import Choice, FileOptions
 
 Array: TypeAlias = npt.NDArray[np.float32]
 
 class ReadError(ValueError):
     """A file that cannot be read: the message names the file, the place in it and the option that decides."""
+
+    options: Sequence[Choice]
+    """The options that decide, as the message names them; empty if no option helps."""
 
 @final
 class Skeleton:

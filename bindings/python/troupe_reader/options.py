@@ -7,6 +7,15 @@ if TYPE_CHECKING:
     from troupe_reader._native import Agreement, Skeleton
 
 
+class Choice(TypedDict):
+    """An option that decides how a file is read."""
+
+    option: str
+    """Its name, as in `FileOptions`."""
+    values: list[str]
+    """The values that fit the file, `true` for a flag. Empty if they are not known."""
+
+
 class FileOptions(TypedDict, total=False):
     """What a file may leave open. `None` is as if the option were not given."""
 

@@ -6,9 +6,11 @@
 mod options;
 
 use glam::Vec3;
+use js_sys::{Error, Reflect};
+use serde::Serialize;
 use troupe_motion::Clip;
 use troupe_motion::glb::animation_names;
-use troupe_motion::read::{self as reader, Report, Source, Understood};
+use troupe_motion::read::{self as reader, OptionName, ReadError, Report, Source, Takes, Understood};
 use wasm_bindgen::prelude::*;
 
 /// A file that was read.
@@ -21,12 +23,48 @@ pub struct Read {
 /// Reads a file on its own skeleton, or on the one that `options` (JSON) has.
 ///
 /// # Errors
-/// The reader's own words, or what is wrong with the options.
+/// An `Error` with the reader's own words, or with what is wrong with the options. If the file is
+/// wrong, its property `options` is JSON: a list of the options that decide, each with the values
+/// that fit.
 #[wasm_bindgen]
-pub fn read(name: &str, bytes: &[u8], options: &str) -> Result<Read, JsError> {
+pub fn read(name: &str, bytes: &[u8], options: &str) -> Result<Read, JsValue> {
     let options = options::parse(options).map_err(|error| JsError::new(&error))?;
-    let Understood { clip, report, .. } = reader::read(&Source::new(name, bytes), &options)?;
+    let read = reader::read(&Source::new(name, bytes), &options);
+    let Understood { clip, report, .. } = read.map_err(|error| refused(&error))?;
     Ok(Read { clip, report })
+}
+
+fn refused(error: &ReadError) -> JsValue {
+    let refused = Error::new(&error.to_string());
+    if let Ok(options) = serde_json::to_string(&error.options()) {
+        // Setting a property of a new object does not fail.
+        let _ = Reflect::set(&refused, &"options".into(), &options.into());
+    }
+    refused.into()
+}
+
+/// An option of the reader, as the viewer shows it.
+#[derive(Serialize)]
+struct Shown {
+    name: OptionName,
+    takes: Takes,
+    values: Vec<&'static str>,
+    is_of_robots: bool,
+}
+
+/// The reader's options, as JSON: their names, and what they take.
+///
+/// # Errors
+/// None that is known: options are text.
+#[wasm_bindgen]
+pub fn options() -> Result<String, JsError> {
+    let options = OptionName::all().map(|option| Shown {
+        name: option,
+        takes: option.takes(),
+        values: option.values(),
+        is_of_robots: option.is_of_robots(),
+    });
+    Ok(serde_json::to_string(&options.collect::<Vec<_>>())?)
 }
 
 /// Names of a glTF file's animations.

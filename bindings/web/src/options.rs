@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 use troupe_motion::Skeleton;
-use troupe_motion::read::units::{metres_of, names as unit_names};
-use troupe_motion::read::{Options, QuaternionOrder, RestPose, Up};
+use troupe_motion::read::units::metres_of;
+use troupe_motion::read::{
+    AngleUnit, JointOrder, LeadingPose, OptionName, Options, QuaternionOrder, RestPose, Up,
+};
 use troupe_motion::robot::RobotDoc;
 
-/// What the viewer gives. Names are those of the command line's options.
+/// What the viewer gives. Names are those of [`OptionName`].
 #[derive(Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Given {
@@ -19,8 +21,13 @@ struct Given {
     animation: Option<String>,
     root: Option<String>,
     rest_pose: Option<String>,
-    quaternion: Option<String>,
+    leading_pose: Option<String>,
+    max_slide_m: Option<f32>,
     other_bones: bool,
+    quaternion: Option<String>,
+    degrees: Option<bool>,
+    /// `tree`, `isaaclab`, or the names of the hinges' joints between commas.
+    joint_order: Option<String>,
     /// The tables of a pack's `pack.toml`.
     skeleton: Option<Skeleton>,
     robot: Option<RobotDoc>,
@@ -35,41 +42,41 @@ pub(crate) fn parse(text: &str) -> Result<Options, String> {
         (skeleton, _) => skeleton,
     };
     Ok(Options {
-        up: named("up", given.up, Up::of_name, "x, y, z, -x, -y, -z")?,
-        unit_m: named("unit", given.unit, metres_of, &unit_names())?,
+        up: named(OptionName::Up, given.up, Up::of_name)?,
+        unit_m: named(OptionName::Unit, given.unit, metres_of)?,
         fps: given.fps,
         resample_fps: given.resample_fps,
         animation: given.animation,
         root: given.root,
-        rest_pose: named(
-            "rest_pose",
-            given.rest_pose,
-            RestPose::of_name,
-            "t, a, standing, none",
-        )?,
-        quaternion: named(
-            "quaternion",
-            given.quaternion,
-            QuaternionOrder::of_name,
-            "xyzw, wxyz",
-        )?,
+        rest_pose: named(OptionName::RestPose, given.rest_pose, RestPose::of_name)?,
+        leading_pose: named(OptionName::LeadingPose, given.leading_pose, LeadingPose::of_name)?
+            .unwrap_or_default(),
+        max_slide_m: given.max_slide_m,
         other_bones: given.other_bones,
+        quaternion: named(OptionName::Quaternion, given.quaternion, QuaternionOrder::of_name)?,
+        angles: given.degrees.map(|are_degrees| match are_degrees {
+            true => AngleUnit::Degrees,
+            false => AngleUnit::Radians,
+        }),
+        joint_order: given.joint_order.as_deref().map(JointOrder::of_name),
         skeleton: skeleton.map(Arc::new),
         ..Options::default()
     })
 }
 
 fn named<T>(
-    field: &str,
+    option: OptionName,
     name: Option<String>,
     of_name: fn(&str) -> Option<T>,
-    allowed: &str,
 ) -> Result<Option<T>, String> {
     let Some(name) = name else {
         return Ok(None);
     };
     match of_name(&name) {
         Some(value) => Ok(Some(value)),
-        None => Err(format!("{field} is {name:?}; allowed: {allowed}")),
+        None => {
+            let allowed = option.values().join(", ");
+            Err(format!("{} is {name:?}; allowed: {allowed}", option.name()))
+        }
     }
 }

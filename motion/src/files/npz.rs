@@ -293,6 +293,7 @@ fn unpack(archive: &mut ZipArchive<Cursor<&[u8]>>, name: &str) -> Result<Vec<u8>
 pub(crate) fn read_array(bytes: &[u8]) -> Result<(Vec<u64>, Vec<f32>), String> {
     let file = open(bytes)?;
     let shape = file.shape().to_vec();
+    let is_turned = file.order() == npyz::Order::Fortran;
     let numbers = numbers_of::<f32>(file, |n| n)
         .or_else(|file| numbers_of::<f64>(file, |n| n as f32))
         .or_else(|file| numbers_of::<i64>(file, |n| n as f32))
@@ -301,7 +302,31 @@ pub(crate) fn read_array(bytes: &[u8]) -> Result<(Vec<u64>, Vec<f32>), String> {
         let kind = file.dtype().descr();
         format!("its type is {kind}; it must be float32 or float64")
     })?;
-    Ok((shape, numbers.map_err(|e| e.to_string())?))
+    let numbers = numbers.map_err(|e| e.to_string())?;
+    let numbers = match is_turned {
+        true => in_rows(&numbers, &shape),
+        false => numbers,
+    };
+    Ok((shape, numbers))
+}
+
+/// The numbers of an array in Fortran's order, whose first index runs fastest, in C's.
+fn in_rows(numbers: &[f32], shape: &[u64]) -> Vec<f32> {
+    let mut at = vec![0; shape.len()];
+    let mut out = Vec::with_capacity(numbers.len());
+    for _ in 0..numbers.len() {
+        let place = shape.iter().zip(&at).rev();
+        let place = place.fold(0, |place, (&size, &at)| place * size as usize + at);
+        out.extend(numbers.get(place));
+        for (at, &size) in at.iter_mut().zip(shape).rev() {
+            *at += 1;
+            if *at < size as usize {
+                break;
+            }
+            *at = 0;
+        }
+    }
+    out
 }
 
 /// The numbers of an array of one type; the file itself if it is of another.
@@ -324,9 +349,6 @@ fn collect<T: Deserialize>(values: npyz::NpyReader<T, &[u8]>) -> Result<Vec<T>, 
 /// Opens an array that holds all of its numbers, so that no size is taken from the header alone.
 fn open(bytes: &[u8]) -> Result<NpyFile<&[u8]>, String> {
     let file = NpyFile::new(bytes).map_err(|e| e.to_string())?;
-    if file.order() != npyz::Order::C && file.shape().len() > 1 {
-        return Err("it is in Fortran's order; np.ascontiguousarray makes it C's".to_owned());
-    }
     let count = file.shape().iter().try_fold(1_u64, |all, &n| all.checked_mul(n));
     match count.is_some_and(|count| count <= bytes.len() as u64) {
         true => Ok(file),

@@ -328,3 +328,24 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn arrays_in_fortrans_order_are_read() {
+    use npyz::WriterBuilder as _;
+    let shape = [2_u64, 3, 4];
+    let number = |[i, j, k]: [u64; 3]| (100 * i + 10 * j + k) as f32;
+    let mut bytes = Vec::new();
+    let mut writer = npyz::WriteOptions::new()
+        .default_dtype()
+        .order(npyz::Order::Fortran)
+        .shape(&shape)
+        .writer(&mut bytes)
+        .begin_nd()
+        .unwrap();
+    for at in 0..24 {
+        writer.push(&number([at % 2, at / 2 % 3, at / 6])).unwrap();
+    }
+    writer.finish().unwrap();
+    let wanted: Vec<f32> = (0..24).map(|at| number([at / 12, at / 4 % 3, at % 4])).collect();
+    assert_eq!(npz::read_array(&bytes), Ok((shape.to_vec(), wanted)));
+}

@@ -67,11 +67,12 @@ fn rest_node(node: &gltf::Node<'_>) -> Node {
 }
 
 /// Nodes that move beside the body are no joints: cameras and props. Only a file with a skin shows
-/// which nodes are the body. Returns their names.
+/// which nodes are the body; in others, a mirrored node that has no joint above or below it is a
+/// prop. Returns their names.
 pub(super) fn leave_props_out(nodes: &mut [Node]) -> Vec<String> {
     let skin: Vec<usize> = (0..nodes.len()).filter(|&node| nodes[node].in_skin).collect();
     if skin.is_empty() {
-        return Vec::new();
+        return leave_out_alone(nodes);
     }
     let mut carries_skin = vec![false; nodes.len()];
     // The topmost joint above each joint of a skin.
@@ -102,6 +103,31 @@ pub(super) fn leave_props_out(nodes: &mut [Node]) -> Vec<String> {
         }
     }
     props
+}
+
+/// Leaves out mirrored joints that have no other joint above or below them.
+fn leave_out_alone(nodes: &mut [Node]) -> Vec<String> {
+    let joints: Vec<usize> = (0..nodes.len()).filter(|&node| nodes[node].is_joint).collect();
+    let tops: Vec<usize> = joints
+        .iter()
+        .filter_map(|&joint| line(nodes, joint).last())
+        .collect();
+    let mut below = vec![0; nodes.len()];
+    tops.iter().for_each(|&top| below[top] += 1);
+    let is_mirrored = |joint: usize| line(nodes, joint).any(|above| nodes[above].stretch().is_some());
+    let alone = joints.iter().zip(&tops).filter(|(_, top)| below[**top] == 1);
+    let props: Vec<usize> = alone
+        .map(|(&joint, _)| joint)
+        .filter(|&joint| is_mirrored(joint))
+        .collect();
+    if props.len() == joints.len() {
+        return Vec::new();
+    }
+    let leave_out = |node: usize| {
+        nodes[node].is_joint = false;
+        nodes[node].name.clone()
+    };
+    props.into_iter().map(leave_out).collect()
 }
 
 /// A node and all above it. In a circle, no node comes more often than there are nodes.

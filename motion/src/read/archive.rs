@@ -133,6 +133,7 @@ fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            may_be_y_up: false,
             by: "Troupe is Y up and in metres",
         },
         fps: Finding::new(fps, Basis::Stated, "fps"),

@@ -1,5 +1,6 @@
 //! Why a file was not read. Each error names the file, the place in it and the option that decides.
 
+use super::choices::{Advice, Choice, OptionName};
 use super::report::Topic;
 use crate::bvh::BvhError;
 use crate::clip::ClipError;
@@ -40,7 +41,7 @@ pub enum ReadErrorKind {
         /// The error, with its line.
         error: BvhError,
         /// The option that decides, if there is one.
-        option: Option<&'static str>,
+        option: Option<Advice>,
     },
     /// An error in a glTF file.
     #[error("{error}{}", advice(.option))]
@@ -48,11 +49,19 @@ pub enum ReadErrorKind {
         /// The error, with the animation and node.
         error: GlbReadError,
         /// The option that decides, if there is one.
-        option: Option<&'static str>,
+        option: Option<Advice>,
     },
     /// The file has several animations, and none is named.
-    #[error("it has {} animations: {}; --animation decides", .0.len(), .0.join(", "))]
+    #[error("it has {} animations: {}; {} decides", .0.len(), .0.join(", "), OptionName::Animation.flag())]
     SeveralAnimations(Vec<String>),
+    /// No animation of the file has this name.
+    #[error("no animation {wanted:?}; the file has {}", .names.join(", "))]
+    UnknownAnimation {
+        /// The name that was given.
+        wanted: String,
+        /// Names of the file's animations.
+        names: Vec<String>,
+    },
     /// An error in an FBX file.
     #[error("{0}")]
     Fbx(String),
@@ -62,7 +71,7 @@ pub enum ReadErrorKind {
         /// The error, with the joint and frame.
         error: ConvertError,
         /// The option that decides, if there is one.
-        option: Option<&'static str>,
+        option: Option<Advice>,
     },
     /// An error in a NumPy file.
     #[error(transparent)]
@@ -80,12 +89,13 @@ pub enum ReadErrorKind {
         /// What speaks for either.
         evidence: String,
         /// The options that decide.
-        options: String,
+        options: Advice,
     },
     /// A joint moves in its parent farther than can be held.
     #[error(
         "joint {joint:?} moves {slide_m:.2} m in its parent (most in frame {frame}), and {carries} on it; \
-         allowed: {allowed_m:.2} m. --max-slide holds a joint that moves farther in its mean place"
+         allowed: {allowed_m:.2} m. {} holds a joint that moves farther in its mean place",
+        OptionName::MaxSlide.flag()
     )]
     Slides {
         /// Name of the joint.
@@ -109,7 +119,18 @@ pub enum ReadErrorKind {
         /// The values that are allowed.
         allowed: String,
         /// The option that decides, if there is one.
-        option: Option<&'static str>,
+        option: Option<Advice>,
+    },
+    /// The numbers are a robot's, and no robot is given.
+    #[error("its numbers are angles of a robot's hinges: {} gives the robot", OptionName::Skeleton.flag())]
+    NoRobot,
+    /// Angles are far beyond their limits, whatever they mean.
+    #[error("{evidence}: {advice}")]
+    Angles {
+        /// The worst of them.
+        evidence: String,
+        /// The options that say what they mean.
+        advice: Advice,
     },
     /// A robot's file does not fit the robot.
     #[error("{0}")]
@@ -117,11 +138,49 @@ pub enum ReadErrorKind {
 }
 
 /// The end of a sentence that names the option that decides.
-fn advice(option: &Option<&'static str>) -> String {
-    option.map_or_else(String::new, |option| format!("; {option}"))
+fn advice(option: &Option<Advice>) -> String {
+    option
+        .as_ref()
+        .map_or_else(String::new, |option| format!("; {option}"))
+}
+
+impl ReadError {
+    /// The options that decide; empty if no option helps.
+    pub fn options(&self) -> Vec<Choice> {
+        self.kind.options()
+    }
 }
 
 impl ReadErrorKind {
+    /// The options that decide; empty if no option helps.
+    pub fn options(&self) -> Vec<Choice> {
+        match self {
+            Self::SeveralAnimations(names) | Self::UnknownAnimation { names, .. } => {
+                vec![Choice::new(OptionName::Animation, names)]
+            }
+            Self::Open { options, .. } | Self::Angles { advice: options, .. } => options.choices().to_vec(),
+            Self::Slides { .. } => vec![Choice::any(OptionName::MaxSlide)],
+            Self::NoRobot => vec![Choice::any(OptionName::Skeleton)],
+            Self::Range {
+                field, option: None, ..
+            } => {
+                // The field may be the option itself.
+                let named = OptionName::all().find(|option| option.flag() == field);
+                named.map(Choice::any).into_iter().collect()
+            }
+            Self::Bvh { option, .. }
+            | Self::Glb { option, .. }
+            | Self::Convert { option, .. }
+            | Self::Range { option, .. } => option.iter().flat_map(Advice::choices).cloned().collect(),
+            Self::Unknown
+            | Self::NotRead { .. }
+            | Self::Fbx(_)
+            | Self::Numpy(_)
+            | Self::Clip(_)
+            | Self::Robot(_) => Vec::new(),
+        }
+    }
+
     pub(super) fn of(self, file: &str) -> ReadError {
         ReadError {
             file: file.to_owned(),
@@ -131,10 +190,14 @@ impl ReadErrorKind {
 
     pub(super) fn convert(error: ConvertError) -> Self {
         let option = match &error {
-            ConvertError::OffsetMismatch { .. } => {
-                Some("is --unit right? --other-bones plays the motion on the skeleton's own bones")
-            }
-            ConvertError::SeveralRoots(_) => Some("--root names the joint that is the character's root"),
+            ConvertError::OffsetMismatch { .. } => Some(Advice::new(
+                "is {} right? {} plays the motion on the skeleton's own bones",
+                [OptionName::Unit, OptionName::OtherBones].map(Choice::any),
+            )),
+            ConvertError::SeveralRoots(_) => Some(Advice::new(
+                "{} names the joint that is the character's root",
+                [Choice::any(OptionName::Root)],
+            )),
             _ => None,
         };
         Self::Convert { error, option }

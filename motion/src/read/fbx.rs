@@ -6,6 +6,7 @@ use ufbx::{
     AnimStack, CoordinateAxes, ElementType, InheritModeHandling, LoadOpts, Node, Scene, SpaceConversion,
 };
 
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
@@ -66,6 +67,7 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            may_be_y_up: false,
             by: "FBX says its axes and unit; both were converted to Y up and metres",
         },
         fps,
@@ -116,12 +118,11 @@ fn stack(scene: &Scene, options: &Options) -> Result<usize, ReadErrorKind> {
         (_, []) => Err(fault("it has no animation".to_owned())),
         (None, [_]) => Ok(0),
         (None, _) => Err(ReadErrorKind::SeveralAnimations(names)),
-        (Some(wanted), _) => names.iter().position(|name| name == wanted).ok_or_else(|| {
-            fault(format!(
-                "no animation {wanted:?}; the file has {}",
-                names.join(", ")
-            ))
-        }),
+        (Some(wanted), _) => {
+            let wanted = wanted.clone();
+            let found = names.iter().position(|name| *name == wanted);
+            found.ok_or(ReadErrorKind::UnknownAnimation { wanted, names })
+        }
     }
 }
 
@@ -174,7 +175,10 @@ fn sample(scene: &Scene, nodes: &[(usize, bool)], stack: usize, fps: f32) -> Res
             field: "the length of the animation".to_owned(),
             found: format!("{length_s} s, which is {frames} frames of {} joints", nodes.len()),
             allowed: format!("0 s or more, and {MAX_SAMPLES} frames times joints"),
-            option: Some("a lower --fps takes fewer frames"),
+            option: Some(Advice::new(
+                "a lower {} takes fewer frames",
+                [Choice::any(OptionName::Fps)],
+            )),
         });
     }
     let mut place = vec![None; scene.nodes.len()];

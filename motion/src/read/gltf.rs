@@ -1,5 +1,6 @@
 //! glTF, binary or text.
 
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
@@ -24,7 +25,10 @@ pub(super) fn parse(
     let animation = parse_beside(bytes, beside, &glb).map_err(|error| {
         let option = match error {
             GlbReadError::SeveralAnimations(names) => return ReadErrorKind::SeveralAnimations(names),
-            GlbReadError::Rate(_) => Some("--fps decides"),
+            GlbReadError::UnknownAnimation { wanted, names } => {
+                return ReadErrorKind::UnknownAnimation { wanted, names };
+            }
+            GlbReadError::Rate(_) => Some(Advice::decides(Choice::any(OptionName::Fps))),
             _ => None,
         };
         ReadErrorKind::Glb { error, option }
@@ -67,6 +71,7 @@ pub(super) fn parse(
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            may_be_y_up: false,
             by: "glTF is Y up and in metres",
         },
         fps,

@@ -5,13 +5,14 @@ use std::sync::Arc;
 use glam::{DVec3, Quat};
 
 use super::adapted::{Adapted, Turn};
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::Options;
 use super::rehang::{self, Rehung};
 use super::report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 use super::slides::{hold_slides, little_slide_m};
-use super::stance::{Stated, height_m, unit_of, up_of};
-use super::survey::{Survey, to_world};
+use super::stance::{Stated, height_m, lies, unit_of, up_of};
+use super::survey::{Stance, Survey, to_world};
 use super::units::name_of;
 use super::{Understood, leading, oddities, rest, unique::unique};
 use crate::anatomy::{Name, Tree, without_namespace};
@@ -90,7 +91,7 @@ pub(super) fn understand(
         repairs: parsed.repairs,
         oddities: parsed.oddities,
     };
-    note_axes_and_unit(&mut report, parsed.stated);
+    note_axes_and_unit(&mut report, parsed.stated, stance);
     let names = joint_names(source, options, &mut report);
     let adapted = Adapted {
         source,
@@ -158,8 +159,20 @@ pub(super) fn finish(
     Ok(Understood { clip, rest, report })
 }
 
-fn note_axes_and_unit(report: &mut Report, stated: Stated) {
+fn note_axes_and_unit(report: &mut Report, stated: Stated, stance: Option<&Stance>) {
     let (up, unit_m) = (report.up.clone(), report.unit_m.clone());
+    if up.basis == Basis::Stated
+        && let Some(text) = stance.and_then(|stance| lies(stance, up.value, stated))
+    {
+        report.odd(Topic::Up, text);
+    }
+    if let Some(stated) = stated
+        .up
+        .filter(|stated| up.basis == Basis::Found && *stated != up.value)
+    {
+        let text = format!("{} is up, not {stated}: {}", up.value, up.evidence);
+        report.repaired(Topic::Up, text);
+    }
     if up.value != Up::Y {
         report.repaired(Topic::Up, format!("{} is up: turned so that Y is", up.value));
     }
@@ -301,7 +314,7 @@ fn root_of(
         return match found {
             Some(joint) => Ok(Some(joint)),
             None => Err(ReadErrorKind::Range {
-                field: "--root".to_owned(),
+                field: OptionName::Root.flag().to_owned(),
                 found: format!("{wanted:?}"),
                 allowed: "a joint of the file".to_owned(),
                 option: None,
@@ -318,24 +331,22 @@ fn root_of(
     if roots.len() == 1 {
         return Ok(None);
     }
-    let names = |joints: &[usize]| -> String {
-        let names: Vec<&str> = joints.iter().map(|&joint| &*source.names[joint]).collect();
-        names.join(", ")
-    };
+    let names =
+        |joints: &[usize]| -> Vec<&str> { joints.iter().map(|&joint| &*source.names[joint]).collect() };
     let top = |joint: usize| tree.line(joint).last().unwrap_or(joint);
     match &survey.body {
         Some(body) => {
             let body = top(body.pelvis);
             let others: Vec<usize> = roots.into_iter().filter(|&root| root != body).collect();
-            let text = format!("not of the body, left out: {}", names(&others));
+            let text = format!("not of the body, left out: {}", names(&others).join(", "));
             report.repaired(Topic::Bystanders, text);
             Ok(Some(descend(source, tree, body)))
         }
         None => Err(ReadErrorKind::Open {
             topic: Topic::Body,
             what: "which joint is the character's root",
-            evidence: format!("the file has {} roots: {}", roots.len(), names(&roots)),
-            options: "--root decides".to_owned(),
+            evidence: format!("the file has {} roots: {}", roots.len(), names(&roots).join(", ")),
+            options: Advice::decides(Choice::new(OptionName::Root, &names(&roots))),
         }),
     }
 }

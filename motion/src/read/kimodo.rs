@@ -7,6 +7,7 @@ use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
 use super::report::{Basis, Finding, Format, Up};
+use super::smpl;
 use super::stance::Stated;
 use crate::clip::{MAX_FRAMES, MAX_ROTATIONS};
 use crate::files::NumpyError;
@@ -113,8 +114,8 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
             });
         }
     }
-    let fps = match options.fps {
-        Some(fps) => Finding::new(fps, Basis::Given, "--fps"),
+    let fps = match smpl::stated_rate(archive, options)? {
+        Some(fps) => fps,
         None => {
             let why = "Kimodo has 30, and ARDY 25; the file says none, and --fps decides";
             Finding::new(USUAL_FPS, Basis::Assumed, why)
@@ -141,6 +142,7 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            may_be_y_up: false,
             by: "Kimodo is Y up and in metres",
         },
         fps,

@@ -14,6 +14,7 @@ mod adapted;
 mod agreement;
 mod archive;
 mod bvh;
+mod choices;
 mod error;
 #[cfg(feature = "fbx")]
 mod fbx;
@@ -45,6 +46,7 @@ pub mod units;
 use glam::Quat;
 
 pub use agreement::Agreement;
+pub use choices::{Advice, Choice, OptionName, Takes};
 pub use error::{ReadError, ReadErrorKind};
 pub use options::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder};
 pub use report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
@@ -125,18 +127,18 @@ pub fn survey(source: &Source<'_>, options: &Options, agreement: &mut Agreement)
 }
 
 fn check(options: &Options) -> Result<(), ReadErrorKind> {
-    let positive = |field: &str, value: Option<f64>| match value {
+    let positive = |option: OptionName, value: Option<f64>| match value {
         Some(value) if !(value.is_finite() && value > 0.0) => Err(ReadErrorKind::Range {
-            field: field.to_owned(),
+            field: option.flag().to_owned(),
             found: value.to_string(),
             allowed: "a number above 0".to_owned(),
             option: None,
         }),
         _ => Ok(()),
     };
-    positive("--unit", options.unit_m)?;
-    positive("--fps", options.fps.map(f64::from))?;
-    positive("--max-slide", options.max_slide_m.map(f64::from))
+    positive(OptionName::Unit, options.unit_m)?;
+    positive(OptionName::Fps, options.fps.map(f64::from))?;
+    positive(OptionName::MaxSlide, options.max_slide_m.map(f64::from))
 }
 
 /// Which reader a file goes to.

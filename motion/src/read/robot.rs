@@ -48,10 +48,7 @@ pub(super) struct Usual {
 pub(super) fn robot_of(options: &Options) -> Result<(&Arc<Skeleton>, &Robot), ReadErrorKind> {
     let skeleton = options.skeleton.as_ref();
     let robot = skeleton.and_then(|skeleton| Some((skeleton, skeleton.robot.as_ref()?)));
-    robot.ok_or_else(|| {
-        let text = "its numbers are angles of a robot's hinges: --pack or --urdf gives the robot";
-        ReadErrorKind::Robot(text.to_owned())
-    })
+    robot.ok_or(ReadErrorKind::NoRobot)
 }
 
 /// The rate that an option gives, or the usual one.

@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::{AngleUnit, JointOrder, Options, QuaternionOrder};
 use super::report::{Report, Topic};
@@ -100,7 +101,7 @@ pub(super) fn quaternion_order(
             topic: Topic::Quaternion,
             what: "the order of the root's quaternion",
             evidence,
-            options: "--quaternion xyzw or --quaternion wxyz decides".to_owned(),
+            options: Advice::decides(Choice::new(OptionName::Quaternion, &["xyzw", "wxyz"])),
         })
     };
     if second.upright >= UPRIGHT && second.upright - first.upright >= CLEAR {
@@ -116,6 +117,14 @@ pub(super) fn quaternion_order(
     {
         let ways = format!("{tilts}, but it walks backwards as {}", name(usual));
         return open(ways);
+    }
+    if first.upright >= UPRIGHT && second.upright >= UPRIGHT && first.ahead.is_none() {
+        let text = format!(
+            "the root's quaternion is read as {}: {tilts}, and it walks too little to show which; \
+             --quaternion decides",
+            name(usual)
+        );
+        report.odd(Topic::Quaternion, text);
     }
     Ok(usual)
 }
@@ -189,14 +198,24 @@ pub(super) fn angles(
             now.frame
         );
         match fitting(rows, robot, &reading, largest, options) {
-            Some((AngleUnit::Degrees, _, name)) if largest <= FULL_TURN_RAD => {
+            Some((AngleUnit::Degrees, order, _)) if largest <= FULL_TURN_RAD => {
                 return Err(ReadErrorKind::Open {
                     topic: Topic::Angles,
                     what: "what the angles mean",
                     evidence,
-                    options: format!(
-                        "--joint-order names the hinges of the columns; {name} fits too, but then most frames turn no \
-                         hinge farther than {largest:.1}°"
+                    options: Advice::new(
+                        format!(
+                            "{{}} names the hinges of the columns; {{}} fits too, but then most frames turn no \
+                             hinge farther than {largest:.1}°"
+                        ),
+                        [
+                            Choice::any(OptionName::JointOrder),
+                            match (order == reading.1, order == robot.breadth_first()) {
+                                (true, _) => Choice::any(OptionName::Degrees),
+                                (false, true) => Choice::new(OptionName::JointOrder, &["isaaclab"]),
+                                (false, false) => Choice::new(OptionName::JointOrder, &["tree"]),
+                            },
+                        ],
                     ),
                 });
             }
@@ -213,9 +232,11 @@ pub(super) fn angles(
                 reading = (unit, order);
             }
             None => {
-                return Err(ReadErrorKind::Robot(format!(
-                    "{evidence}: are the angles in the robot's order (--joint-order), and of this robot?"
-                )));
+                let advice = Advice::new(
+                    "are the angles in the robot's order ({}), and of this robot?",
+                    [Choice::any(OptionName::JointOrder)],
+                );
+                return Err(ReadErrorKind::Angles { evidence, advice });
             }
         }
     }

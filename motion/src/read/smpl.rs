@@ -6,6 +6,7 @@
 use glam::{DQuat, DVec3};
 
 use super::adapted::Arrays;
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::joints::Parsed;
 use super::options::Options;
@@ -98,6 +99,7 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
         stated: Stated {
             up: Some(Up::Z),
             unit_m: Some(1.0),
+            may_be_y_up: true,
             by: "AMASS is Z up and in metres",
         },
         fps,
@@ -165,21 +167,31 @@ fn poses(
 }
 
 fn rate(archive: &mut Unpacked<'_>, options: &Options) -> Result<Finding<f32>, ReadErrorKind> {
+    Ok(stated_rate(archive, options)?.unwrap_or_else(|| {
+        let why = "it has no mocap_framerate; --fps decides";
+        Finding::new(USUAL_FPS, Basis::Assumed, why)
+    }))
+}
+
+/// The rate that an option gives, or an array.
+pub(super) fn stated_rate(
+    archive: &mut Unpacked<'_>,
+    options: &Options,
+) -> Result<Option<Finding<f32>>, ReadErrorKind> {
     if let Some(fps) = options.fps {
-        return Ok(Finding::new(fps, Basis::Given, "--fps"));
+        return Ok(Some(Finding::new(fps, Basis::Given, "--fps")));
     }
     let Some(name) = RATES.into_iter().find(|name| archive.has(name)) else {
-        let why = "it has no mocap_framerate; --fps decides";
-        return Ok(Finding::new(USUAL_FPS, Basis::Assumed, why));
+        return Ok(None);
     };
     let (_, numbers) = archive.floats(name)?;
     match numbers[..] {
-        [fps] if (1.0..=1000.0).contains(&fps) => Ok(Finding::new(fps, Basis::Stated, name)),
+        [fps] if (1.0..=1000.0).contains(&fps) => Ok(Some(Finding::new(fps, Basis::Stated, name))),
         _ => Err(ReadErrorKind::Range {
             field: name.to_owned(),
             found: format!("{numbers:?}"),
             allowed: "one number from 1 to 1000".to_owned(),
-            option: Some("--fps decides"),
+            option: Some(Advice::decides(Choice::any(OptionName::Fps))),
         }),
     }
 }

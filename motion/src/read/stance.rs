@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::ReadErrorKind;
 use super::agreement::Agreement;
+use super::choices::{Advice, Choice, OptionName};
 use super::options::Options;
 use super::report::{Basis, Finding, Topic, Up};
 use super::survey::Stance;
@@ -35,6 +36,8 @@ const STATED_M: std::ops::RangeInclusive<f64> = 0.05..=20.0;
 pub(super) struct Stated {
     pub(super) up: Option<Up>,
     pub(super) unit_m: Option<f64>,
+    /// Whether some programs write files of the format with Y up, whatever it says.
+    pub(super) may_be_y_up: bool,
     /// Name of the format, with its article.
     pub(super) by: &'static str,
 }
@@ -54,7 +57,8 @@ pub(super) fn up_of(
         return Ok(Finding::new(up, Basis::Given, "--up"));
     }
     if let Some(up) = stated.up {
-        return Ok(Finding::new(up, Basis::Stated, stated.by));
+        let y_up = stance.filter(|_| stated.may_be_y_up).and_then(y_up_instead(up));
+        return Ok(y_up.unwrap_or_else(|| Finding::new(up, Basis::Stated, stated.by)));
     }
     let agreed = options.agreement.as_ref().and_then(Agreement::up);
     let Some(stance) = stance else {
@@ -85,7 +89,7 @@ pub(super) fn up_of(
                 topic: Topic::Up,
                 what: "which axis points up",
                 evidence,
-                options: format!("--up {} or --up {} decides", options[0], options[1]),
+                options: Advice::decides(Choice::new(OptionName::Up, &options)),
             }),
         },
         Sight::Dim(evidence) => Ok(match agreed {
@@ -93,6 +97,39 @@ pub(super) fn up_of(
             None => Finding::new(Up::Y, Basis::Assumed, format!("{evidence}; --up decides")),
         }),
     }
+}
+
+/// Y, if the body stands along it on a steady floor, and not along the axis that a format says.
+fn y_up_instead(stated: Up) -> impl Fn(&Stance) -> Option<Finding<Up>> {
+    move |stance| {
+        let (moving, share) = Up::nearest(stance.moving);
+        let varies = |up: Up| stance.floor[up as usize] / stance.length;
+        let stands = varies(Up::Y) <= STEADY_FLOOR && varies(stated) >= UNSTEADY_FLOOR;
+        let evidence = format!(
+            "from feet to head is {:.0} % y over the frames; the lowest joint's place varies by {:.0} % of the body \
+             along y, by {:.0} % along {stated}",
+            100.0 * share,
+            100.0 * varies(Up::Y),
+            100.0 * varies(stated),
+        );
+        (moving == Up::Y && share >= MIN_MOVING && stands)
+            .then(|| Finding::new(Up::Y, Basis::Found, evidence))
+    }
+}
+
+/// Says that the up axis of a format may not be the file's: the body lies in all frames, and its
+/// lowest joint rises and falls. That of a body that crawls, or of an animal, stays low.
+pub(super) fn lies(stance: &Stance, up: Up, stated: Stated) -> Option<String> {
+    let (moving, share) = Up::nearest(stance.moving);
+    let is_steady = stance.floor[up as usize] / stance.length <= STEADY_FLOOR;
+    let is_odd = share >= MIN_MOVING && moving != up && (stated.may_be_y_up || !is_steady);
+    is_odd.then(|| {
+        let share = 100.0 * share;
+        format!(
+            "from feet to head is {share:.0} % {moving} over the frames, and {up} is up: if the body does not lie, \
+             --up decides"
+        )
+    })
 }
 
 /// What can be seen of the up axis.
@@ -234,7 +271,7 @@ pub(super) fn unit_of(
                         heights[0],
                         heights[1].trim_start_matches("the body is ")
                     ),
-                    options: format!("--unit {} or --unit {} decides", near[0], near[1]),
+                    options: Advice::decides(Choice::new(OptionName::Unit, &near)),
                 })
             }
         },

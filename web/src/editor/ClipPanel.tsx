@@ -18,7 +18,9 @@ import { Panel } from '../app/Panel';
 import { report } from '../live/store';
 import type { Editor } from './editor';
 import { ROOT } from './editor';
+import { TroubleAlert } from './FillPanel';
 import { ACCEPTED } from './files';
+import { ReadAs } from './ReadAs';
 import { targetFrame } from './segment';
 import { docOf, useEditor } from './store';
 
@@ -87,6 +89,8 @@ export function ClipPanel({ editor }: { editor: Editor }) {
           </Text>
         )}
         <UnderstoodTable />
+        {doc && <TroubleAlert isOfFile />}
+        <ReadAs editor={editor} />
       </Stack>
     </Panel>
   );

@@ -120,16 +120,16 @@ export function FillPanel({ editor }: { editor: Editor }) {
         >
           {filled && stale ? 'Fill again, it has changed' : 'Fill the gap'}
         </Button>
-        <TroubleAlert />
+        <TroubleAlert isOfFile={false} />
       </Stack>
     </Panel>
   );
 }
 
-/** What went wrong, with the field and what it may be. */
-export function TroubleAlert() {
+/** What went wrong, with the field and what it may be: everything, or with a file or a request alone. */
+export function TroubleAlert({ isOfFile }: { isOfFile?: boolean }) {
   const trouble = useEditor((state) => state.trouble);
-  if (!trouble) return null;
+  if (!trouble || trouble.isOfFile !== (isOfFile ?? trouble.isOfFile)) return null;
   return (
     <Alert
       color="red"

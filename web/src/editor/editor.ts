@@ -13,11 +13,11 @@ import { begin, change, endGesture, redo, undo } from './history';
 import { reach } from './ik';
 import { limbsOf, type Limb } from './limbs';
 import { fillRequest, variantsOf, type FillOptions } from './request';
-import type { Row } from './reading';
+import { Misread, optionsFor, type Given, type Row } from './reading';
 import { rigOf } from './rig';
 import type { Doc, Gap, Target } from './segment';
 import * as segment from './segment';
-import { chosenVariant, docOf, useEditor } from './store';
+import { chosenVariant, docOf, useEditor, type Reading } from './store';
 import { serversWalk } from './walk';
 
 /** Name of the clip that the server makes. */
@@ -49,20 +49,39 @@ export class Editor {
   async choosePack(name: string): Promise<void> {
     const rig = this.rigs.get(name) ?? rigOf(await this.api.pack(name));
     this.rigs.set(name, rig);
-    if (useEditor.getState().rig === rig) return;
+    const { rig: before, reading } = useEditor.getState();
+    if (before === rig) return;
+    const given = reading?.given;
     useEditor.setState({ rig });
     this.clear();
-    if (this.opened) await this.open(this.opened);
+    if (this.opened) await this.open(this.opened, given);
   }
 
-  async open(file: File): Promise<void> {
-    const { rig } = useEditor.getState();
+  /** Opens a file. The reader's options decide what it leaves open. */
+  async open(file: File, given: Given = {}): Promise<void> {
+    const { rig, reading } = useEditor.getState();
     if (!rig) return;
     await this.busy(async () => {
-      const { clip, rows } = await readClip(file, rig);
-      this.show(clip, file.name, rows);
+      const isOpen = this.opened === file && reading?.isOpen === true;
       this.opened = file;
-    });
+      const as = { file: file.name, options: await optionsFor(rig), given, isOpen };
+      try {
+        const { clip, rows, animations } = await readClip(file, rig, given);
+        this.show(clip, file.name, rows);
+        this.showReading({ ...as, animations, asked: [] });
+      } catch (error) {
+        const { animations, options: asked } = error instanceof Misread ? error : { animations: [], options: [] };
+        this.showReading({ ...as, animations, asked, isOpen: isOpen || asked.length > 0 });
+        throw error;
+      }
+    }, true);
+  }
+
+  /** Reads the file again with another value of an option. Without one, the file decides. */
+  async readAs(option: string, value: string | undefined): Promise<void> {
+    const { reading, isBusy } = useEditor.getState();
+    if (!reading || !this.opened || isBusy) return;
+    await this.open(this.opened, { ...reading.given, [option]: value });
   }
 
   /** Opens a clip that the server's own character walks. */
@@ -269,6 +288,7 @@ export class Editor {
       history: undefined,
       captured: undefined,
       understood: [],
+      reading: undefined,
       file: '',
       filled: undefined,
       frame: 0,
@@ -286,7 +306,11 @@ export class Editor {
     useEditor.setState({ captured: clip, file, understood, history: begin(doc), range, frame: doc.gap.start });
   }
 
-  private async busy(work: () => Promise<void>): Promise<void> {
+  private showReading(reading: Reading): void {
+    if (!this.isDisposed) useEditor.setState({ reading });
+  }
+
+  private async busy(work: () => Promise<void>, isOfFile = false): Promise<void> {
     useEditor.setState({ isBusy: true, trouble: undefined });
     try {
       await work();
@@ -294,7 +318,7 @@ export class Editor {
       if (this.isDisposed) return;
       const message = error instanceof Error ? error.message : String(error);
       const { field, allowed } = error instanceof ApiError ? error : { field: '', allowed: '' };
-      useEditor.setState({ trouble: { message, field, allowed } });
+      useEditor.setState({ trouble: { message, field, allowed, isOfFile } });
     } finally {
       if (!this.isDisposed) useEditor.setState({ isBusy: false });
     }

@@ -1,12 +1,36 @@
 import { describe, expect, it } from 'vitest';
 import { writeBvh } from './bvh';
-import { headingOf, poseAt, resample } from './clip';
+import { headingOf, poseAt, resample, type Rig } from './clip';
 import { writeCsv } from './csv';
 import { writeGlb } from './glb';
-import { understand } from './reading';
+import { Misread, optionsFor, understand, type Given } from './reading';
 import { example, exampleText, farthest, farthestTurn, robot, WALK_PARENTS } from './testing';
 
 const bytes = (text: string) => new TextEncoder().encode(text);
+
+/** The options that the reader's error names. */
+async function refusal(name: string, file: Uint8Array, rig: Rig, given: Given = {}) {
+  const error: unknown = await understand(name, file, rig, given).catch((why: unknown) => why);
+  expect(error).toBeInstanceOf(Misread);
+  return (error as Misread).options;
+}
+
+/** A glb with a copy of its animation for each name. */
+function withAnimations(glb: Uint8Array, names: readonly string[]): Uint8Array {
+  const view = new DataView(glb.buffer, glb.byteOffset);
+  const end = 20 + view.getUint32(12, true);
+  const json = JSON.parse(new TextDecoder().decode(glb.subarray(20, end))) as { animations: object[] };
+  const animations = names.map((name) => ({ ...json.animations[0], name }));
+  let text = JSON.stringify({ ...json, animations });
+  text += ' '.repeat((4 - (text.length % 4)) % 4);
+  const made = new Uint8Array(20 + text.length + glb.length - end);
+  made.set(glb.subarray(0, 20));
+  made.set(bytes(text), 20);
+  made.set(glb.subarray(end), 20 + text.length);
+  new DataView(made.buffer).setUint32(8, made.length, true);
+  new DataView(made.buffer).setUint32(12, text.length, true);
+  return made;
+}
 
 /** What three's exporter needs of a browser. */
 class Reader {
@@ -71,9 +95,31 @@ describe('BVH', () => {
   it('names the bone that has another length', async () => {
     const { rig } = example();
     const text = exampleText().replace('OFFSET 39.0811 0 0', 'OFFSET 45 0 0');
-    await expect(understand('long.bvh', bytes(text), rig)).rejects.toThrow(
-      /long\.bvh: .*LowerLeg_L.*--other-bones .*\(options of troupe clip convert\)/,
+    await expect(understand('long.bvh', bytes(text), rig)).rejects.toThrow(/long\.bvh: .*LowerLeg_L.*--other-bones /);
+  });
+
+  it('is read as an option says that the error names', async () => {
+    const { rig, clip } = example();
+    const long = bytes(exampleText().replace('OFFSET 39.0811 0 0', 'OFFSET 45 0 0'));
+    const asked = await refusal('long.bvh', long, rig);
+    expect(asked.map(({ option }) => option)).toEqual(['unit', 'other_bones']);
+    const read = await understand('long.bvh', long, rig, { other_bones: 'true' });
+    expect(farthestTurn(read.clip.rotations, clip.rotations)).toBeLessThan(2e-3);
+
+    const still = bytes(exampleText().replace(/Frame Time: \S+/, 'Frame Time: 0'));
+    expect(await refusal('still.bvh', still, rig)).toEqual([{ option: 'fps', values: [] }]);
+    const { clip: slow } = await understand('still.bvh', still, rig, { fps: '15', unit: undefined });
+    expect(slow.frames).toBe(239);
+    await expect(understand('still.bvh', still, rig, { fps: 'slow' })).rejects.toThrow(
+      'fps is "slow"; allowed: a number',
     );
+  });
+
+  it('lies down if it is read with another up axis', async () => {
+    const { rig } = example();
+    const { rows, clip } = await understand('walk.bvh', bytes(exampleText()), rig, { up: 'z' });
+    expect(rows).toContainEqual(['up axis', 'z', '--up']);
+    expect(poseAt(clip, 0).root[1]).toBeLessThan(0.5);
   });
 
   it('says what is wrong with a file', async () => {
@@ -111,6 +157,18 @@ describe('glb', () => {
     expect(farthestTurn(again.rotations, clip.rotations)).toBeLessThan(2e-3);
   });
 
+  it('is read with the animation that is chosen', async () => {
+    const { rig, clip } = example();
+    const two = withAnimations(new Uint8Array(await writeGlb(clip, rig)), ['Walk', 'Stroll']);
+    const { animations } = await understand('two.glb', two, rig);
+    expect(animations).toEqual(['Walk', 'Stroll']);
+    const { clip: stroll } = await understand('two.glb', two, rig, { animation: 'Stroll' });
+    expect(stroll.frames).toBe(clip.frames);
+    expect(await refusal('two.glb', two, rig, { animation: 'Run' })).toEqual([
+      { option: 'animation', values: ['Walk', 'Stroll'] },
+    ]);
+  });
+
   it('says what it is not', async () => {
     await expect(understand('bad.glb', new Uint8Array(8), example().rig)).rejects.toThrow(/glTF|glb/);
   });
@@ -128,6 +186,22 @@ describe('CSV', () => {
     expect(headingOf(poseAt(clip, 0), rig.leftAxis)).toBeCloseTo(Math.PI / 2, 5);
     const numbers = writeCsv(clip, rig).split('\n')[0]!.split(',').map(Number);
     expect(farthest(numbers, row.split(',').map(Number))).toBeLessThan(2e-6);
+  });
+
+  it('has options of its own', async () => {
+    const names = async (rig: Rig) => (await optionsFor(rig)).map(({ name }) => name);
+    expect(await names(robot())).toEqual(expect.arrayContaining(['quaternion', 'degrees', 'joint_order', 'fps']));
+    expect(await names(example().rig)).not.toContain('quaternion');
+    const given = { quaternion: 'xyzw', degrees: 'true', joint_order: 'tree' };
+    const { clip } = await understand('walk.csv', bytes(`${row}\n${row}\n`), robot(), given);
+    const numbers = writeCsv(clip, robot()).split('\n')[0]!.split(',').map(Number);
+    expect(numbers[10]).toBeCloseTo((1.1 * Math.PI) / 180, 5);
+    // 5.9 of either unit, or in another order.
+    const bent = bytes(row.replace('1.1', '5.9'));
+    expect(await refusal('bent.csv', bent, robot())).toEqual([
+      { option: 'joint_order', values: [] },
+      { option: 'degrees', values: ['true'] },
+    ]);
   });
 
   it('names line and column', async () => {

@@ -3,7 +3,7 @@ import type { Clip, Rig } from './clip';
 import { writeBvh } from './bvh';
 import { writeCsv } from './csv';
 import { writeGlb } from './glb';
-import { understand, type Understood } from './reading';
+import { understand, type Given, type Understood } from './reading';
 
 export type Format = 'bvh' | 'glb' | 'csv';
 
@@ -18,9 +18,9 @@ export function formatsFor(rig: Rig): Format[] {
   return rig.hinges.length > 0 ? ['bvh', 'glb', 'csv'] : ['bvh', 'glb'];
 }
 
-export async function readClip(file: File, rig: Rig): Promise<Understood> {
+export async function readClip(file: File, rig: Rig, given: Given): Promise<Understood> {
   if (file.size > MOST_BYTES) throw new Error(`${file.name}: has ${file.size} bytes; at most ${MOST_BYTES} are read`);
-  return understand(file.name, new Uint8Array(await file.arrayBuffer()), rig);
+  return understand(file.name, new Uint8Array(await file.arrayBuffer()), rig, given);
 }
 
 export async function writeClip(clip: Clip, rig: Rig, format: Format): Promise<Blob> {

@@ -9,9 +9,45 @@ type Reader = typeof import('../reader/troupe_reader_web');
 /** What was understood of a file: what, its value, and one line of evidence. */
 export type Row = readonly [what: string, value: string, evidence: string];
 
+/** An option of the reader. */
+export interface Option {
+  name: string;
+  takes: 'name' | 'text' | 'number' | 'flag';
+  /** Names that it takes; empty if only the file has them. */
+  values: readonly string[];
+  is_of_robots: boolean;
+}
+
+/** An option that decides, and the values that fit the file; empty if they are not known. */
+export interface Choice {
+  option: string;
+  values: readonly string[];
+}
+
+/** Values of options by their names, all as text. Without one, the file decides. */
+export type Given = Readonly<Record<string, string | undefined>>;
+
 export interface Understood {
   clip: Clip;
   rows: readonly Row[];
+  /** Names of the file's animations; empty for formats without them. */
+  animations: readonly string[];
+}
+
+/** A file that the reader refused. */
+export class Misread extends Error {
+  /** The options that decide. */
+  readonly options: readonly Choice[];
+
+  constructor(
+    cause: unknown,
+    /** Names of the file's animations; empty for formats without them. */
+    readonly animations: readonly string[],
+  ) {
+    super(cause instanceof Error ? cause.message : String(cause), { cause });
+    const { options = '[]' } = Object(cause) as { options?: string };
+    this.options = JSON.parse(options) as Choice[];
+  }
 }
 
 /** Speed of hinges for the reader, which only plays them, rad/s. */
@@ -33,33 +69,49 @@ export function loadReader(source: string | BufferSource = wasm): Promise<Reader
   return loading;
 }
 
-/** A file on a pack's skeleton, at the pack's rate. Of several animations it is the longest. */
-export async function understand(name: string, bytes: Uint8Array, rig: Rig): Promise<Understood> {
+/** The reader's options for a body: those of robots' files for robots alone. */
+export async function optionsFor(rig: Rig): Promise<Option[]> {
   const reader = await loadReader();
-  const names = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
-  const options = { ...tablesOf(rig), resample_fps: rig.fps };
-  const asked = names.length > 1 ? names.map((animation) => ({ ...options, animation })) : [options];
-  const found = asked.map((one) => taken(called(() => reader.read(name, bytes, JSON.stringify(one)))));
+  const options = JSON.parse(reader.options()) as Option[];
+  return options.filter((option) => !option.is_of_robots || rig.hinges.length > 0);
+}
+
+/** A file on a pack's skeleton, at the pack's rate. Of several animations it is the longest, unless one is given. */
+export async function understand(name: string, bytes: Uint8Array, rig: Rig, given: Given = {}): Promise<Understood> {
+  const reader = await loadReader();
+  const animations = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
+  const options = { ...tablesOf(rig), resample_fps: rig.fps, ...valuesOf(given, await optionsFor(rig)) };
+  const read = (more: object) => {
+    try {
+      return taken(reader.read(name, bytes, JSON.stringify({ ...options, ...more })));
+    } catch (error) {
+      throw new Misread(error, animations);
+    }
+  };
+  const isOpen = animations.length > 1 && given['animation'] === undefined;
+  const found = isOpen ? animations.map((animation) => read({ animation })) : [read({})];
   const longest = found.reduce((best, one) => (one.clip.frames > best.clip.frames ? one : best));
   const { frames } = longest.clip;
   if (frames > MOST_FRAMES) throw new Error(`${name}: has ${frames} frames; at most ${MOST_FRAMES} are read`);
-  return longest;
+  return { ...longest, animations };
 }
 
-/** Calls the reader. Its errors name options, which the command line has. */
-function called<T>(read: () => T): T {
-  try {
-    return read();
-  } catch (error) {
-    const message = error instanceof Error ? error.message : String(error);
-    throw new Error(/--[a-z]/.test(message) ? `${message} (options of troupe clip convert)` : message, {
-      cause: error,
-    });
-  }
+/** What is given, as the reader takes it. Options that the body does not have are left out. */
+function valuesOf(given: Given, options: readonly Option[]): object {
+  const of = options.filter(({ name }) => given[name] !== undefined);
+  return Object.fromEntries(of.map((option) => [option.name, valueOf(option, given[option.name]!)]));
+}
+
+function valueOf({ name, takes }: Option, text: string): string | number | boolean {
+  if (takes === 'flag') return text === 'true';
+  if (takes !== 'number') return text;
+  const value = Number(text);
+  if (Number.isNaN(value)) throw new Error(`${name} is "${text}"; allowed: a number above 0`);
+  return value;
 }
 
 /** Copies what was read, and frees it. */
-function taken(read: Read): Understood {
+function taken(read: Read): Omit<Understood, 'animations'> {
   const clip = { fps: read.fps, frames: read.frames, roots: read.roots, rotations: read.rotations };
   const rows = JSON.parse(read.table) as Row[];
   read.free();

@@ -3,7 +3,7 @@ import { create } from 'zustand';
 import type { Pack } from '../wire/types';
 import type { Clip, Rig } from './clip';
 import type { History } from './history';
-import type { Row } from './reading';
+import type { Choice, Given, Option, Row } from './reading';
 import type { FillOptions, Variant } from './request';
 import type { Doc, Range } from './segment';
 
@@ -35,6 +35,23 @@ export interface Trouble {
   message: string;
   field: string;
   allowed: string;
+  /** Whether a file was refused, and not a request. */
+  isOfFile: boolean;
+}
+
+/** How the file that was opened last is read, whether or not it could be. */
+export interface Reading {
+  /** Name of the file. */
+  file: string;
+  /** The reader's options for the body. */
+  options: readonly Option[];
+  given: Given;
+  /** Names of the file's animations; empty for formats without them. */
+  animations: readonly string[];
+  /** The options that the reader's error names. */
+  asked: readonly Choice[];
+  /** Whether the panel shows the options. */
+  isOpen: boolean;
 }
 
 export interface EditorState {
@@ -44,6 +61,8 @@ export interface EditorState {
   file: string;
   /** What was understood of the file; empty for a clip without one. */
   understood: readonly Row[];
+  /** None for a clip without a file. */
+  reading: Reading | undefined;
   /** The clip as it was opened. */
   captured: Clip | undefined;
   history: History<Doc> | undefined;
@@ -75,6 +94,7 @@ export const INITIAL: EditorState = {
   rig: undefined,
   file: '',
   understood: [],
+  reading: undefined,
   captured: undefined,
   history: undefined,
   frame: 0,

@@ -54,10 +54,20 @@ export class Read {
 export function animations(bytes: Uint8Array | number[]): string[];
 
 /**
+ * The reader's options, as JSON: their names, and what they take.
+ *
+ * # Errors
+ * None that is known: options are text.
+ */
+export function options(): string;
+
+/**
  * Reads a file on its own skeleton, or on the one that `options` (JSON) has.
  *
  * # Errors
- * The reader's own words, or what is wrong with the options.
+ * An `Error` with the reader's own words, or with what is wrong with the options. If the file is
+ * wrong, its property `options` is JSON: a list of the options that decide, each with the values
+ * that fit.
  */
 export function read(name: string, bytes: Uint8Array | number[], options: string): Read;
 
@@ -67,6 +77,7 @@ export interface InitOutput {
     readonly memory: WebAssembly.Memory;
     readonly __wbg_read_free: (a: number, b: number) => void;
     readonly animations: (a: number, b: number) => [number, number, number, number];
+    readonly options: () => [number, number, number, number];
     readonly read: (a: number, b: number, c: number, d: number, e: number, f: number) => [number, number, number];
     readonly read_fps: (a: number) => number;
     readonly read_frames: (a: number) => number;
@@ -76,6 +87,8 @@ export interface InitOutput {
     readonly read_roots: (a: number) => [number, number];
     readonly read_rotations: (a: number) => [number, number];
     readonly read_table: (a: number) => [number, number, number, number];
+    readonly __wbindgen_exn_store: (a: number) => void;
+    readonly __externref_table_alloc: () => number;
     readonly __wbindgen_externrefs: WebAssembly.Table;
     readonly __wbindgen_malloc: (a: number, b: number) => number;
     readonly __wbindgen_free: (a: number, b: number, c: number) => void;

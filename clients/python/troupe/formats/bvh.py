@@ -110,6 +110,8 @@ def read(
                 roots[:, axis] = value
             elif np.ptp(value) > 2 * _SLIDE_M * units:
                 _refuse(name, f"joint {names[joint]} moves in its parent; only the root may")
+            elif offsets[joint][axis] != 0 and not value.any():
+                _refuse(name, f"joint {names[joint]} has positions of 0, which its OFFSET has not")
             else:
                 offsets[joint][axis] = np.median(value)
         rotations[:, joint] = turned

@@ -100,6 +100,10 @@ fn props_beside_the_body_are_left_out() {
         json!({ "name": "Leg_L", "translation": [0.1, -0.5, 0.0], "children": [3] }),
     );
     assert_eq!(parse(&held.glb(), &at(4.0)).unwrap().origin().props, ["Prop"]);
+    // Without a skin, one that no joint is above or below.
+    let mut alone = skinned();
+    alone.json.as_object_mut().unwrap().remove("skins");
+    assert_eq!(parse(&alone.glb(), &at(4.0)).unwrap().origin().props, ["Prop"]);
     // A mirrored joint of the body is an error.
     let mut mirrored = skinned();
     mirrored.json["nodes"][2]["scale"] = json!([1.0, -1.0, 1.0]);

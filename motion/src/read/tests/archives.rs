@@ -146,6 +146,7 @@ fn amass_is_read_with_the_published_tree() {
         assert!((found.clip.skeleton.left_axis - Vec3::X).length() < 0.05);
     }
     let found = plain(&amass(60, 156, None, false));
+    assert!(found.report.oddities.iter().all(|note| note.topic != Topic::Up));
     assert_eq!(
         (found.report.fps.value, found.report.fps.basis),
         (120.0, Basis::Assumed)
@@ -157,6 +158,45 @@ fn amass_is_read_with_the_published_tree() {
         error.contains("\"poses\": 100 numbers a frame; SMPL has 66 or 72"),
         "{error}"
     );
+}
+
+/// AMASS arrays of a person who walks on steps of a Y-up world, or lies in a Z-up one.
+fn amass_along_y(climbs_m: f32) -> Vec<u8> {
+    let frames = 60;
+    let mut archive = Archive::new();
+    let trans: Vec<f32> = (0..frames)
+        .flat_map(|frame| [0.0, 0.9, climbs_m * frame as f32])
+        .collect();
+    archive.add("trans", &[frames, 3], &trans).unwrap();
+    archive
+        .add("poses", &[frames, 72], &vec![0.0_f32; frames * 72])
+        .unwrap();
+    archive.add("fps", &[], &[30.0_f64]).unwrap();
+    archive.finish().unwrap()
+}
+
+#[test]
+fn amass_arrays_may_be_y_up() {
+    let found = plain(&amass_along_y(0.05));
+    assert_eq!(
+        (found.report.up.value, found.report.up.basis),
+        (Up::Y, Basis::Found)
+    );
+    assert!(
+        found
+            .report
+            .repairs
+            .iter()
+            .any(|note| note.text.starts_with("y is up, not z"))
+    );
+    // One who stays in one place may lie.
+    let found = plain(&amass_along_y(0.0));
+    assert_eq!(
+        (found.report.up.value, found.report.up.basis),
+        (Up::Z, Basis::Stated)
+    );
+    let odd = found.report.oddities.iter().find(|note| note.topic == Topic::Up);
+    assert!(odd.unwrap().text.contains("100 % y over the frames"), "{odd:?}");
 }
 
 /// Kimodo's arrays of a motion of random turns on random bones.
@@ -238,6 +278,12 @@ fn kimodos_archives_come_back() {
             "{name}"
         );
     }
+    let fast = Options {
+        fps: Some(25.0),
+        ..Options::default()
+    };
+    let found = with(&kimodo(30).0, &fast).unwrap();
+    assert_eq!((found.clip.fps, found.report.fps.basis), (25.0, Basis::Given));
     let (bytes, ..) = kimodo(34);
     let options = Options {
         skeleton: Some(crate::robot::testing::g1()),

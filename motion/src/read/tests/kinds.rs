@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 
+use super::names_its_options;
 use super::people::{Dialect, Person, encoded};
 use crate::bvh::{BvhFile, BvhJoint, Channel, write};
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 use crate::glb::write_glb;
 use crate::read::{
-    Agreement, Basis, Format, LeadingPose, Options, ReadError, ReadErrorKind, RestPose, Source, Topic,
-    Understood, Up, read, survey,
+    Agreement, Basis, Choice, Format, LeadingPose, OptionName, Options, ReadError, ReadErrorKind, RestPose,
+    Source, Topic, Understood, Up, read, survey,
 };
 use crate::skeleton::{Joint, Skeleton};
 
@@ -35,7 +36,7 @@ fn text() -> String {
 }
 
 fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, ReadError> {
-    read(&Source::new(name, bytes), options)
+    read(&Source::new(name, bytes), options).inspect_err(names_its_options)
 }
 
 fn plain(name: &str, bytes: &[u8]) -> Understood {
@@ -153,7 +154,7 @@ fn of_two_roots_the_body_is_read() {
     let nameless = with_second_root("Prop").replace("Foot_", "Thing_");
     let error = message("walk.bvh", nameless.as_bytes(), &Options::default());
     assert!(
-        error.contains("2 roots: Hips, Prop") && error.contains("--root decides"),
+        error.contains("2 roots: Hips, Prop") && error.contains("--root Hips or --root Prop decides"),
         "{error}"
     );
     let options = Options {
@@ -288,6 +289,7 @@ fn a_body_that_lies_is_not_taken_for_another_up_axis() {
         matches!(error.kind, ReadErrorKind::Open { topic: Topic::Up, .. }),
         "{error}"
     );
+    assert_eq!(error.options(), [Choice::new(OptionName::Up, &["-z", "y"])]);
     let error = error.to_string();
     assert!(error.contains("--up -z or --up y decides"), "{error}");
     // The folder decides.
@@ -322,6 +324,26 @@ fn a_body_that_lies_is_not_taken_for_another_up_axis() {
             .evidence
             .contains("as the other files of the folder")
     );
+}
+
+#[test]
+fn a_body_that_lies_in_a_format_with_an_up_axis_is_noted() {
+    let mut clip = walk();
+    for frame in 0..clip.frames() {
+        let turn = Quat::from_rotation_x(std::f32::consts::FRAC_PI_2);
+        clip.root_positions[frame] = turn * clip.root_positions[frame];
+        let hips = &mut clip.rotations_at_mut(frame)[0];
+        *hips = turn * *hips;
+    }
+    let found = plain("lies.glb", &write_glb(&clip).unwrap());
+    assert!(topics_of_oddities(&found).contains(&Topic::Up));
+    let options = Options {
+        up: Some(Up::Z),
+        ..Options::default()
+    };
+    let found = with("lies.glb", &write_glb(&clip).unwrap(), &options).unwrap();
+    assert_eq!(topics_of_oddities(&found), []);
+    assert!((top_m(&found.clip) - 1.51).abs() < 0.02);
 }
 
 #[test]

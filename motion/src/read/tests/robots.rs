@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
 
+use super::names_its_options;
 use crate::clip::Clip;
 use crate::files::{write_beyond_mimic, write_qpos};
 use crate::read::{
@@ -56,7 +57,7 @@ fn on_g1() -> Options {
 }
 
 fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, crate::read::ReadError> {
-    read(&Source::new(name, bytes), options)
+    read(&Source::new(name, bytes), options).inspect_err(names_its_options)
 }
 
 /// Rows of numbers, each changed.
@@ -199,6 +200,7 @@ fn a_quaternion_that_stands_upright_in_both_orders_is_told_by_where_it_walks() {
             .to_string()
             .contains("--quaternion xyzw or --quaternion wxyz decides")
     );
+    assert_eq!(error.options()[0].values, ["xyzw", "wxyz"]);
     let options = Options {
         quaternion: Some(QuaternionOrder::Wxyz),
         ..on_g1()
@@ -213,6 +215,29 @@ fn a_quaternion_that_stands_upright_in_both_orders_is_told_by_where_it_walks() {
             .unwrap()
             .clip
     ));
+}
+
+#[test]
+fn a_robot_that_stands_upright_in_both_orders_is_noted() {
+    let clip = walk(60, 30.0, 0.8);
+    let text = write_csv(&clip).unwrap();
+    // It faces ahead: with w first, it would face backwards.
+    let stands = rows(&text, |row| {
+        row[..3].copy_from_slice(&[0.0, 0.0, 0.76]);
+        row[3..7].copy_from_slice(&[0.0, 0.05, 0.0, 0.998_749]);
+    });
+    let found = with("walk.csv", stands.as_bytes(), &on_g1()).unwrap();
+    let odd = &found.report.oddities[0];
+    assert!(
+        odd.topic == Topic::Quaternion && odd.text.ends_with("--quaternion decides"),
+        "{odd:?}"
+    );
+    let options = Options {
+        quaternion: Some(QuaternionOrder::Xyzw),
+        ..on_g1()
+    };
+    let given = with("walk.csv", stands.as_bytes(), &options).unwrap();
+    assert_eq!((&given.clip, &given.report.oddities[..]), (&found.clip, &[][..]));
 }
 
 #[test]

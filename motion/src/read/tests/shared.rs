@@ -177,6 +177,10 @@ fn bvh_files() -> Vec<File> {
         ),
         ("rate_24", changed(&time, "Frame Time: 0.0416667").into_bytes()),
         ("two_roots", second_root(rows).into_bytes()),
+        (
+            "positions_of_0",
+            with_positions_of_0(&text, clip.skeleton.joint_count() - 1),
+        ),
         ("z_up", dialect(0.01, Up::Z).bytes(&clip)),
         ("inches", dialect(0.0254, Up::Y).bytes(&clip)),
         ("metres", dialect(1.0, Up::Y).bytes(&clip)),
@@ -201,6 +205,24 @@ fn bvh_files() -> Vec<File> {
         bytes,
     };
     files.into_iter().map(named).collect()
+}
+
+/// A BVH that gives each joint below the root positions relative to its OFFSET.
+fn with_positions_of_0(text: &str, joints: usize) -> Vec<u8> {
+    let (head, rows) = text.split_once("MOTION").unwrap();
+    let head = head.replace("CHANNELS 3 ", "CHANNELS 6 Xposition Yposition Zposition ");
+    let numbers = 6 + 3 * joints;
+    let row = |line: &str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        if words.len() != numbers {
+            return format!("{line}\n");
+        }
+        let turns = words[6..]
+            .chunks(3)
+            .map(|turns| format!(" 0 0 0 {}", turns.join(" ")));
+        format!("{}{}\n", words[..6].join(" "), turns.collect::<String>())
+    };
+    format!("{head}MOTION{}", rows.lines().map(row).collect::<String>()).into_bytes()
 }
 
 fn csv_files(skeleton: &Arc<Skeleton>) -> Vec<File> {
@@ -285,7 +307,7 @@ fn differs(a: &Value, b: &Value) -> Option<String> {
             let mut pairs = a.iter().zip(b.values());
             pairs.find_map(|((key, a), b)| differs(a, b).map(at(key.clone())))
         }
-        _ => (a != b).then(|| format!("{a:.200} and {b:.200}")),
+        _ => (a != b).then(|| format!("{:.200} and {:.200}", a.to_string(), b.to_string())),
     }
 }
 
@@ -376,6 +398,7 @@ fn dialects_of_one_motion_are_read_as_one() {
         "one_frame_more_declared",
         "one_frame_fewer_declared",
         "two_roots",
+        "positions_of_0",
         "z_up",
         "inches",
         "metres",
