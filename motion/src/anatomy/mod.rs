@@ -2,6 +2,7 @@
 //! neutral pose that models of many bodies need.
 
 mod biped;
+mod doc;
 mod names;
 mod neutral;
 mod parts;
@@ -9,6 +10,7 @@ mod rest;
 mod shape;
 
 pub use biped::{Biped, Tree};
+pub use doc::{LimbDoc, PartsDoc};
 pub use names::{Name, Side, without_namespace};
 pub use neutral::{let_down, stand_up};
 pub use parts::{Limb, Parts};

@@ -3,12 +3,16 @@
 use glam::{Quat, Vec3};
 
 use super::biped::{Biped, Tree};
+use super::doc::PartsDoc;
 use super::shape;
 use crate::ik;
 use crate::skeleton::Skeleton;
 
 /// Limbs of a robot that end this near to the lowest one are legs, by its height.
 const LEG_SHARE: f32 = 0.15;
+
+const NO_BODY: &str = "no body is found among the joints: two legs of a hip, a knee and a foot each, and a head, \
+                       by their names or as they stand at rest";
 
 /// A limb: the joints from the trunk to the hand, foot or paw.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,6 +72,20 @@ impl Parts {
                 let found = shape::find(&tree, &places)?;
                 Some(Self::of(&tree, &places, &found.body, found.on_fours))
             }
+        }
+    }
+
+    /// As [`Parts::find`], with corrections.
+    ///
+    /// # Errors
+    /// A sentence with the field of `doc` and what is allowed; or without corrections that no body
+    /// is found.
+    pub fn with(skeleton: &Skeleton, pose: &[Quat], doc: &PartsDoc) -> Result<Self, String> {
+        let found = Self::find(skeleton, pose);
+        match (doc.is_empty(), found) {
+            (true, Some(found)) => Ok(found),
+            (true, None) => Err(NO_BODY.to_owned()),
+            (false, found) => doc.corrected(found, skeleton),
         }
     }
 

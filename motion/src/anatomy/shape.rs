@@ -66,15 +66,20 @@ pub(super) fn find(tree: &Tree, places: &[Vec3]) -> Option<Found> {
     let forward = Vec3::Y.cross(across(places, hind)?);
     let sides = |pair: &Pair| sides(places, pair, forward);
     let pelvis = hind.meeting;
-    let [left, right] = sides(hind).map(|chain| leg(places, &chain));
+    let on_fours = fore.is_some();
+    let limb = |chain: &Vec<usize>| match on_fours {
+        true => paw(places, chain),
+        false => leg(places, chain),
+    };
+    let [left, right] = sides(hind).map(|chain| limb(&chain));
     let (left, right) = (left?, right?);
     let head = head(tree, places, pelvis, arms, &of_leg)?;
     let arms = arms.and_then(|pair| {
-        let [left, right] = sides(pair).map(|chain| leg(places, &chain));
+        let [left, right] = sides(pair).map(|chain| limb(&chain));
         Some([left?, right?])
     });
     Some(Found {
-        on_fours: fore.is_some(),
+        on_fours,
         body: Biped {
             pelvis,
             hips: [left[0], right[0]],
@@ -165,6 +170,20 @@ fn leg(places: &[Vec3], chain: &[usize]) -> Option<[usize; 3]> {
     Some([best[0], best[1], best[2]])
 }
 
+/// Shoulder or hip, elbow or knee, and the joint above the tip of the foot: the two spans whose
+/// shorter one is longest.
+fn paw(places: &[Vec3], chain: &[usize]) -> Option<[usize; 3]> {
+    let span = |a: usize, b: usize| places[a].distance(places[b]);
+    let end = *chain.get(chain.len().checked_sub(2)?)?;
+    let above = chain.get(1..chain.len() - 2)?;
+    let pairs = above.iter().enumerate().flat_map(|(nth, &top)| {
+        let below = above[nth + 1..].iter();
+        below.map(move |&middle| [top, middle, end])
+    });
+    let shorter = |of: &[usize; 3]| span(of[0], of[1]).min(span(of[1], of[2]));
+    pairs.max_by(|a, b| shorter(a).total_cmp(&shorter(b)))
+}
+
 /// The end of the chain that leads farthest from the pelvis in the middle of the body, beyond where
 /// the arms meet.
 fn head(
@@ -188,6 +207,10 @@ fn head(
         place.y + 0.25 * place.with_y(0.0).length()
     };
     let end = ends.max_by(|a, b| far(a).total_cmp(&far(b)))?;
+    let named = tree.line(end).find(|&joint| tree.names[joint].has("head"));
+    if let Some(head) = named.filter(|&head| tree.chain(chest, head).is_some() && head != chest) {
+        return Some(head);
+    }
     // A tip is no joint that turns: the head is the last with a bone below it.
     match tree.parents[end] {
         Some(parent) if parent != chest => Some(parent),

@@ -21,15 +21,10 @@ impl Understood {
     pub fn neutral_pose(&self) -> Option<Vec<Quat>> {
         let skeleton = &*self.clip.skeleton;
         let rest = self.rest.as_ref()?;
-        let ahead = |pose: Vec<Quat>| -> Vec<Quat> {
-            let turn = yaw(-heading_of(pose[0], skeleton.left_axis));
-            pose.into_iter()
-                .map(|rotation| (turn * rotation).normalize())
-                .collect()
-        };
+        let ahead = |pose| ahead(skeleton, pose);
         Some(
             match (Biped::find(&Tree::of(skeleton)), self.report.rest_pose.value) {
-                (Some(body), RestPose::None) => stand_up(skeleton, &body, &ahead(average_pose(&self.clip))),
+                (Some(body), RestPose::None) => neutral_of_motion(&self.clip, &body),
                 (Some(body), RestPose::T | RestPose::A) => {
                     let_down(skeleton, &body, &ahead(world_of(skeleton, rest)))
                 }
@@ -37,6 +32,18 @@ impl Understood {
             },
         )
     }
+}
+
+/// The average pose of a clip, with trunk and limbs straightened.
+pub(super) fn neutral_of_motion(clip: &Clip, body: &Biped) -> Vec<Quat> {
+    stand_up(&clip.skeleton, body, &ahead(&clip.skeleton, average_pose(clip)))
+}
+
+/// World rotations turned to head along +Z.
+fn ahead(skeleton: &Skeleton, pose: Vec<Quat>) -> Vec<Quat> {
+    let turn = yaw(-heading_of(pose[0], skeleton.left_axis));
+    let turned = pose.into_iter().map(|rotation| (turn * rotation).normalize());
+    turned.collect()
 }
 
 /// World rotations of a pose: joint 0 in the world, others relative to their parents.

@@ -1,6 +1,6 @@
 //! What a retargeted clip keeps of its source, in figures.
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use serde::Serialize;
 
 use super::Figure;
@@ -48,7 +48,7 @@ impl Figures {
         let pairs = limbs(source, target);
         let angles: Vec<f32> = pairs
             .iter()
-            .flat_map(|&limbs| bones(&worlds, limbs))
+            .flat_map(|&limbs| bones(figures, &worlds, limbs))
             .collect();
         let feet = Feet::of(figures, &worlds, scale, clips[0].fps);
         Self {
@@ -86,18 +86,25 @@ fn limbs<'a>(source: &'a Figure, target: &'a Figure) -> Vec<[&'a Limb; 2]> {
     legs.chain(arms).map(|(from, to)| [from, to]).collect()
 }
 
-/// Mean angles between the upper bones of two limbs and between the lower ones, degrees.
-fn bones(worlds: &[WorldMotion; 2], limbs: [&Limb; 2]) -> [f32; 2] {
+/// Mean angles between the upper bones of two limbs and between the lower ones, degrees. On bodies
+/// on two legs limbs hang in the neutral pose, so their directions are compared. Legs of bodies on
+/// four are bent there; their turns from it are compared.
+fn bones(figures: [&Figure; 2], worlds: &[WorldMotion; 2], limbs: [&Limb; 2]) -> [f32; 2] {
+    let directions = |which: usize, places: &[Vec3]| {
+        let [upper, middle, end] = limbs[which].chain();
+        [places[middle] - places[upper], places[end] - places[middle]].map(Vec3::normalize_or_zero)
+    };
+    let neutral = [0, 1].map(|which| directions(which, &figures[which].places));
     let mut sums = [0.0; 2];
     let frames = worlds[0].frames();
     for frame in 0..frames {
-        let directions = [0, 1].map(|which| {
-            let places = worlds[which].positions_at(frame);
-            let [upper, middle, end] = limbs[which].chain();
-            [places[middle] - places[upper], places[end] - places[middle]]
-        });
+        let now = [0, 1].map(|which| directions(which, worlds[which].positions_at(frame)));
         for (bone, sum) in sums.iter_mut().enumerate() {
-            *sum += directions[0][bone].angle_between(directions[1][bone]).to_degrees();
+            let wanted = match figures[0].parts.on_fours {
+                true => Quat::from_rotation_arc(neutral[0][bone], now[0][bone]) * neutral[1][bone],
+                false => now[0][bone],
+            };
+            *sum += wanted.angle_between(now[1][bone]).to_degrees();
         }
     }
     sums.map(|sum| sum / frames.max(1) as f32)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Quat, Vec3};
 
 use super::{RetargetError, feet};
-use crate::anatomy::{Parts, RestPose, hang, places};
+use crate::anatomy::{Parts, PartsDoc, RestPose, hang, places};
 use crate::clip::Clip;
 use crate::root::heading_of;
 use crate::rotation::yaw;
@@ -37,6 +37,7 @@ impl Figure {
     /// The figure of a skeleton. `rest` is its rest pose: joint 0 in the world, others relative to
     /// their parents. `root_y_m` is the height of joint 0 in it over the ground, if it is known to
     /// stand there; otherwise feet are taken to be as high as contact joints or toes say.
+    /// `doc` corrects the parts that are found.
     ///
     /// # Errors
     /// [`RetargetError`] if the parts of a body are not found, or if the rest pose is no stance.
@@ -44,12 +45,13 @@ impl Figure {
         skeleton: Arc<Skeleton>,
         rest: &[Quat],
         root_y_m: Option<f32>,
+        doc: &PartsDoc,
     ) -> Result<Self, RetargetError> {
         let mut pose: Vec<Quat> = Vec::with_capacity(rest.len());
         for (joint, local) in skeleton.joints.iter().zip(rest) {
             pose.push(joint.parent.map_or(*local, |parent| (pose[parent] * *local).normalize()));
         }
-        let parts = Parts::find(&skeleton, &pose).ok_or(RetargetError::NoBody)?;
+        let parts = Parts::with(&skeleton, &pose, doc).map_err(RetargetError::Parts)?;
         let turn = turn_ahead(&skeleton, &parts, &pose);
         pose.iter_mut().for_each(|rotation| *rotation = turn * *rotation);
         let neutral = match parts.on_fours {
@@ -65,9 +67,13 @@ impl Figure {
     ///
     /// # Errors
     /// [`RetargetError`] if the parts of a body are not found, or if the pose is no stance.
-    pub fn of_motion(clip: &Clip, mut neutral: Vec<Quat>) -> Result<Self, RetargetError> {
+    pub fn of_motion(
+        clip: &Clip,
+        mut neutral: Vec<Quat>,
+        doc: &PartsDoc,
+    ) -> Result<Self, RetargetError> {
         let skeleton = Arc::clone(&clip.skeleton);
-        let parts = Parts::find(&skeleton, &neutral).ok_or(RetargetError::NoBody)?;
+        let parts = Parts::with(&skeleton, &neutral, doc).map_err(RetargetError::Parts)?;
         let toes_m = feet::stand(clip, &parts, &mut neutral);
         let at = places(&skeleton, &neutral);
         let toes = parts.legs.each_ref().map(|leg| at[leg.toe.unwrap_or(leg.end)].y);

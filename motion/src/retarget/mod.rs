@@ -44,12 +44,9 @@ const MAX_STEPS: usize = 4;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
-    /// The parts of a body are not found.
-    #[error(
-        "no body is found among the joints: two legs of a hip, a knee and a foot each, and a head, by \
-         their names or as they stand at rest"
-    )]
-    NoBody,
+    /// The parts of a body are not found, or a correction of them is wrong.
+    #[error("{0}")]
+    Parts(String),
     /// The rest pose is no stance.
     #[error("the rest pose is no stance: {0}; allowed: upright, arms hanging or to the sides")]
     NoStance(String),

@@ -33,9 +33,13 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
         (_, []) => {}
     }
     for side in [0, 1] {
-        limb(&from.legs[side], &to.legs[side], pelvis, &mut set);
+        let carry = match from.on_fours {
+            true => whole_limb,
+            false => limb,
+        };
+        carry(&from.legs[side], &to.legs[side], pelvis, &mut set);
         if let (Some(arms), Some(own)) = (&from.arms, &to.arms) {
-            limb(&arms[side], &own[side], chest, &mut set);
+            carry(&arms[side], &own[side], chest, &mut set);
         }
     }
     tail(from, to, &mut set);
@@ -43,7 +47,7 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
 }
 
 /// A limb: girdle, upper and lower bone, hand or foot, toes. Fingers hold.
-fn limb(from: &Limb, to: &Limb, trunk: usize, set: &mut impl FnMut(usize, Turn)) {
+fn limb(from: &Limb, to: &Limb, trunk: usize, set: &mut dyn FnMut(usize, Turn)) {
     let (upper, lower) = (from.upper[0], from.lower[0]);
     spread(&from.girdle, &to.girdle, (trunk, trunk), set);
     // Twists of the source end in the next joint; the target's share the way there.
@@ -55,15 +59,24 @@ fn limb(from: &Limb, to: &Limb, trunk: usize, set: &mut impl FnMut(usize, Turn))
     }
 }
 
+/// A leg of a body on four, whose bones have no common names: all its joints share the bend.
+fn whole_limb(from: &Limb, to: &Limb, trunk: usize, set: &mut dyn FnMut(usize, Turn)) {
+    let joints = |limb: &Limb| -> Vec<usize> {
+        let bones = limb.girdle.iter().chain(&limb.upper).chain(&limb.lower);
+        bones.copied().chain([limb.end]).chain(limb.toe).collect()
+    };
+    spread(&joints(from), &joints(to), (trunk, trunk), set);
+}
+
 /// Bones of a limb: the first joint as the source's first, twists as the source's twists.
-fn share(from: &[usize], to: &[usize], first: usize, set: &mut impl FnMut(usize, Turn)) {
+fn share(from: &[usize], to: &[usize], first: usize, set: &mut dyn FnMut(usize, Turn)) {
     set(to[0], Turn::Between(first, first, 0.0));
     spread(&from[1..], &to[1..], (first, first), set);
 }
 
 /// Joints of a chain share the bend of another: the same number turns alike, otherwise each lies
 /// between two. Without joints in the source they lie between those at its `ends`.
-fn spread(from: &[usize], to: &[usize], ends: (usize, usize), set: &mut impl FnMut(usize, Turn)) {
+fn spread(from: &[usize], to: &[usize], ends: (usize, usize), set: &mut dyn FnMut(usize, Turn)) {
     let (n, m) = (from.len() as f32, to.len() as f32);
     for (nth, &joint) in to.iter().enumerate() {
         let turn = match from.len() {
@@ -79,7 +92,7 @@ fn spread(from: &[usize], to: &[usize], ends: (usize, usize), set: &mut impl FnM
     }
 }
 
-fn tail(from: &Parts, to: &Parts, set: &mut impl FnMut(usize, Turn)) {
+fn tail(from: &Parts, to: &Parts, set: &mut dyn FnMut(usize, Turn)) {
     if !from.tail.is_empty() {
         spread(&from.tail, &to.tail, (from.trunk[0], from.trunk[0]), set);
     }
