@@ -17,6 +17,21 @@ const ENDINGS: [&str; 5] = ["bvh", "fbx", "glb", "gltf", "npz"];
 /// Shortest bone of a body that servers take, metres. Hips and shoulders of many files have none.
 const MIN_BONE_M: f32 = 2e-4;
 
+/// Says which bones are made [`MIN_BONE_M`] long.
+fn note_short_bones(path: &Path, understood: &Understood, term: &Term) {
+    let bones = understood.clip.skeleton.joints.iter().skip(1);
+    let short = bones.filter(|joint| joint.offset_m.length() < MIN_BONE_M);
+    let names: Vec<&str> = short.map(|joint| &*joint.name).collect();
+    if !names.is_empty() {
+        term.note(format_args!(
+            "{}: bones without length are made {} mm long, as bodies need: {}",
+            path.display(),
+            1e3 * MIN_BONE_M,
+            names.join(", ")
+        ));
+    }
+}
+
 /// The skeleton of a file, with its neutral pose.
 pub(super) struct OwnBody(Understood);
 
@@ -42,6 +57,7 @@ impl OwnBody {
             Failure::file(path, format!("{why}{advice}"))
         })?;
         note(path, &understood.report, term);
+        note_short_bones(path, &understood, term);
         Ok(Some(Self(understood)))
     }
 

@@ -67,6 +67,7 @@ pub(crate) fn hopper() -> v1::Pack {
             name: "hopper".to_owned(),
             hinges: vec![hinge],
             qpos_size: 8,
+            mimics: Vec::new(),
         }),
         ..pair()
     }

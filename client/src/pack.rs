@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use glam::Vec3;
-use troupe_motion::robot::{HingeDoc, Robot, RobotDoc};
+use troupe_motion::robot::{HingeDoc, MimicDoc, Robot, RobotDoc};
 use troupe_motion::skeleton::{ContactParams, Joint, Skeleton};
 use troupe_proto::v1;
 
@@ -191,21 +191,41 @@ fn skeleton(pack: &v1::Pack) -> Result<Skeleton, AnswerError> {
 /// The robot of the message. Missing fields are refused like invalid ones.
 fn robot(robot: &v1::Robot) -> RobotDoc {
     let hinge = |hinge: &v1::Hinge| {
-        let axis = hinge.axis.unwrap_or_default();
-        let rest = hinge.rest.unwrap_or_default();
+        let (axis, rest) = turning(hinge.axis, hinge.rest);
         HingeDoc {
             joint: hinge.joint.clone(),
-            axis: Vec3::new(axis.x, axis.y, axis.z),
-            rest: [rest.w, rest.x, rest.y, rest.z],
+            axis,
+            rest,
             lower_rad: hinge.lower,
             upper_rad: hinge.upper,
             max_speed_rad_per_s: hinge.max_speed,
         }
     };
+    let mimic = |mimic: &v1::Mimic| {
+        let (axis, rest) = turning(mimic.axis, mimic.rest);
+        MimicDoc {
+            joint: mimic.joint.clone(),
+            follows: mimic.follows.clone(),
+            multiplier: mimic.multiplier,
+            offset_rad: mimic.offset,
+            axis,
+            rest,
+        }
+    };
     RobotDoc {
         name: robot.name.clone(),
         hinges: robot.hinges.iter().map(hinge).collect(),
+        mimics: robot.mimics.iter().map(mimic).collect(),
     }
+}
+
+/// An axis, and a rotation (w, x, y, z). Missing ones have no length, which is refused later.
+fn turning(axis: Option<v1::Vec3>, rest: Option<v1::Quat>) -> (Vec3, [f32; 4]) {
+    let (axis, rest) = (axis.unwrap_or_default(), rest.unwrap_or_default());
+    (
+        Vec3::new(axis.x, axis.y, axis.z),
+        [rest.w, rest.x, rest.y, rest.z],
+    )
 }
 
 #[cfg(test)]
@@ -265,6 +285,7 @@ pub(crate) mod tests {
                 name: "hopper".to_owned(),
                 hinges: vec![hinge],
                 qpos_size: 8,
+                mimics: Vec::new(),
             }),
             ..message()
         }
@@ -279,6 +300,27 @@ pub(crate) mod tests {
             ("hopper", 8, 1)
         );
         assert!(Pack::try_from(message()).unwrap().robot().is_none());
+        let mut followed = robot_message();
+        followed.joints.push(v1::Joint {
+            name: "Toe".to_owned(),
+            parent: 1,
+            offset: Some(v1::Vec3::default()),
+        });
+        let robot = followed.robot.as_mut().unwrap();
+        robot.mimics.push(v1::Mimic {
+            joint: "Toe".to_owned(),
+            follows: "Foot".to_owned(),
+            multiplier: -0.5,
+            offset: 0.1,
+            axis: robot.hinges[0].axis,
+            rest: robot.hinges[0].rest,
+        });
+        let pack = Pack::try_from(followed).unwrap();
+        let toe = pack.robot().unwrap().mimics()[0];
+        assert_eq!(
+            (toe.joint, toe.hinge, toe.multiplier, toe.offset_rad),
+            (2, 0, -0.5, 0.1)
+        );
         let mut broken = robot_message();
         broken.robot.as_mut().unwrap().hinges[0].rest = None;
         let error = Pack::try_from(broken).unwrap_err().to_string();

@@ -4,7 +4,7 @@ use troupe_character::object::Definition;
 use troupe_character::skill::Skills;
 use troupe_engine::pack::{Language, Pack};
 use troupe_motion::model::Body;
-use troupe_motion::robot::Hinge;
+use troupe_motion::robot::{Hinge, Mimic};
 use troupe_motion::{Joint, Robot, Skeleton};
 use troupe_proto::v1;
 
@@ -122,20 +122,33 @@ fn describe_robot(robot: &Robot, skeleton: &Skeleton) -> v1::Robot {
     let hinge = |hinge: &Hinge| v1::Hinge {
         joint: skeleton.joints[hinge.joint].name.clone(),
         axis: Some(vector(hinge.axis)),
-        rest: Some(v1::Quat {
-            w: hinge.rest.w,
-            x: hinge.rest.x,
-            y: hinge.rest.y,
-            z: hinge.rest.z,
-        }),
+        rest: Some(quaternion(hinge.rest)),
         lower: hinge.lower_rad,
         upper: hinge.upper_rad,
         max_speed: hinge.max_speed_rad_per_s,
+    };
+    let mimic = |mimic: &Mimic| v1::Mimic {
+        joint: skeleton.joints[mimic.joint].name.clone(),
+        follows: skeleton.joints[robot.hinges()[mimic.hinge].joint].name.clone(),
+        multiplier: mimic.multiplier,
+        offset: mimic.offset_rad,
+        axis: Some(vector(mimic.axis)),
+        rest: Some(quaternion(mimic.rest)),
     };
     v1::Robot {
         name: robot.name().to_owned(),
         hinges: robot.hinges().iter().map(hinge).collect(),
         qpos_size: robot.qpos_len() as u32,
+        mimics: robot.mimics().iter().map(mimic).collect(),
+    }
+}
+
+fn quaternion(q: troupe_motion::Quat) -> v1::Quat {
+    v1::Quat {
+        w: q.w,
+        x: q.x,
+        y: q.y,
+        z: q.z,
     }
 }
 
@@ -204,6 +217,20 @@ upper_rad = 1.5
 max_speed_rad_per_s = 9.0
 "#;
 
+    const FOLLOWER: &str = r#"
+[[robot.mimics]]
+joint = "Toe"
+follows = "Foot"
+multiplier = -0.5
+offset_rad = 0.1
+axis = [1.0, 0.0, 0.0]
+rest = [1.0, 0.0, 0.0, 0.0]
+[[skeleton.joints]]
+name = "Toe"
+parent = "Foot"
+offset_m = [0.0, 0.0, 0.1]
+"#;
+
     fn described(text: &str, is_default: bool) -> v1::Pack {
         let pack = Pack::from_manifest(Manifest::parse(text).unwrap(), Path::new("toy")).unwrap();
         describe(&pack, &Skills::default(), is_default, "cpu")
@@ -236,5 +263,12 @@ max_speed_rad_per_s = 9.0
             (public.hinges[0].joint.as_str(), public.hinges[0].max_speed),
             ("Foot", 9.0)
         );
+        assert!(public.mimics.is_empty());
+        let public = described(&format!("{MANIFEST}{ROBOT}{FOLLOWER}"), false)
+            .robot
+            .unwrap();
+        let toe = &public.mimics[0];
+        assert_eq!((toe.joint.as_str(), toe.follows.as_str()), ("Toe", "Foot"));
+        assert_eq!((toe.multiplier, toe.offset), (-0.5, 0.1));
     }
 }

@@ -27,6 +27,22 @@ def link(name: str, inside: str = "") -> str:
     return f'<link name="{name}">{inside}</link>'
 
 
+def coupled(multiplier: str = "-0.5") -> str:
+    """The robot of `biped` whose ankles follow the knees, which leaves seven hinges."""
+    text = biped()
+    for side in ("left", "right"):
+        ankle = text.index(f'<joint name="{side}_ankle_joint"')
+        end = text.index("</joint>", ankle)
+        mimic = f'<mimic joint="{side}_knee_joint" multiplier="{multiplier}" offset="0.1"/>'
+        text = text[:end] + mimic + text[end:]
+    return text
+
+
+def coupled_rows(rows: list[list[float]]) -> list[list[float]]:
+    """Rows of `biped` without the angles of its ankles."""
+    return [[*row[:9], *row[10:12], *row[13:]] for row in rows]
+
+
 def ball(xyz: str, radius: float = 0.01) -> str:
     """A collision sphere."""
     return f'<collision><origin xyz="{xyz}"/><geometry><sphere radius="{radius}"/></geometry></collision>'

@@ -7,8 +7,8 @@ import numpy as np
 
 from robot_support import write_robot
 from troupe_training.data.bodies import Body, body_of
-from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.corpus import Wanted, make_corpus
+from troupe_training.data.joint_source import JointSource
 from troupe_training.data.neutral import quaternion_matrix
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.robots.source import RobotSource
@@ -62,7 +62,7 @@ def make_cache(folder: Path, bvh: Path) -> Path:
     """A corpus of two bodies: walking bipeds from BVH, and a robot from CSV with its URDF."""
     robot = write_robot(folder / "robot")
     wanted = [
-        Wanted("walker", bvh, BvhSource()),
+        Wanted("walker", bvh, JointSource()),
         Wanted("toy", robot / "csv", RobotSource(robot / "toy.urdf"), test_name="subject5"),
     ]
     make_corpus(wanted, folder / "cache")

@@ -61,11 +61,6 @@ impl File {
         })
     }
 
-    /// As errors give it.
-    pub(crate) fn name(&self) -> &str {
-        &self.name
-    }
-
     /// Calls `read` with the file as the reader takes it.
     pub(crate) fn with_source<T>(&self, read: impl FnOnce(&Source<'_>) -> T) -> T {
         let beside = |name: &str| match &self.beside {

@@ -14,12 +14,18 @@ mod skeleton;
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use troupe_motion::read::{ENDINGS, ROBOT_ENDINGS};
 
 #[pymodule(gil_used = false)]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let error = module.py().get_type::<errors::ReadError>();
     error.setattr("options", PyTuple::empty(module.py()))?;
     module.add("ReadError", error)?;
+    for (name, endings) in [("ENDINGS", &ENDINGS[..]), ("ROBOT_ENDINGS", &ROBOT_ENDINGS[..])] {
+        let endings = endings.iter().map(|ending| format!(".{ending}"));
+        let endings: Vec<String> = endings.collect();
+        module.add(name, PyTuple::new(module.py(), endings)?)?;
+    }
     module.add_class::<clip::Clip>()?;
     module.add_class::<read::Agreement>()?;
     module.add_class::<robot::RobotDescription>()?;

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use troupe_motion::glb::animation_names_beside;
 use troupe_motion::read as reader;
 
 use crate::clip::Clip;
@@ -29,7 +28,7 @@ pub(crate) fn read(
     Ok(Clip::of(understood.map_err(|error| misread(py, &error))?))
 }
 
-/// Names of the animations of a glTF file.
+/// Names of a file's animations.
 #[pyfunction]
 #[pyo3(signature = (source, *, name = None, beside = None))]
 pub(crate) fn animations(
@@ -39,8 +38,8 @@ pub(crate) fn animations(
     beside: Option<HashMap<String, Vec<u8>>>,
 ) -> PyResult<Vec<String>> {
     let file = File::of(source, name, beside)?;
-    let names = py.detach(|| file.with_source(|source| animation_names_beside(source.bytes, source.beside)));
-    names.map_err(|error| refused(format!("{}: {error}", file.name())))
+    let names = py.detach(|| file.with_source(reader::animations));
+    names.map_err(refused)
 }
 
 /// What the files of a folder agree on.

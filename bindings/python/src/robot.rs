@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pyo3::prelude::*;
-use troupe_motion::robot::MimicDoc;
 use troupe_motion::robot::description::{self, BuildOptions, Built};
 
-use crate::arrays::to_python;
 use crate::errors::refused;
 use crate::files::{at, mesh};
 use crate::skeleton::Skeleton;
@@ -18,7 +16,6 @@ use crate::skeleton::Skeleton;
 pub(crate) struct RobotDescription {
     skeleton: Arc<troupe_motion::Skeleton>,
     contacts: Vec<String>,
-    mimics: Vec<MimicDoc>,
 }
 
 #[pymethods]
@@ -31,11 +28,6 @@ impl RobotDescription {
     #[getter]
     fn contacts(&self) -> Vec<String> {
         self.contacts.clone()
-    }
-
-    #[getter]
-    fn mimics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &self.mimics)
     }
 }
 
@@ -55,14 +47,10 @@ pub(crate) fn read_robot(
         let description = description::read(&text, &|name| mesh(folder, name))?;
         description::build(&description, &options)
     });
-    let Built {
-        skeleton,
-        contacts,
-        mimics,
-    } = built.map_err(|error| refused(format!("{}: {error}", path.display())))?;
+    let Built { skeleton, contacts } =
+        built.map_err(|error| refused(format!("{}: {error}", path.display())))?;
     Ok(RobotDescription {
         skeleton: Arc::new(skeleton),
         contacts,
-        mimics,
     })
 }

@@ -10,11 +10,23 @@ from pathlib import Path
 from typing import Unpack
 
 from troupe_reader import _native
-from troupe_reader._native import Agreement, Clip, ReadError, RobotDescription, Skeleton, animations, read, read_robot
+from troupe_reader._native import (
+    ENDINGS,
+    ROBOT_ENDINGS,
+    Agreement,
+    Clip,
+    ReadError,
+    RobotDescription,
+    Skeleton,
+    animations,
+    read,
+    read_robot,
+)
 from troupe_reader.options import Choice, FileOptions
 
 __all__ = [
     "ENDINGS",
+    "ROBOT_ENDINGS",
     "Agreement",
     "Choice",
     "Clip",
@@ -26,9 +38,6 @@ __all__ = [
     "read_robot",
     "survey",
 ]
-
-# Files of joints, which may leave their up axis and unit open. Robots' files leave nothing open.
-ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".npz")
 
 
 def survey(files: str | PathLike[str] | Iterable[str | PathLike[str]], **options: Unpack[FileOptions]) -> Agreement:

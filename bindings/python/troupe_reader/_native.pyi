@@ -11,6 +11,11 @@ from troupe_reader.options import Choice, FileOptions
 
 Array: TypeAlias = npt.NDArray[np.float32]
 
+ENDINGS: tuple[str, ...]
+"""Endings of files of joints, which may leave their up axis and unit open: `.bvh` and others, in small letters."""
+ROBOT_ENDINGS: tuple[str, ...]
+"""Endings of robots' files, which leave nothing open."""
+
 class ReadError(ValueError):
     """A file that cannot be read: the message names the file, the place in it and the option that decides."""
 
@@ -134,15 +139,11 @@ class RobotDescription:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Joints and hinges, native axes. It has no contact joints: their heights come from motion."""
+        """Joints, hinges and joints that follow them, native axes. It has no contact joints: their heights come from motion."""
 
     @property
     def contacts(self) -> list[str]:
         """Joints that touch the ground."""
-
-    @property
-    def mimics(self) -> list[dict[str, Any]]:
-        """Joints that follow hinges."""
 
 def read(
     source: str | PathLike[str] | bytes,
@@ -159,7 +160,7 @@ def read(
 def animations(
     source: str | PathLike[str] | bytes, *, name: str | None = None, beside: Mapping[str, bytes] | None = None
 ) -> list[str]:
-    """Names of a glTF file's animations; arguments as those of `read`. Raises `ReadError`."""
+    """Names of a file's animations, none for formats that hold one; arguments as those of `read`. Raises `ReadError`."""
 
 def survey(paths: Sequence[PathLike[str]], **options: Unpack[FileOptions]) -> Agreement:
     """What files agree on; `troupe_reader.survey` takes a folder too."""

@@ -17,7 +17,7 @@ const SKELETON: &str = "Skeleton";
 
 /// Whose skeleton. Without any, files are read onto their own; a robot's files need one.
 #[derive(Debug, Args)]
-pub(super) struct Onto {
+pub(crate) struct Onto {
     /// Read onto the skeleton of this model pack of the server.
     #[arg(long, value_name = "NAME", help_heading = SKELETON)]
     pack: Option<String>,
@@ -41,14 +41,14 @@ pub(super) struct Onto {
 
 impl Onto {
     /// The reader's options, to read onto the skeleton that the command line names.
-    pub(super) async fn options(&self, context: &Context) -> Result<Options, Failure> {
+    pub(crate) async fn options(&self, context: &Context) -> Result<Options, Failure> {
         let skeleton = self.skeleton(context).await?;
         Ok(self.reading.options(skeleton.as_ref()))
     }
 
     async fn skeleton(&self, context: &Context) -> Result<Option<Arc<Skeleton>>, Failure> {
         if let Some(file) = &self.urdf {
-            return Ok(Some(Arc::new(self.robot(file)?)));
+            return Ok(Some(Arc::new(Self::robot_of(file, &self.legs)?)));
         }
         let pack = match (&self.pack_folder, &self.pack) {
             (Some(folder), _) => pack_folder::read(folder)?,
@@ -58,13 +58,14 @@ impl Onto {
         Ok(Some(Arc::clone(pack.skeleton())))
     }
 
-    fn robot(&self, file: &Path) -> Result<Skeleton, Failure> {
+    /// The robot of a URDF or MJCF file. `legs` are the last hinges of its legs; found if empty.
+    pub(crate) fn robot_of(file: &Path, legs: &[String]) -> Result<Skeleton, Failure> {
         let text = std::fs::read_to_string(file).map_err(|e| Failure::file(file, e))?;
         let folder = file.parent().unwrap_or(Path::new(""));
         let beside = |name: &str| std::fs::read(folder.join(name)).ok();
         let described = description::read(&text, &beside).map_err(|e| Failure::file(file, e))?;
         let options = BuildOptions {
-            legs: self.legs.clone(),
+            legs: legs.to_vec(),
             ..BuildOptions::default()
         };
         let built = description::build(&described, &options).map_err(|e| Failure::file(file, e))?;

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,22 @@ def test_what_is_on_the_hinges_stays(robot: troupe.Skeleton) -> None:
     made, fitted = robot.fit(pose)
     assert np.abs(fitted - angles).max() < 1e-5
     assert rotation.angle_between(made, pose).max() < 1e-5
+
+
+def test_joints_that_follow_a_hinge_turn_with_it(robot: troupe.Skeleton) -> None:
+    assert robot.robot is not None
+    toe = troupe.Mimic("toe", 3, 1, -0.5, 0.2, (1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    robot = dataclasses.replace(robot, robot=dataclasses.replace(robot.robot, mimics=(toe,)))
+    angles = np.array([[0.3, 1.0], [-0.4, 0.2]], np.float32)
+    pose = robot.pose(any_rotations(3, 2), angles)
+    expected = rotation.about_axis(np.array(toe.axis, np.float32), np.array([-0.3, 0.1], np.float32))
+    assert rotation.angle_between(pose[:, 3], expected).max() < 1e-6
+    stiff = pose.copy()
+    stiff[:, 3] = (1, 0, 0, 0)
+    made, fitted = robot.fit(stiff)
+    assert np.abs(fitted - angles).max() < 1e-5 and rotation.angle_between(made, pose).max() < 1e-5
+    tables = troupe.formats.reader._tables(robot)[1]
+    assert tables is not None and tables["mimics"][0]["follows"] == "knee"
 
 
 def test_hinges_stay_within_their_limits_and_qpos_comes_back(robot: troupe.Skeleton) -> None:

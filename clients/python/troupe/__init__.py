@@ -46,7 +46,7 @@ from troupe.live import Crowd, Drive, Session
 from troupe.mjcf import robot_mjcf
 from troupe.options import Encoding, FrameOptions, SessionOptions
 from troupe.pack import Body, Pack
-from troupe.skeleton import Hinge, Robot, Skeleton
+from troupe.skeleton import Hinge, Mimic, Robot, Skeleton
 from troupe.words import Agent, Audio, Prompt, Sampling, Sound
 
 join_clips = _clip.joined
@@ -86,6 +86,7 @@ __all__ = [
     "Keyframe",
     "Left",
     "Locomotion",
+    "Mimic",
     "NotAttached",
     "NotFoundError",
     "Pack",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from troupe.errors import AnswerError, InvalidArgumentError
-from troupe.skeleton import Hinge, Robot, Skeleton
+from troupe.skeleton import Hinge, Mimic, Robot, Skeleton
 from troupe.v1 import motion_pb2
 
 
@@ -130,4 +130,20 @@ def _robot(of: motion_pb2.Robot, names: tuple[str, ...]) -> Robot:
         )
         for hinge in of.hinges
     )
-    return Robot(of.name, hinges)
+    joints = [hinge.joint for hinge in hinges]
+    lost = [mimic.joint for mimic in of.mimics if mimic.joint not in names or mimic.follows not in joints]
+    if lost:
+        raise AnswerError(f"robot {of.name}: joints that follow no hinge, or are not there: {', '.join(lost)}")
+    mimics = tuple(
+        Mimic(
+            joint=mimic.joint,
+            index=names.index(mimic.joint),
+            hinge=joints.index(mimic.follows),
+            multiplier=mimic.multiplier,
+            offset=mimic.offset,
+            axis=(mimic.axis.x, mimic.axis.y, mimic.axis.z),
+            rest=(mimic.rest.w, mimic.rest.x, mimic.rest.y, mimic.rest.z),
+        )
+        for mimic in of.mimics
+    )
+    return Robot(of.name, hinges, mimics)

@@ -36,11 +36,34 @@ class Hinge:
 
 
 @dataclass(frozen=True)
+class Mimic:
+    """A joint that follows a hinge: its angle is `multiplier` times that of the hinge, and `offset`. Native axes."""
+
+    joint: str
+    index: int
+    """The joint's index in the skeleton."""
+    hinge: int
+    """Index of the hinge in the robot."""
+    multiplier: float
+    offset: float
+    """Radians."""
+    axis: tuple[float, float, float]
+    rest: tuple[float, float, float, float]
+
+    def turned(self, angles: F32) -> F32:
+        """Its rotations (..., 4) relative to its parent at the hinges' angles (..., hinges)."""
+        angle = self.multiplier * angles[..., self.hinge] + self.offset
+        axis, rest = np.array(self.axis, np.float32), np.array(self.rest, np.float32)
+        return rotation.multiply(rest, rotation.about_axis(axis, angle))
+
+
+@dataclass(frozen=True)
 class Robot:
-    """The hinges of a skeleton, in the order of MuJoCo's `qpos`. Joints without one are fixed to their parents."""
+    """The hinges of a skeleton, in the order of MuJoCo's `qpos`. Joints without one follow one, or their parents."""
 
     name: str
     hinges: tuple[Hinge, ...]
+    mimics: tuple[Mimic, ...] = ()
 
     @property
     def qpos_size(self) -> int:
@@ -120,6 +143,7 @@ class Skeleton:
         if robot is None:
             raise ValueError("the skeleton has no hinges")
         hinges = {hinge.index: nth for nth, hinge in enumerate(robot.hinges)}
+        mimics = {mimic.index: mimic for mimic in robot.mimics}
         made = np.empty_like(rotations)
         made[..., 0, :] = rotations[..., 0, :]
         angles = np.zeros((*rotations.shape[:-2], len(robot.hinges)), np.float32)
@@ -128,7 +152,9 @@ class Skeleton:
         for joint, parent in enumerate(self.parents[1:], 1):
             wanted = rotation.normalise(rotation.multiply(lacking[..., parent, :], rotations[..., joint, :]))
             nth = hinges.get(joint)
-            if nth is None:
+            if joint in mimics:
+                made[..., joint, :] = mimics[joint].turned(angles)
+            elif nth is None:
                 made[..., joint, :] = (1, 0, 0, 0)
             else:
                 angles[..., nth], made[..., joint, :] = _turn(robot.hinges[nth], wanted)
@@ -147,6 +173,8 @@ class Skeleton:
             rotations[..., [hinge.index for hinge in hinges], :] = rotation.multiply(
                 rests, rotation.about_axis(axes, angles)
             )
+        for mimic in self.robot.mimics if self.robot else ():
+            rotations[..., mimic.index, :] = mimic.turned(angles)
         return rotations
 
     def to_qpos(self, root: F32, rotations: F32) -> F32:

@@ -7,7 +7,7 @@
 use glam::{Quat, Vec3};
 
 use crate::fk::joint_transform;
-use crate::robot::Robot;
+use crate::robot::{Mimic, Robot};
 use crate::rotation::align_sign;
 use crate::skeleton::Skeleton;
 
@@ -42,8 +42,11 @@ type Column = [f32; 6];
 #[derive(Clone, Copy, Debug, Default)]
 struct LimbJoint {
     joint: usize,
-    /// Index among the robot's hinges; none for a fixed joint.
+    /// Index among the robot's hinges; none for a joint without a hinge.
     hinge: Option<usize>,
+    /// Index of the part with the hinge that it follows; none for one that follows no hinge of the
+    /// limb.
+    follows: Option<(usize, Mimic)>,
     angle: f32,
     /// World position of the joint, and its axis.
     place: Vec3,
@@ -97,6 +100,11 @@ pub(super) fn solve(
         if let Some(hinge) = part.hinge {
             let turned = robot.hinges()[hinge].rotation(part.angle);
             rotations[part.joint] = align_sign(turned, rotations[part.joint]);
+            // Those on other limbs too.
+            for mimic in robot.mimics().iter().filter(|mimic| mimic.hinge == hinge) {
+                let turned = mimic.rotation(part.angle);
+                rotations[mimic.joint] = align_sign(turned, rotations[mimic.joint]);
+            }
         }
     }
     let [x, y, z, ..] = lacking;
@@ -133,6 +141,14 @@ impl<'a> Limb<'a> {
             at = skeleton.joints[joint].parent;
         }
         parts[..count].reverse();
+        for nth in 0..count {
+            parts[nth].follows = robot.mimic_of(parts[nth].joint).and_then(|&mimic| {
+                let of = parts[..nth]
+                    .iter()
+                    .position(|part| part.hinge == Some(mimic.hinge));
+                Some((of?, mimic))
+            });
+        }
         let above = skeleton.joints[top].parent?;
         Some(Self {
             skeleton,
@@ -146,17 +162,26 @@ impl<'a> Limb<'a> {
     /// Places the joints by their angles. Returns what the end lacks to its goal.
     fn lacking(&mut self, goal: &Goal, rotations: &[Quat]) -> Column {
         let (mut place, mut rotation) = self.base;
-        for part in &mut self.parts[..self.count] {
-            place += rotation * self.skeleton.joints[part.joint].offset_m;
-            part.place = place;
-            rotation = match part.hinge {
-                Some(hinge) => {
+        for nth in 0..self.count {
+            let LimbJoint {
+                joint,
+                hinge,
+                follows,
+                angle,
+                ..
+            } = self.parts[nth];
+            place += rotation * self.skeleton.joints[joint].offset_m;
+            let (axis, turned) = match (hinge, follows) {
+                (Some(hinge), _) => {
                     let of = &self.robot.hinges()[hinge];
-                    part.axis = rotation * (of.rest * of.axis);
-                    rotation * of.rotation(part.angle)
+                    (of.rest * of.axis, of.rotation(angle))
                 }
-                None => rotation * rotations[part.joint],
+                (None, Some((of, mimic))) => (mimic.rest * mimic.axis, mimic.rotation(self.parts[of].angle)),
+                (None, None) => (Vec3::ZERO, rotations[joint]),
             };
+            let part = &mut self.parts[nth];
+            (part.place, part.axis) = (place, rotation * axis);
+            rotation *= turned;
         }
         let far = goal.place.map_or(Vec3::ZERO, |goal| goal - place);
         let turn = goal.rotation.map_or(Vec3::ZERO, |goal| {
@@ -166,7 +191,7 @@ impl<'a> Limb<'a> {
         [far.x, far.y, far.z, turn.x, turn.y, turn.z]
     }
 
-    /// The end's movement for a radian of a hinge.
+    /// The end's movement for a radian of a joint.
     fn column(&self, part: &LimbJoint, goal: &Goal) -> Column {
         let end = self.parts[self.count - 1].place;
         let moves = match goal.place {
@@ -186,6 +211,14 @@ impl<'a> Limb<'a> {
         for (column, part) in columns.iter_mut().zip(&self.parts[..self.count]) {
             if part.hinge.is_some() {
                 *column = self.column(part, goal);
+            }
+        }
+        for part in &self.parts[..self.count] {
+            if let Some((of, mimic)) = part.follows {
+                let along = self.column(part, goal);
+                for (number, along) in columns[of].iter_mut().zip(along) {
+                    *number += mimic.multiplier * along;
+                }
             }
         }
         let mut turns = [0.0_f32; MOST_JOINTS];

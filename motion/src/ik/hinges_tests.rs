@@ -3,14 +3,15 @@
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
 
+use super::hinges::{Goal, solve};
 use super::testing::positions;
 use super::{FootLock, Posed, arm_of, arms, legs, lock_feet, place_end, pose_at, two_bone};
 use crate::ballistic::{Drop, fall_motion};
 use crate::fk::joint_transform;
-use crate::robot::Fitted;
 use crate::robot::testing::g1;
+use crate::robot::{Fitted, HingeDoc, MimicDoc, RobotDoc};
 use crate::rotation::angle_between;
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Joint, Skeleton};
 use crate::stance::stance_transition;
 use crate::terrain::{Terrain, lift_motion};
 
@@ -305,4 +306,58 @@ proptest! {
             prop_assert!(of_leg || pose[joint] == before[joint]);
         }
     }
+}
+
+#[test]
+fn a_knee_that_follows_the_hip_shortens_the_leg() {
+    let joint = |name: &str, parent, y| Joint {
+        name: name.to_owned(),
+        parent,
+        offset_m: Vec3::new(0.0, y, 0.0),
+    };
+    let joints = vec![
+        joint("base", None, 0.0),
+        joint("thigh", Some(0), -0.1),
+        joint("shin", Some(1), -0.4),
+        joint("foot", Some(2), -0.4),
+    ];
+    let doc = RobotDoc {
+        name: "leg".to_owned(),
+        hinges: vec![HingeDoc {
+            joint: "thigh".to_owned(),
+            axis: Vec3::X,
+            rest: [1.0, 0.0, 0.0, 0.0],
+            lower_rad: -1.5,
+            upper_rad: 1.5,
+            max_speed_rad_per_s: 9.0,
+        }],
+        mimics: vec![MimicDoc {
+            joint: "shin".to_owned(),
+            follows: "thigh".to_owned(),
+            multiplier: -2.0,
+            offset_rad: 0.0,
+            axis: Vec3::X,
+            rest: [1.0, 0.0, 0.0, 0.0],
+        }],
+    };
+    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, None)
+        .unwrap()
+        .with_robot(&doc)
+        .unwrap();
+    let robot = skeleton.robot.as_ref().unwrap();
+    let at = |angle: f32| {
+        let mut pose = vec![Quat::IDENTITY; 4];
+        robot.pose(Quat::IDENTITY, &[angle], &mut pose);
+        pose
+    };
+    let wanted = place(&skeleton, Vec3::ZERO, &at(0.9), 3).0;
+    let mut pose = at(0.2);
+    let goal = Goal {
+        place: Some(wanted),
+        rotation: None,
+    };
+    let short = solve((&skeleton, robot), Vec3::ZERO, &mut pose, (1, 3), &goal).unwrap();
+    assert!(short < 1e-4, "{short}");
+    assert!(angle_between(pose[2], Quat::from_rotation_x(-1.8)) < 1e-3);
+    assert!(misfit(&skeleton, &pose).0 < 1e-5);
 }

@@ -93,8 +93,8 @@ pub enum ReadErrorKind {
     },
     /// A joint moves in its parent farther than can be held.
     #[error(
-        "joint {joint:?} moves {slide_m:.2} m in its parent (most in frame {frame}), and {carries} on it; \
-         allowed: {allowed_m:.2} m. {} holds a joint that moves farther in its mean place",
+        "joint {joint:?} moves {slide_m:.3} m in its parent (most in frame {frame}), and {carries} on it; \
+         allowed: {allowed_m:.3} m. {} holds a joint that moves farther in its mean place",
         OptionName::MaxSlide.flag()
     )]
     Slides {

@@ -3,7 +3,8 @@
 
 use glam::{DQuat, DVec3};
 use ufbx::{
-    AnimStack, CoordinateAxes, ElementType, InheritModeHandling, LoadOpts, Node, Scene, SpaceConversion,
+    AnimStack, CoordinateAxes, ElementType, InheritModeHandling, LoadOpts, Node, Scene, SceneRoot,
+    SpaceConversion,
 };
 
 use super::choices::{Advice, Choice, OptionName};
@@ -31,7 +32,8 @@ const MAX_STRETCH: f64 = 1.01;
 /// A joint whose places differ by less does not move, metres.
 const STILL_M: f64 = 1e-4;
 
-pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
+/// Opens a file, with Y up and in metres.
+fn load(bytes: &[u8]) -> Result<SceneRoot, ReadErrorKind> {
     let mut opts = LoadOpts {
         ignore_geometry: true,
         ignore_embedded: true,
@@ -46,7 +48,21 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
     opts.temp_allocator.memory_limit = MEMORY_LIMIT;
     opts.result_allocator.memory_limit = MEMORY_LIMIT;
     let scene = ufbx::load_memory(bytes, opts);
-    let scene = scene.map_err(|error| fault(format!("no FBX that can be read: {}", &*error.description)))?;
+    scene.map_err(|error| fault(format!("no FBX that can be read: {}", &*error.description)))
+}
+
+/// Names of its animations.
+pub(super) fn animations(bytes: &[u8]) -> Result<Vec<String>, ReadErrorKind> {
+    Ok(names(&*load(bytes)?))
+}
+
+fn names(scene: &Scene) -> Vec<String> {
+    let stacks = scene.anim_stacks.iter();
+    stacks.map(|stack| stack.element.name.to_string()).collect()
+}
+
+pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
+    let scene = load(bytes)?;
     let nodes = joints(&scene);
     if nodes.is_empty() {
         return Err(fault(
@@ -109,11 +125,7 @@ fn joints(scene: &Scene) -> Vec<(usize, bool)> {
 
 /// Index of the animation.
 fn stack(scene: &Scene, options: &Options) -> Result<usize, ReadErrorKind> {
-    let names: Vec<String> = scene
-        .anim_stacks
-        .iter()
-        .map(|stack| stack.element.name.to_string())
-        .collect();
+    let names = names(scene);
     match (&options.animation, &names[..]) {
         (_, []) => Err(fault("it has no animation".to_owned())),
         (None, [_]) => Ok(0),

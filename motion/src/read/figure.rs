@@ -19,10 +19,8 @@ impl Understood {
     pub fn figure(&self, doc: &PartsDoc) -> Result<Figure, RetargetError> {
         let skeleton = &self.clip.skeleton;
         let joints = skeleton.joint_count();
-        if let Some(robot) = &skeleton.robot {
-            let mut pose = vec![Quat::IDENTITY; joints];
-            robot.pose(Quat::IDENTITY, &vec![0.0; robot.hinges().len()], &mut pose);
-            return Figure::new(Arc::clone(skeleton), &pose, None, doc);
+        if skeleton.robot.is_some() {
+            return Figure::of_robot(Arc::clone(skeleton), doc);
         }
         let stands = self.rest.is_some() && self.report.rest_pose.value != RestPose::None;
         match Biped::find(&Tree::of(skeleton)) {

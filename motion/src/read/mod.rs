@@ -53,8 +53,13 @@ pub use options::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder};
 pub use report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 
 use crate::clip::Clip;
-use crate::glb::{Beside, GlbReadError};
+use crate::glb::{Beside, GlbReadError, animation_names_beside};
 use joints::Parsed;
+
+/// Endings of files of joints, in small letters. With a skeleton these may be a robot's too.
+pub const ENDINGS: [&str; 5] = ["bvh", "fbx", "glb", "gltf", "npz"];
+/// Endings of robots' files, in small letters.
+pub const ROBOT_ENDINGS: [&str; 3] = ["csv", "npy", "npz"];
 
 /// A file to read.
 #[derive(Clone, Copy)]
@@ -132,6 +137,21 @@ pub fn character(source: &Source<'_>, options: &Options) -> Result<Understood, R
         }) => read(source, options),
         found => found,
     }
+}
+
+/// Names of a file's animations. Empty for formats that hold one motion without a name.
+///
+/// # Errors
+/// [`ReadError`] if the file cannot be read at all.
+pub fn animations(source: &Source<'_>) -> Result<Vec<String>, ReadError> {
+    let names = kind(source).and_then(|kind| match kind {
+        Kind::Joints(Format::Glb | Format::Gltf) => animation_names_beside(source.bytes, source.beside)
+            .map_err(|error| ReadErrorKind::Glb { error, option: None }),
+        #[cfg(feature = "fbx")]
+        Kind::Joints(Format::Fbx) => fbx::animations(source.bytes),
+        _ => Ok(Vec::new()),
+    });
+    names.map_err(|kind| kind.of(source.name))
 }
 
 /// Adds what a file shows by itself to what its folder agrees on. Robots' files leave nothing open.

@@ -25,8 +25,8 @@ pub(super) fn little_slide_m(size_m: f64) -> f64 {
 }
 
 /// Holds joints that slide in their mean place, and says so; those that slide far are named. A
-/// joint that travels is left out if nothing of the body hangs on it. Returns which joints are left
-/// out.
+/// joint that travels is left out if nothing of the body hangs on it. If one that steers the rig
+/// travels, all that steer it and slide are left out. Returns which joints are left out.
 pub(super) fn hold_slides(
     survey: &Survey,
     names: &[String],
@@ -43,17 +43,21 @@ pub(super) fn hold_slides(
     let below: Vec<bool> = (0..names.len())
         .map(|joint| joint != root && tree.line(joint).any(|above| above == root))
         .collect();
+    let slide_m = |joint: usize| survey.slides[joint].0 * unit_m;
+    let is_steered = (0..names.len())
+        .any(|joint| below[joint] && slide_m(joint) > allowed_m && only_steers(survey, joint));
     let mut left_out = vec![false; names.len()];
     let mut held = Vec::new();
     let mut bystanders = Vec::new();
     for joint in (0..names.len()).filter(|&joint| below[joint]) {
-        let slide_m = survey.slides[joint].0 * unit_m;
+        let slide_m = slide_m(joint);
         let is_out = tree.line(joint).any(|above| left_out[above]);
         if is_out || slide_m <= still_m {
             continue;
         }
         let is_helper = tree.names[joint].is_helper() && slide_m > little_m;
-        match carried(survey, names, joint) {
+        let steers = is_steered && only_steers(survey, joint);
+        match carried(survey, names, joint).filter(|_| !steers) {
             carries if slide_m <= allowed_m && !(is_helper && carries.is_none()) => {
                 held.push((slide_m, joint))
             }
@@ -106,6 +110,14 @@ pub(super) fn hold_slides(
         report.repaired(Topic::Bystanders, text);
     }
     Ok(left_out)
+}
+
+/// Whether a joint and all that hang on it steer the rig, and are not of the body.
+fn only_steers(survey: &Survey, joint: usize) -> bool {
+    let tree = &survey.tree;
+    (0..tree.names.len())
+        .filter(|&other| tree.line(other).any(|above| above == joint))
+        .all(|other| tree.names[other].is_steering())
 }
 
 /// What of the body hangs on a joint, as the end of a sentence; none if it may be left out.

@@ -61,6 +61,20 @@ impl Figures {
         }
     }
 
+    /// Each figure with what it is, for people.
+    pub fn rows(&self) -> [(&'static str, String); 5] {
+        [
+            (
+                "angle between bones of limbs, mean (of the worst bone)",
+                format!("{:.1}° ({:.1}°)", self.directions_deg, self.worst_deg),
+            ),
+            ("speed of standing feet", format!("{:.1} cm/s", 1e2 * self.skate_mps)),
+            ("the same in the clip, scaled", format!("{:.1} cm/s", 1e2 * self.source_skate_mps)),
+            ("feet under the ground, deeper than in the clip", format!("{:.1} cm", 1e2 * self.under_m)),
+            ("feet short of their places", format!("{:.1} cm", 1e2 * self.short_m)),
+        ]
+    }
+
     /// What is beyond the bar: each as a sentence. Empty if all is well.
     pub fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();

@@ -85,6 +85,18 @@ impl Figure {
         Self::of_parts(skeleton, parts, neutral, root_y_m)
     }
 
+    /// The figure of a robot's skeleton, with its hinges at 0.
+    ///
+    /// # Errors
+    /// As [`Figure::new`].
+    pub fn of_robot(skeleton: Arc<Skeleton>, doc: &PartsDoc) -> Result<Self, RetargetError> {
+        let mut pose = vec![Quat::IDENTITY; skeleton.joint_count()];
+        if let Some(robot) = &skeleton.robot {
+            robot.pose(Quat::IDENTITY, &vec![0.0; robot.hinges().len()], &mut pose);
+        }
+        Self::new(skeleton, &pose, None, doc)
+    }
+
     fn of_parts(
         skeleton: Arc<Skeleton>,
         parts: Parts,

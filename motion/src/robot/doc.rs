@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::{Hinge, Link, Robot};
+use super::{Hinge, Link, MimicDoc, Robot};
 use crate::rotation::from_wxyz;
 use crate::skeleton::Skeleton;
 
@@ -20,6 +20,9 @@ pub struct RobotDoc {
     pub name: String,
     /// The hinges, in the order of MuJoCo's `qpos`.
     pub hinges: Vec<HingeDoc>,
+    /// Joints that follow hinges. Most robots have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mimics: Vec<MimicDoc>,
 }
 
 /// A hinge as written.
@@ -154,12 +157,13 @@ impl RobotDoc {
             hinges.push(doc.check(nth, joint)?);
         }
         check_order(&hinges, &links, skeleton)?;
-        Ok(Robot {
+        let robot = Robot {
             name: self.name.clone(),
             hinges,
             links,
             mimics: Vec::new(),
-        })
+        };
+        robot.with_mimics(&self.mimics, skeleton)
     }
 }
 
@@ -176,6 +180,7 @@ impl From<(&Robot, &Skeleton)> for RobotDoc {
         Self {
             name: robot.name.clone(),
             hinges: robot.hinges.iter().map(hinge).collect(),
+            mimics: (robot.mimics.iter()).map(|of| of.doc(robot, skeleton)).collect(),
         }
     }
 }

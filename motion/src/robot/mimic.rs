@@ -5,7 +5,7 @@ use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::{Robot, RobotError};
-use crate::rotation::from_wxyz;
+use crate::rotation::{from_wxyz, to_wxyz};
 use crate::skeleton::Skeleton;
 
 /// A joint that follows a hinge, as written, with joints by name.
@@ -28,20 +28,38 @@ pub struct MimicDoc {
 
 /// A joint that follows a hinge.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Mimic {
+pub struct Mimic {
+    /// Index of the joint in the skeleton.
+    pub joint: usize,
     /// Index of the hinge.
-    hinge: usize,
-    multiplier: f32,
-    offset_rad: f32,
-    axis: Vec3,
-    rest: Quat,
+    pub hinge: usize,
+    /// Its angle is `multiplier * angle + offset_rad`.
+    pub multiplier: f32,
+    /// Its angle where that of the hinge is 0, radians.
+    pub offset_rad: f32,
+    /// The axis in the joint's own frame of reference, unit length.
+    pub axis: Vec3,
+    /// The joint's rotation relative to its parent at angle 0.
+    pub rest: Quat,
 }
 
 impl Mimic {
-    /// The joint's rotation relative to its parent for the hinges' angles.
-    pub(super) fn rotation(&self, angles: &[f32]) -> Quat {
-        let angle = self.multiplier * angles[self.hinge] + self.offset_rad;
+    /// The joint's rotation relative to its parent at an angle of the hinge that it follows.
+    #[inline]
+    pub fn rotation(&self, angle: f32) -> Quat {
+        let angle = self.multiplier * angle + self.offset_rad;
         self.rest * Quat::from_axis_angle(self.axis, angle)
+    }
+
+    pub(super) fn doc(&self, robot: &Robot, skeleton: &Skeleton) -> MimicDoc {
+        MimicDoc {
+            joint: skeleton.joints[self.joint].name.clone(),
+            follows: skeleton.joints[robot.hinges[self.hinge].joint].name.clone(),
+            multiplier: self.multiplier,
+            offset_rad: self.offset_rad,
+            axis: self.axis,
+            rest: to_wxyz(self.rest),
+        }
     }
 }
 
@@ -51,7 +69,11 @@ impl Robot {
     /// # Errors
     /// [`RobotError::Mimic`] if a joint is not there or has a hinge, or follows one that comes
     /// after it.
-    pub fn with_mimics(mut self, mimics: &[MimicDoc], skeleton: &Skeleton) -> Result<Self, RobotError> {
+    pub(super) fn with_mimics(
+        mut self,
+        mimics: &[MimicDoc],
+        skeleton: &Skeleton,
+    ) -> Result<Self, RobotError> {
         for doc in mimics {
             let wrong = |reason: &str| {
                 Err(RobotError::Mimic {
@@ -81,6 +103,7 @@ impl Robot {
             }
             self.links[joint].mimic = Some(self.mimics.len());
             self.mimics.push(Mimic {
+                joint,
                 hinge,
                 multiplier: doc.multiplier,
                 offset_rad: doc.offset_rad,

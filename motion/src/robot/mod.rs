@@ -25,14 +25,13 @@ use std::f32::consts::TAU;
 
 use glam::{Quat, Vec3};
 
-use self::mimic::Mimic;
 use crate::conventions::Convention;
 use crate::root::wrap_angle;
 use crate::rotation::{from_wxyz, to_wxyz};
 
 pub use csv::{CsvError, write_csv};
 pub use doc::{HingeDoc, RobotDoc, RobotError};
-pub use mimic::MimicDoc;
+pub use mimic::{Mimic, MimicDoc};
 pub use tracker::{Reference, TRACKER_FPS, reference, sonic_files};
 
 /// Numbers of a `qpos` before the angles: the root's position and rotation.
@@ -148,6 +147,23 @@ impl Robot {
         self.links.get(joint)?.hinge
     }
 
+    /// Joints that follow hinges.
+    pub fn mimics(&self) -> &[Mimic] {
+        &self.mimics
+    }
+
+    /// What a joint without a hinge follows; none for the root and for fixed joints.
+    pub fn mimic_of(&self, joint: usize) -> Option<&Mimic> {
+        self.mimics.get(self.links.get(joint)?.mimic?)
+    }
+
+    /// The axis about which a joint turns, in its own frame of reference; none for the root and for
+    /// fixed joints.
+    pub fn axis_of(&self, joint: usize) -> Option<Vec3> {
+        let hinge = self.hinge_of(joint).map(|hinge| self.hinges[hinge].axis);
+        hinge.or_else(|| self.mimic_of(joint).map(|mimic| mimic.axis))
+    }
+
     /// Length of a `qpos`.
     pub fn qpos_len(&self) -> usize {
         ROOT_QPOS + self.hinges.len()
@@ -213,7 +229,10 @@ impl Robot {
     fn carried(&self, link: &Link, angles: &[f32]) -> Quat {
         match link.mimic {
             None => Quat::IDENTITY,
-            Some(mimic) => self.mimics[mimic].rotation(angles),
+            Some(mimic) => {
+                let mimic = &self.mimics[mimic];
+                mimic.rotation(angles[mimic.hinge])
+            }
         }
     }
 

@@ -147,6 +147,7 @@ fn crane(lower: f32, upper: f32) -> Skeleton {
             upper_rad: upper,
             max_speed_rad_per_s: 1.0,
         }],
+        mimics: Vec::new(),
     };
     Skeleton::new(joints, Vec3::X, 0.0, None)
         .unwrap()

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 import torch
 
+import troupe_reader
+from data.test_gltf import write_rig
 from tests_support import random_rotations
 from troupe_reader import ReadError
-from troupe_training.data.bvh_source import BvhSource
+from troupe_training.data.joint_source import JointSource
 from troupe_training.data.kinematics import Kinematics
+from troupe_training.data.prepare import files_of, load_all, prepare
 from troupe_training.data.roots import integrate_root
 from troupe_training.data.rotations import matrix_to_quat, matrix_to_six_d, quat_to_matrix, six_d_to_matrix, yaw_matrix
 from troupe_training.data.store import ClipStore, kind_of
@@ -54,7 +57,33 @@ def test_bvh_errors_say_where(tmp_path: Path, bvh_folder: Path):
         path = tmp_path / "x.bvh"
         path.write_text(broken)
         with pytest.raises(ReadError, match=message):
-            BvhSource().load(path)
+            JointSource().load(path)
+
+
+def test_prepare_reads_every_format_of_joints(tmp_path: Path, bvh_folder: Path):
+    folder = tmp_path / "motion"
+    folder.mkdir()
+    path = sorted(bvh_folder.glob("*.bvh"))[-1]
+    (folder / "a.bvh").write_bytes(path.read_bytes())
+    clip = troupe_reader.read(path)
+    bones = clip.skeleton
+    arrays = {"quaternions": clip.rotations, "root": clip.root_positions, "joint_names": np.array(bones.names)}
+    arrays |= {"parents": np.array(bones.parents), "offsets": bones.offsets, "fps": np.array(clip.fps, np.float32)}
+    np.savez(folder / "b.NPZ", **arrays)
+    (folder / "b.NPZ.npz").rename(folder / "b.NPZ")
+    first, second = load_all(files_of(folder, JointSource(), None), JointSource(), 1, "test")
+    assert (first.file, second.file, first.dropped, second.dropped) == ("a.bvh", "b.NPZ", None, None)
+    np.testing.assert_allclose(first.clips[0].positions, second.clips[0].positions, atol=1e-4)
+
+
+def test_each_animation_of_a_file_is_a_clip(tmp_path: Path):
+    write_rig(tmp_path / "toy.glb", ("Walk", "Torn"))
+    walk, torn = load_all(files_of(tmp_path, JointSource(), None), JointSource(), 1, "test")
+    assert walk.file == "toy_Walk.glb" and [clip.name for clip in walk.clips] == ["toy_Walk.glb"]
+    assert torn.file == "toy_Torn.glb" and "--max-slide" in (torn.dropped or "")
+    prepare(tmp_path, tmp_path / "cache")
+    made = json.loads((tmp_path / "cache" / "clips.json").read_text())
+    assert [clip["name"] for clip in made["clips"]] == ["toy_Walk.glb"] and list(made["dropped"]) == ["toy_Torn.glb"]
 
 
 def test_segments_start_in_the_segment_frame(cache: Path):
@@ -122,7 +151,7 @@ def test_a_number_of_frames_that_is_one_off_is_put_right(tmp_path: Path, bvh_fol
     text = (bvh_folder / "walk_00.bvh").read_text()
     path = tmp_path / "x.bvh"
     path.write_text(text.rsplit("\n", 2)[0] + "\n")
-    report = BvhSource().load(path).report
+    report = JointSource().load(path).report
     assert report is not None and [note["topic"] for note in report["repairs"]].count("frames") == 1
 
 
@@ -143,6 +172,6 @@ def test_a_moving_joint_above_the_pelvis_carries_it(tmp_path: Path, bvh_folder: 
         values[0], values[2], values[6], values[8] = values[6], values[8], "0", "0"
         lines[i] = " ".join(values)
     (tmp_path / "moved.bvh").write_text("\n".join(lines) + "\n")
-    moved, plain = (BvhSource().load(p) for p in (tmp_path / "moved.bvh", bvh_folder / "walk_00.bvh"))
+    moved, plain = (JointSource().load(p) for p in (tmp_path / "moved.bvh", bvh_folder / "walk_00.bvh"))
     assert moved.names == plain.names
     assert np.allclose(moved.positions, plain.positions, atol=1e-4)

@@ -11,7 +11,7 @@ from troupe_reader import ReadError
 from troupe_training.data.bodies import sides_of
 from troupe_training.data.corpus import Wanted, make_corpus
 from troupe_training.data.gaits import feet_of, with_root_motion
-from troupe_training.data.gltf import read_glb
+from troupe_training.data.gltf import read_rig
 
 NODES = [  # name, parent, translation
     ("root", None, (0, 0, 0)),
@@ -26,7 +26,7 @@ FRAMES, SPEED_MPS = 31, 0.6
 
 
 def write_rig(path: Path, clips: tuple[str, ...] = ("Walk", "Swim", "Idle")) -> Path:
-    """Legs swing, hips bob, the finger leaves its bone."""
+    """Legs swing, hips bob, the finger leaves its bone: far in "Pointing". In "Torn" a leg leaves the body."""
     gltf = gl.GLTF2(scene=0, scenes=[gl.Scene(nodes=[0])], skins=[gl.Skin(joints=list(range(len(NODES))))])
     for i, (name, _, translation) in enumerate(NODES):
         children = [k for k, (_, parent, _) in enumerate(NODES) if parent == i]
@@ -57,9 +57,11 @@ def write_rig(path: Path, clips: tuple[str, ...] = ("Walk", "Swim", "Idle")) -> 
             animation.samplers.append(gl.AnimationSampler(input=times, output=accessor(quat)))
             channel = gl.AnimationChannelTarget(node=node, path=gl.ROTATION)
             animation.channels.append(gl.AnimationChannel(sampler=len(animation.samplers) - 1, target=channel))
+        far, torn = (3.0 * (clip == name) for name in ("Pointing", "Torn"))
         for node, values in (
+            (2, np.stack([0.1 + 0 * phase, 0 * phase, torn * phase], -1)),
             (1, np.stack([0 * phase, 1.0 + 0.01 * np.sin(np.pi * phase), 0 * phase], -1)),
-            (6, np.stack([0 * phase, 0.3 + 0.05 * np.sin(np.pi * phase), 0 * phase], -1)),
+            (6, np.stack([0 * phase, 0.3 + 0.05 * np.sin(np.pi * phase), far * phase], -1)),
         ):
             animation.samplers.append(gl.AnimationSampler(input=times, output=accessor(values)))
             channel = gl.AnimationChannelTarget(node=node, path=gl.TRANSLATION)
@@ -77,7 +79,7 @@ def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_root_is_what_moves_and_loose_joints_are_held(rig_file: Path):
-    rig = read_glb(rig_file)
+    rig = read_rig(rig_file)
     assert rig.rest.names == ["hips", "leg_l", "foot_l", "leg_r", "foot_r", "finger"]
     assert any("finger" in note for note in rig.notes)
     assert len(rig.clips["Walk"].positions) == FRAMES
@@ -85,13 +87,47 @@ def test_the_root_is_what_moves_and_loose_joints_are_held(rig_file: Path):
 
 
 def test_keys_are_sampled_at_thirty_frames(rig_file: Path):
-    walk = read_glb(rig_file).clips["Walk"]
+    walk = read_rig(rig_file).clips["Walk"]
     np.testing.assert_allclose(walk.positions[0, 2, 2], 0.15, atol=1e-5)
     np.testing.assert_allclose(walk.positions[15, 2, 2], -0.15, atol=1e-3)
 
 
+def test_a_table_says_whose_rate_it_is(rig_file: Path):
+    evidence = [read_rig(rig_file, given).reports[0]["fps"]["evidence"] for given in (None, {"fps": 60.0})]
+    assert evidence == ["training's own: it samples the keys at this rate", "--fps"]
+
+
+def test_an_animation_that_is_torn_is_named_and_the_option_works(tmp_path: Path):
+    path = write_rig(tmp_path / "torn.glb", ("Walk", "Torn"))
+    rig = read_rig(path)
+    assert list(rig.clips) == ["Walk"] and list(rig.refused) == ["Torn"]
+    assert '"leg_l" moves' in rig.refused["Torn"] and "--max-slide" in rig.refused["Torn"]
+    assert list(read_rig(path, {"max_slide_m": 9.0}).clips) == ["Walk", "Torn"]
+    with pytest.raises(ValueError, match="none of 1 animations can be read"):
+        read_rig(write_rig(tmp_path / "all.glb", ("Torn",)))
+
+
+def test_what_one_animation_leaves_out_no_animation_has(tmp_path: Path):
+    rig = read_rig(write_rig(tmp_path / "pointing.glb", ("Walk", "Pointing")))
+    names = ["hips", "leg_l", "foot_l", "leg_r", "foot_r"]
+    assert rig.rest.names == names and [clip.names for clip in rig.clips.values()] == [names, names]
+    assert rig.notes[0] == "left out of all animations, as some have them left out: finger"
+    alone = read_rig(write_rig(tmp_path / "alone.glb", ("Walk",)))
+    np.testing.assert_array_equal(rig.clips["Walk"].positions, alone.clips["Walk"].positions[:, :5])
+
+
+def test_gltf_with_files_beside_it_is_the_same_rig(rig_file: Path, tmp_path: Path):
+    gltf = gl.GLTF2().load(str(rig_file))
+    gltf.convert_buffers(gl.BufferFormat.BINFILE)
+    gltf.save(str(tmp_path / "toy.gltf"))
+    (rig_file.parent / "0.bin").rename(tmp_path / "0.bin")
+    rig, same = read_rig(tmp_path / "toy.gltf"), read_rig(rig_file)
+    np.testing.assert_array_equal(rig.clips["Walk"].positions, same.clips["Walk"].positions)
+    assert make_corpus([Wanted("rigs", tmp_path)], tmp_path / "cache") == ["toy"]
+
+
 def test_feet_are_the_ends_of_sided_limbs_on_the_ground(rig_file: Path):
-    rest = read_glb(rig_file).rest
+    rest = read_rig(rig_file).rest
     assert [rest.names[j] for j in feet_of(rest, sides_of(rest.names))] == ["foot_l", "foot_r"]
 
 
@@ -128,4 +164,4 @@ def test_other_files_are_refused(tmp_path: Path):
     path = tmp_path / "a.glb"
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12))
     with pytest.raises(ReadError, match=r"a\.glb: "):
-        read_glb(path)
+        read_rig(path)

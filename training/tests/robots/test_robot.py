@@ -1,15 +1,29 @@
 """Robots: URDFs, motion files, kinematics, and what is said where they do not fit."""
 
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-from robot_support import COLUMNS, ball, biped, walk_rows, write_rows
+import troupe_reader
+from robot_support import COLUMNS, ball, biped, coupled, coupled_rows, joint, link, walk_rows, write_rows
 from troupe_reader import ReadError
+from troupe_training.cli.main import main
+from troupe_training.data.bodies import Body, body_of
 from troupe_training.data.clips import headings
+from troupe_training.data.mirror import MirrorError, mirror_of
+from troupe_training.data.neutral import robot_neutral
+from troupe_training.data.prepare import Choice, file_name, files_of, load_all, prepare
+from troupe_training.data.rotations import matrix_to_quat, six_d_to_matrix
+from troupe_training.data.sides import side_pairs
+from troupe_training.data.skeleton import Skeleton
+from troupe_training.data.store import ClipStore
+from troupe_training.export.manifest import skeleton_lines
 from troupe_training.robots.build import build_robot, describe
+from troupe_training.robots.hinges import Hinges
 from troupe_training.robots.source import RobotSource
 
 STRAIGHT = [0.0] * 9
@@ -111,6 +125,113 @@ def test_end_effectors_can_be_given(tmp_path: Path):
 def test_urdf_errors_name_the_joint(tmp_path: Path, change: tuple[str, str], options: dict, message: str):
     with pytest.raises(ValueError, match=message):
         robot_of(tmp_path, biped().replace(*change, 1) if change[0] else biped(), **options)
+
+
+def test_joints_that_follow_others_move_with_them_from_the_urdf_to_the_manifest(tmp_path: Path):
+    (tmp_path / "toy.urdf").write_text(coupled())
+    rows = coupled_rows(walk_rows(60, 0.6, 30, 1))
+    (tmp_path / "csv").mkdir()
+    for number in range(2):
+        write_rows(tmp_path / "csv" / f"walk{number}.csv", rows)
+    source = RobotSource(tmp_path / "toy.urdf")
+    prepare(tmp_path / "csv", tmp_path / "cache", source, choice=Choice(test_name="walk1", mirror=True))
+    store = ClipStore(tmp_path / "cache", "train", lengths=[12])
+    assert [c.get("mirrored", False) for c in store.clips] == [False, True]
+    # A server reads the tables of the manifest.
+    tables = tomllib.loads("\n".join(skeleton_lines(store.skeleton)))
+    served = troupe_reader.Skeleton.of_tables(tables["skeleton"], tables["robot"])
+    assert served.robot is not None and [m["follows"] for m in served.robot["mimics"]] == ["left_knee", "right_knee"]
+    ankle, knee = store.skeleton.names.index("left_ankle"), store.skeleton.names.index("left_knee")
+    hinges = Hinges(store.skeleton)
+    for clip in store.clips:
+        frames = slice(clip["start"], clip["start"] + clip["frames"])
+        rotations = six_d_to_matrix(store.six_d[frames])
+        bent = hinges.nearest(hinges.hinge_of[knee], rotations[:, store.skeleton.parents[knee]].mT @ rotations[:, knee])
+        about = matrix_to_quat(rotations[:, knee].mT @ rotations[:, ankle])
+        np.testing.assert_allclose(2 * torch.atan2(about[:, 1], about[:, 0]), 0.1 - 0.5 * bent, atol=1e-3)
+        made = hinges.project(rotations)
+        np.testing.assert_allclose(made.rotations, rotations, atol=1e-4)
+        roots = matrix_to_quat(rotations[:, 0])
+        pose = served.pose(roots.numpy(), made.angles.numpy())
+        shown = troupe_reader.Clip(served, 30.0, store.positions[frames, 0].numpy(), pose)
+        np.testing.assert_allclose(shown.world()[0], store.positions[frames], atol=1e-4)
+    body = body_of("toy", store.skeleton, robot_neutral(store.skeleton))
+    assert np.abs(body.axes[ankle]).max() == pytest.approx(1.0)
+
+
+def test_joints_that_follow_unlike_each_other_have_no_mirror_image(tmp_path: Path):
+    (tmp_path / "toy.urdf").write_text(coupled().replace('multiplier="-0.5"', 'multiplier="-0.6"', 1))
+    robot = build_robot(describe(tmp_path / "toy.urdf"))
+    skeleton = Skeleton(robot.names, robot.parents, robot.offsets.tolist(), [1.0, 0.0, 0.0], robot=robot.table())
+    with pytest.raises(MirrorError, match="left_ankle does not follow as the mirror image of right_ankle does"):
+        mirror_of(skeleton, [])
+
+
+def test_every_format_of_robots_is_read(tmp_path: Path):
+    (tmp_path / "toy.urdf").write_text(biped())
+    source = RobotSource(tmp_path / "toy.urdf")
+    rows = walk_rows(40, 0.5, 0, 1)
+    folder = tmp_path / "data"
+    (folder / "sonic" / "walk").mkdir(parents=True)
+    write_rows(folder / "a.csv", rows)
+    quaternion_first = [[*row[:3], row[6], *row[3:6], *row[7:]] for row in rows]
+    np.save(folder / "b.npy", np.array(quaternion_first, np.float32))
+    # Breadth first, as Isaac Lab has it: hips and waist, then knees and shoulders, then ankles.
+    order = [7, 10, 13, 8, 11, 14, 15, 9, 12]
+    write_rows(folder / "sonic" / "walk" / "joint_pos.csv", [[row[column] for column in order] for row in rows])
+    write_rows(folder / "sonic" / "walk" / "body_pos.csv", [row[:3] for row in rows])
+    write_rows(folder / "sonic" / "walk" / "body_quat.csv", [row[3:7] for row in quaternion_first])
+    files = files_of(folder, source, None)
+    assert [file_name(file) for file in files] == ["a.csv", "b.npy", "walk.csv"]
+    first, second, third = load_all(files, source, 1, "test")
+    assert first.dropped is second.dropped is None
+    np.testing.assert_allclose(first.clips[0].positions, second.clips[0].positions, atol=1e-5)
+    # At 50 Hz.
+    assert third.dropped is None and len(third.clips[0].positions) == 24
+
+
+def test_quadrupeds_stand_on_the_ends_of_their_legs(tmp_path: Path):
+    parts = [link("base")]
+    for leg, x, y in (("FL", 0.19, 0.05), ("FR", 0.19, -0.05), ("RL", -0.19, 0.05), ("RR", -0.19, -0.05)):
+        parts += [link(f"{leg}_{name}", ball("0 0 -0.2")) for name in ("hip", "thigh", "calf", "foot")]
+        parts += [
+            joint(f"{leg}_hip", "base", f"{leg}_hip", f"{x} {y} 0", "1 0 0"),
+            joint(f"{leg}_thigh", f"{leg}_hip", f"{leg}_thigh", f"0 {y} 0", "0 1 0"),
+            joint(f"{leg}_calf", f"{leg}_thigh", f"{leg}_calf", "0 0 -0.213", "0 1 0"),
+            joint(f"{leg}_foot", f"{leg}_calf", f"{leg}_foot", "0 0 -0.213", "0 1 0", kind="fixed"),
+        ]
+    robot = robot_of(tmp_path, f'<robot name="go">{"".join(parts)}</robot>')
+    assert robot.contacts == [f"{leg}_calf_end" for leg in ("FL", "FR", "RL", "RR")]
+    rows = [[0.02 * n, 0, 0.311, 0, 0, 0, 1, *[0.0, 0.8, -1.5] * 4] for n in range(40)]
+    (tmp_path / "csv").mkdir()
+    write_rows(tmp_path / "csv" / "walk.csv", rows)
+    argv = ["unimogen", "prepare", "--source", str(tmp_path / "csv"), "--urdf", str(tmp_path / "robot.urdf")]
+    assert main([*argv, "--name", "go", "--cache", str(tmp_path / "cache"), "--workers", "1"]) == 0
+    body = Body.load(tmp_path / "cache" / "go" / "body.json")
+    assert body.size_m == pytest.approx(0.426, abs=0.01)
+    assert [body.sides[body.skeleton.names.index(name)] for name in ("FL_hip", "RR_calf_end", "base")] == [1, -1, 0]
+    argv = ["prepare", str(tmp_path / "csv"), "--urdf", str(tmp_path / "robot.urdf"), "--mirror"]
+    assert main([*argv, "--cache", str(tmp_path / "mirrored"), "--workers", "1"]) == 0
+    store = ClipStore(tmp_path / "mirrored", "train", lengths=[12])
+    assert [clip["name"] for clip in store.clips] == ["walk.csv", "walk_M.csv"]
+
+
+@pytest.mark.parametrize(("left", "right"), [("leg_l{}", "leg_r{}"), ("L_leg_{}", "R_leg_{}"), ("leg{}_L", "leg{}_R")])
+def test_sides_are_found_by_many_makers_names(left: str, right: str):
+    names = ["base", *(side.format(number) for side in (left, right) for number in (1, 6)), "level"]
+    assert side_pairs(names) == [(1, 3), (2, 4)]
+
+
+def test_legs_that_no_name_shows_are_an_option(tmp_path: Path):
+    text = biped().replace("left_", "one_").replace("right_", "two_")
+    with pytest.raises(ReadError, match="--legs LEFT,RIGHT names the last hinge of each leg, of: one_ankle, two_ankle"):
+        robot_of(tmp_path, text)
+    (tmp_path / "csv").mkdir()
+    write_rows(tmp_path / "csv" / "walk.csv", walk_rows(40, 0.5, 0, 1))
+    argv = [str(tmp_path / "csv"), "--urdf", str(tmp_path / "robot.urdf"), "--legs", "one_ankle,two_ankle"]
+    assert main(["prepare", *argv, "--cache", str(tmp_path / "cache"), "--workers", "1"]) == 0
+    skeleton = ClipStore(tmp_path / "cache", "train", lengths=[12]).skeleton
+    assert [skeleton.names[j] for j in skeleton.contact_joints] == ["one_ankle", "left_toe", "two_ankle", "right_toe"]
 
 
 def test_a_foot_without_any_shape_says_what_to_give(tmp_path: Path):

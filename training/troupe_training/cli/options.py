@@ -14,6 +14,7 @@ from troupe_reader.options import FileOptions
 from troupe_training.data.conventions import FPS
 from troupe_training.data.store import BALANCE
 from troupe_training.models.motionbricks.config import PRESETS
+from troupe_training.robots.source import RobotSource
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -68,19 +69,38 @@ def reading(args: argparse.Namespace) -> FileOptions:
     return cast(FileOptions, {key: value for key, value in given.items() if value is not None and value is not False})
 
 
+def robot_of(args: argparse.Namespace) -> RobotSource | None:
+    """The reader of the robot's files that ``--urdf`` asks for."""
+    if args.urdf is None and (args.end_effector or args.legs):
+        raise SystemExit("--end-effector and --legs are for robots: they need --urdf")
+    if args.urdf is None:
+        return None
+    if args.scale is not None:
+        raise SystemExit("--scale is for BVH files: a robot's are in metres")
+    legs = [name for text in args.legs or () for name in text.split(",")]
+    try:
+        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps, reading(args), legs)
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
+
+
 OPTIONS: dict[str, dict[str, Any]] = {
     # motion
-    "source": {"type": Path, "help": "folder of BVH or CSV files, searched recursively"},
+    "source": {"type": Path, "help": "folder of motion of one skeleton, searched recursively"},
     "--contact-joints": {"nargs": "+", "help": "joints that touch the ground; found by name if left out"},
     "--scale": {"type": float, "help": "metres per unit of the files, as --unit; found by the body if left out"},
-    "--urdf": {"type": Path, "help": "the robot whose motion the CSV files hold; without it BVH files are read"},
+    "--urdf": {"type": Path, "help": "the robot whose motion the files hold; its maker's URDF or MJCF"},
     "--end-effector": {
         "action": "append",
         "default": [],
         "metavar": "NAME=JOINT:x,y,z",
         "help": "a point fixed to a robot's joint, metres in its URDF frame; adds to or replaces toes and hands",
     },
-    "--legs": {"nargs": "+", "help": "the last joints of a robot's legs, left before right; found by name if left out"},
+    "--legs": {
+        "nargs": "+",
+        "metavar": "LEFT,RIGHT",
+        "help": "the last joints of a robot's legs, left before right; found by name if left out",
+    },
     # what a file may leave open; the reader's errors name them
     "--up": {"choices": ["x", "y", "z", "-x", "-y", "-z"], "help": "the axis that points up in BVH files: --up=-z"},
     "--unit": {"type": unit, "help": "metres a unit of BVH files, or m, ft, dm, cmu, in, cm, mm"},

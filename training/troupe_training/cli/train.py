@@ -7,10 +7,10 @@ from pathlib import Path
 
 import torch
 
-from troupe_training.cli.options import OPTIONS, READING, READING_FLAGS, STOPPED, command, reading
-from troupe_training.data.bvh_source import BvhSource
+from troupe_training.cli.options import OPTIONS, READING, READING_FLAGS, STOPPED, command, reading, robot_of
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
+from troupe_training.data.joint_source import JointSource
 from troupe_training.data.limits import measure as measure_limits
 from troupe_training.data.prepare import Choice
 from troupe_training.data.prepare import prepare as prepare_cache
@@ -21,7 +21,6 @@ from troupe_training.export.motionbricks.adopt import adopt as adopt_pack
 from troupe_training.export.motionbricks.pack import export_run
 from troupe_training.export.motionbricks.random_pack import random_pack as export_random
 from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
-from troupe_training.robots.source import RobotSource
 from troupe_training.train.delta import DELTA, train_delta
 from troupe_training.train.evaluator import LEARNING_RATE, train_evaluator
 from troupe_training.train.motionbricks.refine import DRAWS
@@ -72,7 +71,7 @@ ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
 
 @command(*DATA)
 def prepare(args: argparse.Namespace) -> int:
-    """A folder of BVH files, or of a robot's CSV files -> cached features."""
+    """A folder of motion, of a character or with --urdf of a robot -> cached features."""
     prepare_cache(args.source, args.cache, _source(args), args.workers, args.split_list, _choice(args))
     return 0
 
@@ -83,17 +82,8 @@ def _choice(args: argparse.Namespace) -> Choice:
 
 
 def _source(args: argparse.Namespace) -> MotionSource:
-    """The reader of the data: a robot's CSV files where a URDF is given, else BVH."""
-    if args.urdf is None and args.end_effector:
-        raise SystemExit("--end-effector is for robots: it needs --urdf")
-    if args.urdf is not None and args.scale is not None:
-        raise SystemExit("--scale is for BVH files: a robot's are in metres")
-    if args.urdf is None:
-        return BvhSource(args.contact_joints, args.scale, reading(args))
-    try:
-        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps, reading(args), args.legs or ())
-    except ValueError as error:
-        raise SystemExit(str(error)) from error
+    """The reader of the data: of a robot's files if a URDF is given, else of files of joints."""
+    return robot_of(args) or JointSource(args.contact_joints, args.scale, reading(args))
 
 
 def _prepare_once(args: argparse.Namespace) -> None:

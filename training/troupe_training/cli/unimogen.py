@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from troupe_training.cli.options import OPTIONS, READING_FLAGS, STOPPED, command, reading
+from troupe_reader import ENDINGS
+from troupe_reader.options import FileOptions
+from troupe_training.cli.options import OPTIONS, READING_FLAGS, STOPPED, command, reading, robot_of
 from troupe_training.data.bodies import Body
 from troupe_training.data.bodies_store import BALANCE, Corpus
-from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.conventions import FPS
-from troupe_training.data.corpus import Wanted, make_corpus
+from troupe_training.data.corpus import RIG_ENDINGS, Wanted, make_corpus
+from troupe_training.data.joint_source import JointSource
 from troupe_training.evaluate.unimogen.card import paths_table, write_card
 from troupe_training.evaluate.unimogen.encoders import encoder_of
 from troupe_training.evaluate.unimogen.measure import Figures, measure, table, why_no_fid
@@ -47,7 +49,10 @@ CACHE, RUN = Path("runs/unimogen-cache"), Path("runs/unimogen")
 MINUTES = 480.0  # of training, if neither minutes nor steps are given
 OPTIONS["--bodies"] = {"type": Path, "help": "TOML list of bodies and their motion, as training/bodies.toml is one"}
 OPTIONS["--data"] = {"type": Path, "default": Path(), "help": "folder that the list's paths of motion are relative to"}
-OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urdf) or glb files instead of a list"}
+OPTIONS["--source"] = {
+    "type": Path,
+    "help": "one folder of motion instead of a list: a body, a robot (with --urdf), or of glTF files alone a body a file",
+}
 OPTIONS["--trained-bodies"] = {"nargs": "+", "help": "train on these bodies of the cache alone"}
 OPTIONS["--unimogen-preset"] = {
     "choices": PRESETS,
@@ -154,7 +159,7 @@ def _wanted(report_head: dict[str, Any], data: Path, beside: Path) -> Wanted:
     elif "urdf" in report_head:
         reader = RobotSource(data / report_head["urdf"])
     else:
-        reader = BvhSource(report_head.get("contact_joints"), report_head.get("scale"))
+        reader = JointSource(report_head.get("contact_joints"), report_head.get("scale"))
     return Wanted(
         report_head["name"],
         data / report_head["source"],
@@ -169,18 +174,14 @@ def _wanted(report_head: dict[str, Any], data: Path, beside: Path) -> Wanted:
 
 def _own(args: argparse.Namespace) -> Wanted:
     """A folder of the user's own motion, by the kind of its files."""
-    suffixes = {p.suffix.lower() for p in args.source.rglob("*")}
-    reader: MotionSource | None = None
-    if args.urdf is not None:
-        robot = (args.urdf, args.end_effector, args.contact_joints, args.fps)
-        reader = RobotSource(*robot, reading(args), args.legs or ())
-    elif ".bvh" in suffixes:
-        reader = BvhSource(args.contact_joints, args.scale, reading(args))
-    elif ".glb" not in suffixes:
-        hint = "; CSV files need their robot's --urdf" if ".csv" in suffixes else ""
-        raise SystemExit(f"no .bvh or .glb file under {args.source}{hint}")
+    endings = {p.suffix.lower() for p in args.source.rglob("*")}
+    reader: MotionSource | None = robot_of(args)
+    if reader is None and (not endings & set(RIG_ENDINGS) or endings & (set(ENDINGS) - set(RIG_ENDINGS))):
+        reader = JointSource(args.contact_joints, args.scale, reading(args))
     cells = read_cells(args.cells) if args.cells else frozenset()
-    return Wanted(args.name, args.source, reader, args.test_name, True, cells, args.licence, args.credit)
+    about = (args.test_name, True, cells, args.licence, args.credit)
+    given: FileOptions = {"unit": args.scale, **reading(args)} if args.scale is not None else reading(args)
+    return Wanted(args.name, args.source, reader, *about, given)
 
 
 @command(

@@ -64,9 +64,10 @@ class Body:
         """Hinge axes in the neutral pose ``[J, 3]``, world axes; zero if a joint turns freely or not at all."""
         axes = np.zeros((self.joint_count, 3))
         if self.skeleton.robot is not None:
-            for hinge in self.skeleton.robot["hinges"]:
-                joint = self.skeleton.names.index(hinge["joint"])
-                axes[joint] = self.rotations[joint] @ np.array(hinge["axis"])
+            robot = self.skeleton.robot
+            for turning in (*robot["hinges"], *robot.get("mimics", [])):
+                joint = self.skeleton.names.index(turning["joint"])
+                axes[joint] = self.rotations[joint] @ np.array(turning["axis"])
         return axes
 
     def places(self) -> np.ndarray:

@@ -56,9 +56,9 @@ class Clip:
 
 
 class MotionSource(Protocol):
-    """Reads files of one format as motion of one skeleton."""
+    """Reads files as motion of one skeleton."""
 
-    suffix: str  # of its files, in small letters
+    endings: tuple[str, ...]  # of its files, in small letters
 
     def options(self) -> dict[str, Any]:
         """Options that the result depends on besides the files. Caches with others are made again."""
@@ -66,8 +66,8 @@ class MotionSource(Protocol):
     def survey(self, files: Sequence[Path]) -> None:
         """Looks at all files before any is loaded: what they agree on decides for those that leave it open."""
 
-    def load(self, path: Path) -> FileMotion:
-        """Reads one file. Raises `ValueError` with the reason if it cannot be used."""
+    def load(self, path: Path, animation: str | None = None) -> FileMotion:
+        """Reads one file, or one of its animations. Raises `ValueError` with the reason if it cannot be used."""
 
     def skeleton(self, names: list[str], parents: list[int], offsets: np.ndarray, clips: list[Clip]) -> Skeleton:
         """The skeleton of all files from their joints, usual offsets ``[J, 3]`` (m) and clips."""

@@ -8,16 +8,15 @@ made from the same options, is not made again.
 
 import json
 import re
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
 import numpy as np
-from tqdm import tqdm
 
+from troupe_reader.options import FileOptions
 from troupe_training.data.bodies import Body, bends, body_of, pack_bends, positions_of, sides_of, unbend, unpack_bends
 from troupe_training.data.cells import CLIP_NAME, cell_of
 from troupe_training.data.clips import (
@@ -31,9 +30,9 @@ from troupe_training.data.clips import (
 )
 from troupe_training.data.conventions import FPS
 from troupe_training.data.gaits import feet_of, with_root_motion
-from troupe_training.data.gltf import Rig, read_glb
+from troupe_training.data.gltf import Rig, read_rig
 from troupe_training.data.neutral import average_pose, robot_neutral, straightened
-from troupe_training.data.prepare import drop_odd_skeletons, files_of, load_file
+from troupe_training.data.prepare import drop_odd_skeletons, files_of, load_all
 from troupe_training.data.reader import printed, understood
 from troupe_training.data.rotations import columns_to_matrix
 from troupe_training.data.skeleton import Skeleton
@@ -43,6 +42,7 @@ VERSION = 2  # of the cache
 # root's speed.
 KEYED_STANCE = 0.4
 MAX_ROUND_TRIP_M = 1e-3
+RIG_ENDINGS = (".glb", ".gltf")
 LEFT_AXIS = [1.0, 0.0, 0.0]  # of rigs that head along +Z at rest
 LAFAN_NAME = re.compile(r"(?P<content>[A-Za-z]+)\d*_subject\d+")
 STILL = re.compile("rest.?pose", re.IGNORECASE)
@@ -65,23 +65,24 @@ class CorpusClip(TypedDict):
 
 @dataclass
 class Wanted:
-    """One body, or with ``glb`` files one a file, to be made from a folder of motion."""
+    """One body, or of rigs (glTF) one a file, to be made from a folder of motion."""
 
     name: str
     source: Path
-    reader: MotionSource | None = None  # None: glTF binaries
+    reader: MotionSource | None = None  # None: rigs
     test_name: str | None = None  # finds the names of the test split; 5 % by a hash if left out
     tested: bool = True  # false: everything is trained on
     cells: frozenset[str] = frozenset()  # held out, see `data/cells.py`
     licence: str = "unknown"
     credits: list[str] = field(default_factory=list)
+    given: FileOptions = field(default_factory=FileOptions)  # options for reading rigs
 
     def options(self) -> dict[str, Any]:
         """Options that a cached body depends on."""
-        reader = self.reader.options() if self.reader else {}
+        reader: Mapping[str, Any] = self.reader.options() if self.reader else self.given
         about = {"licence": self.licence, "credits": self.credits, "version": VERSION}
         chosen = {"test_name": self.test_name, "tested": self.tested, "cells": sorted(self.cells)}
-        return {"source": str(self.source.resolve())} | reader | chosen | about
+        return {"source": str(self.source.resolve()), **reader, **chosen, **about}
 
 
 @dataclass
@@ -137,10 +138,10 @@ def make_corpus(wanted: Iterable[Wanted], cache: Path, workers: int = 1) -> list
 def _bodies(one: Wanted, workers: int) -> list[tuple[str, Callable[[], Made]]]:
     if one.reader is not None:
         return [(one.name, partial(_from_files, one, one.reader, workers))]
-    files = sorted(p for p in one.source.rglob("*") if p.suffix.lower() == ".glb")
+    files = sorted(p for p in one.source.rglob("*") if p.suffix.lower() in RIG_ENDINGS)
     if not files:
-        raise SystemExit(f"no .glb file under {one.source}")
-    return [(_rig_name(path), partial(_from_rig, path)) for path in files]
+        raise SystemExit(f"no {' or '.join(RIG_ENDINGS)} file under {one.source}")
+    return [(_rig_name(path), partial(_from_rig, path, one.given)) for path in files]
 
 
 def _rig_name(path: Path) -> str:
@@ -148,16 +149,8 @@ def _rig_name(path: Path) -> str:
 
 
 def _from_files(one: Wanted, reader: MotionSource, workers: int) -> Made:
-    """A folder of BVH or CSV files, which share a skeleton."""
-    files = files_of(one.source, reader, None)
-    reader.survey(files)
-    with ProcessPoolExecutor(workers) as pool:
-        results = pool.map(partial(load_file, source=reader), files, chunksize=1 + len(files) // (16 * workers))
-        loaded = list(tqdm(results, total=len(files), desc=one.name))
-    if all(file.dropped for file in loaded):
-        raise SystemExit(
-            f"{one.name}: none of {len(files)} files can be used, e.g. {loaded[0].file}: {loaded[0].dropped}"
-        )
+    """A folder of files that share a skeleton."""
+    loaded = load_all(files_of(one.source, reader, None), reader, workers, one.name)
     drop_odd_skeletons(loaded)
     kept = [file for file in loaded if file.dropped is None]
     clips = [clip for file in kept for clip in file.clips]
@@ -173,17 +166,17 @@ def _from_files(one: Wanted, reader: MotionSource, workers: int) -> Made:
     return Made(body_of(one.name, skeleton, neutral), clips, dropped, notes, table)
 
 
-def _from_rig(path: Path) -> Made:
-    """One glTF binary: its rest pose is neutral, and gaits get their root motion from stance feet."""
+def _from_rig(path: Path, given: FileOptions) -> Made:
+    """One glTF file: its rest pose is neutral, and gaits get their root motion from stance feet."""
     try:
-        rig = read_glb(path)
+        rig = read_rig(path, given)
     except ValueError as error:
         raise SystemExit(f"{path}: {error}") from error
     names, parents = rig.rest.names, rig.rest.parents
     feet, sides = feet_of(rig.rest, sides_of(names)), sides_of(names)
     extent = float(np.linalg.norm(np.ptp(rig.rest.positions[0], axis=0)))
     size = max(float(rig.rest.positions[0, 0, 1]), extent / 4) if any(sides) else extent / 4
-    dropped, notes, clips = {}, {path.name: rig.notes} if rig.notes else {}, []
+    dropped, notes, clips = dict(rig.refused), {path.name: rig.notes} if rig.notes else {}, []
     for name, motion in rig.clips.items():
         if STILL.search(name):
             dropped[name] = "the rest pose, no motion"

@@ -16,7 +16,7 @@ import torch
 from troupe_training.data.clips import Clip, with_suffix
 from troupe_training.data.rotations import columns_to_matrix, quat_to_matrix
 from troupe_training.data.sides import side_pairs
-from troupe_training.data.skeleton import HingeTable, RobotTable, Skeleton
+from troupe_training.data.skeleton import HingeTable, MimicTable, RobotTable, Skeleton
 
 WORLD = np.diag([-1.0, 1.0, 1.0])
 MAX_BONE_ERROR_M = 0.005
@@ -107,8 +107,8 @@ def _bone_errors(skeleton: Skeleton, partners: list[int], local: np.ndarray) -> 
     A hinge may stand anywhere along its own axis: that moves nothing but the offsets of the joints on it.
     """
     offsets, errors = np.array(skeleton.offsets), [0.0]
-    hinges = skeleton.robot["hinges"] if skeleton.robot is not None else []
-    axes = {skeleton.names.index(hinge["joint"]): (np.array(hinge["axis"]), _rest(hinge)) for hinge in hinges}
+    turning = _turning(skeleton, skeleton.robot) if skeleton.robot is not None else {}
+    axes = {joint: (np.array(table["axis"]), _rest(table)) for joint, table in turning.items()}
     along = np.zeros((skeleton.joint_count, 3))  # from the mirror image of each joint's place, in its own axes
     for k in range(1, skeleton.joint_count):
         parent = skeleton.parents[k]
@@ -121,38 +121,68 @@ def _bone_errors(skeleton: Skeleton, partners: list[int], local: np.ndarray) -> 
     return errors
 
 
-def _rest(hinge: HingeTable) -> np.ndarray:
-    """The rotation of a hinge's joint relative to its parent at angle 0."""
-    matrix: np.ndarray = quat_to_matrix(torch.tensor(hinge["rest"], dtype=torch.float64)).numpy()
+def _turning(skeleton: Skeleton, robot: RobotTable) -> dict[int, HingeTable | MimicTable]:
+    """The joints that turn about an axis, with the tables that say so."""
+    tables: list[HingeTable | MimicTable] = [*robot["hinges"], *robot.get("mimics", [])]
+    return {skeleton.names.index(table["joint"]): table for table in tables}
+
+
+def _rest(table: HingeTable | MimicTable) -> np.ndarray:
+    """The rotation of a joint relative to its parent at angle 0."""
+    matrix: np.ndarray = quat_to_matrix(torch.tensor(table["rest"], dtype=torch.float64)).numpy()
     return matrix
 
 
 def _robot_axes(skeleton: Skeleton, robot: RobotTable, partners: list[int]) -> tuple[np.ndarray, list[str]]:
-    """S of every joint from the pose at angle 0; the hinges' axes must be each other's mirror images."""
+    """S of every joint from the pose at angle 0; the joints' axes must be each other's mirror images."""
+    turning = _turning(skeleton, robot)
     hinges = {skeleton.names.index(hinge["joint"]): hinge for hinge in robot["hinges"]}
+    mimics = {skeleton.names.index(mimic["joint"]): mimic for mimic in robot.get("mimics", [])}
     local = np.tile(_root_axes(skeleton), (skeleton.joint_count, 1, 1))
+    signs: dict[int, int] = {}  # of the mirrored angles
     errors, notes = [], []
     for j in range(1, skeleton.joint_count):
         partner, name = partners[j], skeleton.names[j]
         local[j] = local[skeleton.parents[j]]
-        if j not in hinges:
+        if j not in turning:
             continue
-        if partner not in hinges:
-            errors.append(f"{name} turns, {skeleton.names[partner]} does not")
+        if partner not in turning or (j in mimics) != (partner in mimics):
+            how = "follows another joint" if j in mimics else "turns by itself"
+            errors.append(f"{name} {how}, {skeleton.names[partner]} does not")
             continue
-        hinge, other = hinges[j], hinges[partner]
-        local[j] = _rest(hinge).T @ local[j] @ _rest(other)
-        seen, axis = local[j].T @ np.array(hinge["axis"]), np.array(other["axis"])
-        sign = -1 if seen @ axis > 0 else 1  # the mirrored angle's
+        table, other = turning[j], turning[partner]
+        local[j] = _rest(table).T @ local[j] @ _rest(other)
+        seen, axis = local[j].T @ np.array(table["axis"]), np.array(other["axis"])
+        sign = signs[j] = -1 if seen @ axis > 0 else 1
         if np.linalg.norm(seen + sign * axis) > MAX_AXIS_ERROR:
             errors.append(f"the axis of {name} is not the mirror image of {skeleton.names[partner]}'s")
-        limits = sorted((sign * hinge["lower_rad"], sign * hinge["upper_rad"]))
-        wanted = [other["lower_rad"], other["upper_rad"]]
+        if j in mimics:
+            leader = skeleton.names.index(mimics[j]["follows"])
+            if not _follow_alike(skeleton, mimics[j], mimics[partner], (sign, signs.get(leader, 1)), partners[leader]):
+                errors.append(f"{name} does not follow as the mirror image of {skeleton.names[partner]} does")
+            continue
+        limits = sorted((sign * hinges[j]["lower_rad"], sign * hinges[j]["upper_rad"]))
+        wanted = [hinges[partner]["lower_rad"], hinges[partner]["upper_rad"]]
         if np.abs(np.array(limits) - wanted).max() > MAX_LIMIT_ERROR_RAD:
             notes.append(f"the limits of {name} are not the mirror image of {skeleton.names[partner]}'s")
     if errors:
         raise MirrorError("the robot cannot be mirrored: " + "; ".join(errors))
     return local, notes
+
+
+def _follow_alike(
+    skeleton: Skeleton, mimic: MimicTable, other: MimicTable, signs: tuple[int, int], leader: int
+) -> bool:
+    """Whether ``other`` follows the joint ``leader`` as the mirror image of ``mimic`` does.
+
+    ``signs`` are those of the mirrored angles of ``mimic`` and of the joint that it follows.
+    """
+    own, led = signs
+    return (
+        skeleton.names[leader] == other["follows"]
+        and abs(own * led * mimic["multiplier"] - other["multiplier"]) < MAX_LIMIT_ERROR_RAD
+        and abs(own * mimic["offset_rad"] - other["offset_rad"]) < MAX_LIMIT_ERROR_RAD
+    )
 
 
 def _average_axes(skeleton: Skeleton, partners: list[int], clips: list[Clip]) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from troupe_training.data.rotations import columns_to_matrix
 from troupe_training.data.sides import side_pairs
-from troupe_training.data.skeleton import HingeTable, Skeleton
+from troupe_training.data.skeleton import HingeTable, MimicTable, Skeleton
 
 STEP_RAD = np.radians(2.0)
 # Metres that a hand must sink for a hinge to turn by one radian (squared): those that need not
@@ -65,13 +65,18 @@ def _robot_pose(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Positions ``[J, 3]`` and world rotations ``[J, 3, 3]`` at hinge angles."""
     places, turned = np.zeros((skeleton.joint_count, 3)), np.tile(np.eye(3), (skeleton.joint_count, 1, 1))
+    turning: dict[int, tuple[HingeTable | MimicTable, float]] = {j: (hinge, angles[j]) for j, hinge in hinges.items()}
+    for mimic in skeleton.robot.get("mimics", []) if skeleton.robot is not None else []:
+        angle = mimic["multiplier"] * angles[skeleton.names.index(mimic["follows"])] + mimic["offset_rad"]
+        turning[skeleton.names.index(mimic["joint"])] = mimic, angle
     for j in range(1, skeleton.joint_count):
         parent = skeleton.parents[j]
         places[j] = places[parent] + turned[parent] @ np.array(skeleton.offsets[j])
         turned[j] = turned[parent]
-        if j in hinges:
-            rest, half = quaternion_matrix(np.array(hinges[j]["rest"])), angles[j] / 2
-            turn = np.append(np.cos(half), np.sin(half) * np.array(hinges[j]["axis"]))
+        if j in turning:
+            table, angle = turning[j]
+            rest, half = quaternion_matrix(np.array(table["rest"])), angle / 2
+            turn = np.append(np.cos(half), np.sin(half) * np.array(table["axis"]))
             turned[j] = turned[parent] @ rest @ quaternion_matrix(turn)
     return places, turned
 

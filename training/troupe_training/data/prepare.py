@@ -1,4 +1,4 @@
-"""``prepare``: a folder of BVH files, or of a robot's CSV files -> cached arrays that training reads.
+"""``prepare``: a folder of motion, of a character or of a robot -> cached arrays that training reads.
 
 The cache holds, for all clips end to end: world joint positions ``[F, J, 3]`` (metres), world rotations in 6D
 ``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, what was
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from troupe_training.data.bvh_source import BvhSource
+import troupe_reader
 from troupe_training.data.cells import cell_of, mirrored_cell
 from troupe_training.data.clips import (
     MAX_FLOOR_ERROR_M,
@@ -28,14 +28,17 @@ from troupe_training.data.clips import (
     floor_errors,
     headings,
     in_test_split,
+    with_suffix,
 )
 from troupe_training.data.conventions import FPS
+from troupe_training.data.joint_source import JointSource
 from troupe_training.data.mirror import mirror_of
 from troupe_training.data.reader import printed, understood
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.data.store import ClipEntry
 
 MAX_OFFSET_ERROR_M = 0.02
+SONIC_FILE = "joint_pos.csv"  # of a motion; the reader takes the other files beside it
 NOTES_SHOWN = 4  # of one file; clips.json has them all
 
 
@@ -74,27 +77,61 @@ class Loaded:
     dropped: str | None = None
 
 
-def load_file(path: Path, source: MotionSource) -> Loaded:
-    """One file's clips, or why it has none."""
+def load_file(path: Path, source: MotionSource) -> list[Loaded]:
+    """One file's clips, or why it has none. If the file has several animations, each is as a file of its own."""
+    name = file_name(path)
     try:
-        motion = source.load(path)
-        clips, notes = cut(path.name, motion)
+        animations = troupe_reader.animations(path, name=path.name)
+    except (ValueError, OSError) as error:
+        return [_dropped(name, path, error)]
+    if len(animations) < 2:
+        return [_load(name, path, source)]
+    return [_load(with_suffix(name, f"_{animation}"), path, source, animation) for animation in animations]
+
+
+def _load(name: str, path: Path, source: MotionSource, animation: str | None = None) -> Loaded:
+    try:
+        motion = source.load(path, animation)
+        clips, notes = cut(name, motion)
     except (ValueError, LookupError, ArithmeticError, OSError, MemoryError) as error:
-        reason = str(error).removeprefix(f"{path.name}: ")
-        return Loaded(path.name, dropped=reason or type(error).__name__)
-    return Loaded(path.name, motion.names, motion.parents, motion.offsets, clips, notes, motion.report)
+        return _dropped(name, path, error)
+    return Loaded(name, motion.names, motion.parents, motion.offsets, clips, notes, motion.report)
+
+
+def _dropped(name: str, path: Path, error: Exception) -> Loaded:
+    reason = str(error).removeprefix(f"{path.name}: ")
+    return Loaded(name, dropped=reason or type(error).__name__)
+
+
+def file_name(path: Path) -> str:
+    """The name of a file's clips. SONIC's files have the same names in each folder, so the folder gives it."""
+    return f"{path.parent.name}{path.suffix}" if path.name == SONIC_FILE else path.name
 
 
 def files_of(folder: Path, source: MotionSource, include: str | None) -> list[Path]:
     """The files that a source reads, in all of a folder; ends the command if there are none."""
-    files = sorted(p for p in folder.rglob("*") if p.suffix.lower() == source.suffix)
+    files = sorted(p for p in folder.rglob("*") if p.suffix.lower() in source.endings and p.is_file())
+    sonic = {p.parent for p in files if p.name == SONIC_FILE}
+    files = [p for p in files if p.parent not in sonic or p.name == SONIC_FILE or p.suffix.lower() != ".csv"]
+    endings = ", ".join(source.endings)
     if not files:
         hint = "; CSV files need their robot's --urdf" if any(folder.rglob("*.csv")) else ""
-        raise SystemExit(f"no {source.suffix} file under {folder}{hint}")
-    files = [p for p in files if include is None or re.search(include, p.name)]
+        raise SystemExit(f"no {endings} file under {folder}{hint}")
+    files = [p for p in files if include is None or re.search(include, file_name(p))]
     if not files:
-        raise SystemExit(f"no {source.suffix} file under {folder} has a name that fits {include!r}")
+        raise SystemExit(f"no {endings} file under {folder} has a name that fits {include!r}")
     return files
+
+
+def load_all(files: list[Path], source: MotionSource, workers: int, what: str) -> list[Loaded]:
+    """All files' clips, in order; ends the command if none can be used."""
+    source.survey(files)
+    with ProcessPoolExecutor(workers) as pool:
+        results = pool.map(partial(load_file, source=source), files, chunksize=1 + len(files) // (16 * workers))
+        loaded = [one for of_file in tqdm(results, total=len(files), desc=what) for one in of_file]
+    if all(one.dropped for one in loaded):
+        raise SystemExit(f"{what}: none of {len(files)} files can be used, e.g. {loaded[0].file}: {loaded[0].dropped}")
+    return loaded
 
 
 def drop_odd_skeletons(loaded: list[Loaded]) -> None:
@@ -123,14 +160,8 @@ def prepare(
 
     ``split_list`` also gets the names of the test files, one a line.
     """
-    source, choice = source or BvhSource(), choice or Choice()
-    files = files_of(folder, source, choice.include)
-    source.survey(files)
-    with ProcessPoolExecutor(workers) as pool:
-        results = pool.map(partial(load_file, source=source), files, chunksize=1 + len(files) // (16 * workers))
-        loaded = list(tqdm(results, total=len(files), desc="prepare"))
-    if all(one.dropped for one in loaded):
-        raise SystemExit(f"none of {len(files)} files can be used, e.g. {loaded[0].file}: {loaded[0].dropped}")
+    source, choice = source or JointSource(), choice or Choice()
+    loaded = load_all(files_of(folder, source, choice.include), source, workers, "prepare")
     drop_odd_skeletons(loaded)
     kept = [one for one in loaded if one.dropped is None]
     clips = [clip for one in kept for clip in one.clips]

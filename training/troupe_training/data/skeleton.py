@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
@@ -19,18 +19,30 @@ class HingeTable(TypedDict):
     max_speed_rad_per_s: float
 
 
+class MimicTable(TypedDict):
+    """A joint without a hinge of its own: its angle is ``multiplier`` times that of another joint's hinge, and an offset."""
+
+    joint: str
+    follows: str
+    multiplier: float
+    offset_rad: float
+    axis: list[float]  # as of a hinge
+    rest: list[float]
+
+
 class RobotTable(TypedDict):
-    """A robot's name and its hinges in the order of the motion file's columns."""
+    """A robot's name, its hinges in the order of the motion file's columns, and the joints that follow them, if any."""
 
     name: str
     hinges: list[HingeTable]
+    mimics: NotRequired[list[MimicTable]]
 
 
 @dataclass
 class Skeleton:
     """Joints in file order with parents first; the first joint is the root (pelvis). Offsets in metres.
 
-    ``robot`` is None for characters. Joints of a robot without a hinge turn with their parent.
+    ``robot`` is None for characters. Joints of a robot turn by their hinges, follow one, or turn with their parents.
     """
 
     names: list[str]

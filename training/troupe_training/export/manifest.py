@@ -129,10 +129,12 @@ def skeleton_lines(skeleton: Skeleton) -> list[str]:
 
 
 def _robot_lines(robot: RobotTable | None) -> list[str]:
-    """Hinges in the order of the motion files' columns; nothing for characters."""
+    """Hinges in the order of the motion files' columns, and what follows them; nothing for characters."""
     if robot is None:
         return []
     lines = ["", "[robot]", f"name = {json.dumps(robot['name'])}"]
     for hinge in robot["hinges"]:
         lines += ["", "[[robot.hinges]]"] + [f"{key} = {json.dumps(value)}" for key, value in hinge.items()]
+    for mimic in robot.get("mimics", []):
+        lines += ["", "[[robot.mimics]]"] + [f"{key} = {json.dumps(value)}" for key, value in mimic.items()]
     return lines

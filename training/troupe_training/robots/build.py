@@ -26,9 +26,6 @@ def build_robot(description: troupe_reader.RobotDescription, contacts: list[str]
 
     ``contacts`` are the joints that touch the ground; the last joint of each leg and its toe if left out.
     """
-    if description.mimics:
-        following = ", ".join(str(mimic["joint"]) for mimic in description.mimics)
-        raise RobotError(f"joints that follow others cannot be trained yet: {following}; make them fixed in the URDF")
     skeleton = description.skeleton
     names, table = skeleton.names, skeleton.robot
     assert table is not None
@@ -49,7 +46,7 @@ def build_robot(description: troupe_reader.RobotDescription, contacts: list[str]
     ]
     # The table has decimals that stand for the same numbers and end sooner than those of the array.
     offsets = np.array([joint["offset_m"] for joint in skeleton.table["joints"]])
-    return Robot(table["name"], names, skeleton.parents, offsets, hinges, contacts)
+    return Robot(table["name"], names, skeleton.parents, offsets, hinges, contacts, table.get("mimics", []))
 
 
 def _end_effector(text: str) -> EndEffector:

@@ -2,7 +2,7 @@
 
 ``Skeleton.robot`` holds the hinges: the joint, its axis in its own frame, its rest rotation relative to the parent joint
 (w x y z) and its limits in radians. The world rotation of a hinge joint is ``R_parent · rest · R(axis, angle)``; a joint
-without a hinge turns with its parent, and the root floats.
+without a hinge follows one, or turns with its parent, and the root floats.
 """
 
 from dataclasses import dataclass
@@ -43,11 +43,18 @@ class Hinges:
         self.rest = quat_to_matrix(torch.tensor([h["rest"] for h in hinges]))
         self.lower = torch.tensor([h["lower_rad"] for h in hinges])
         self.upper = torch.tensor([h["upper_rad"] for h in hinges])
+        self.follows = {skeleton.names.index(of["joint"]): of for of in skeleton.robot.get("mimics", [])}
+        self._leaders = {j: self.hinge_of[skeleton.names.index(of["follows"])] for j, of in self.follows.items()}
 
     def turn(self, hinge: int, angle: Tensor) -> Tensor:
         """Rotations ``[..., 3, 3]`` relative to the parent joint at a hinge's angles ``[...]``."""
-        half = (angle / 2)[..., None]
-        return self.rest[hinge] @ quat_to_matrix(torch.cat([torch.cos(half), torch.sin(half) * self.axis[hinge]], -1))
+        return _turn(self.rest[hinge], self.axis[hinge], angle)
+
+    def followed(self, joint: int, angles: Tensor) -> Tensor:
+        """Rotations ``[..., 3, 3]`` relative to the parent joint of a joint that follows a hinge, at all hinges' angles."""
+        of = self.follows[joint]
+        angle = of["multiplier"] * angles[..., self._leaders[joint]] + of["offset_rad"]
+        return _turn(quat_to_matrix(torch.tensor(of["rest"])), torch.tensor(of["axis"]), angle)
 
     def nearest(self, hinge: int, relative: Tensor) -> Tensor:
         """Nearest angles ``[...]`` of one hinge to rotations ``[..., 3, 3]`` relative to the parent joint.
@@ -73,6 +80,8 @@ class Hinges:
             wanted = rotations[..., joint, :, :]
             if parent < 0:
                 world.append(wanted)
+            elif joint in self.follows:
+                world.append(world[parent] @ self.followed(joint, angles))
             elif joint not in self.hinge_of:
                 world.append(world[parent])
             else:
@@ -86,6 +95,11 @@ class Hinges:
                 clamped[..., hinge] = (angle - nearest).abs() > TOLERANCE_RAD
         made = torch.stack(world, -3)
         return Projection(made, angles, residual, clamped)
+
+
+def _turn(rest: Tensor, axis: Tensor, angle: Tensor) -> Tensor:
+    half = (angle / 2)[..., None]
+    return rest @ quat_to_matrix(torch.cat([torch.cos(half), torch.sin(half) * axis], -1))
 
 
 def on_hinges(hinges: Hinges, motion: Motion) -> tuple[Motion, dict[str, Tensor]]:

@@ -1,12 +1,13 @@
 """A robot: joints, hinges and end effectors in the native axes (X left, Y up, Z forward), metres and radians."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 
+from troupe_training.data.neutral import quaternion_matrix
 from troupe_training.data.rotations import matrix_to_quat
-from troupe_training.data.skeleton import HingeTable, RobotTable
+from troupe_training.data.skeleton import HingeTable, MimicTable, RobotTable
 
 NATIVE_FROM_ROS = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 ROOT_COLUMNS = ["root x", "root y", "root z", "root qx", "root qy", "root qz", "root qw"]
@@ -38,6 +39,7 @@ class Robot:
     offsets: np.ndarray  # [J, 3], native, in the parent joint's frame
     hinges: list[Hinge]
     contacts: list[str]
+    mimics: list[MimicTable] = field(default_factory=list)
 
     @property
     def columns(self) -> list[str]:
@@ -51,15 +53,18 @@ class Robot:
         frames, count = len(angles), len(self.names)
         positions, rotations = np.zeros((frames, count, 3)), np.zeros((frames, count, 3, 3))
         positions[:, 0], rotations[:, 0] = root_positions, root_rotations
-        column = {hinge.joint: h for h, hinge in enumerate(self.hinges)}
+        turns = {hinge.joint: (hinge.rest, hinge.axis, angles[:, h]) for h, hinge in enumerate(self.hinges)}
+        for mimic in self.mimics:
+            followed = mimic["multiplier"] * turns[self.names.index(mimic["follows"])][2] + mimic["offset_rad"]
+            rest = quaternion_matrix(np.array(mimic["rest"]))
+            turns[self.names.index(mimic["joint"])] = rest, np.array(mimic["axis"]), followed
         for j in range(1, count):
             parent = self.parents[j]
             positions[:, j] = positions[:, parent] + rotations[:, parent] @ self.offsets[j]
             rotations[:, j] = rotations[:, parent]
-            if j in column:
-                hinge = self.hinges[column[j]]
-                turn = about_axis(hinge.axis, angles[:, column[j]])
-                rotations[:, j] = rotations[:, j] @ hinge.rest @ turn
+            if j in turns:
+                rest, axis, angle = turns[j]
+                rotations[:, j] = rotations[:, j] @ rest @ about_axis(axis, angle)
         return positions, rotations
 
     def table(self) -> RobotTable:
@@ -75,7 +80,8 @@ class Robot:
             }
             for hinge in self.hinges
         ]
-        return {"name": self.name, "hinges": hinges}
+        table: RobotTable = {"name": self.name, "hinges": hinges}
+        return table | {"mimics": self.mimics} if self.mimics else table
 
 
 def about_axis(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:

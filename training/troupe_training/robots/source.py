@@ -1,4 +1,4 @@
-"""A folder of a robot's CSV files as motion, with its URDF or MJCF."""
+"""A folder of a robot's files as motion, with its URDF or MJCF."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,9 +19,9 @@ LEFT_AXIS = [1.0, 0.0, 0.0]  # ROS's +Y
 
 
 class RobotSource:
-    """Reads CSV files of ``fps`` frames a second, 30 if left out, in the order of the URDF's hinges."""
+    """Reads a robot's files. CSV and ``.npy`` have ``fps`` frames a second, 30 if left out."""
 
-    suffix = ".csv"
+    endings = troupe_reader.ROBOT_ENDINGS
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class RobotSource:
     def survey(self, files: Sequence[Path]) -> None:
         """Nothing: a robot's files leave nothing open that other files could decide."""
 
-    def load(self, path: Path) -> FileMotion:
+    def load(self, path: Path, animation: str | None = None) -> FileMotion:
         """Reads one file. Raises `ValueError` with the frame and the joint if it does not fit the robot."""
         if self._skeleton is None:
             self._skeleton = describe(self._urdf, self._end_effectors, self._legs).skeleton

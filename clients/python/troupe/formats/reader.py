@@ -64,4 +64,16 @@ def _tables(skeleton: Skeleton) -> tuple[dict[str, Any], dict[str, Any] | None]:
         }
         for hinge in skeleton.robot.hinges
     ]
-    return table, {"name": skeleton.robot.name, "hinges": hinges}
+    mimics = [
+        {
+            "joint": mimic.joint,
+            "follows": skeleton.robot.hinges[mimic.hinge].joint,
+            "multiplier": mimic.multiplier,
+            "offset_rad": mimic.offset,
+            "axis": list(mimic.axis),
+            "rest": list(mimic.rest),
+        }
+        for mimic in skeleton.robot.mimics
+    ]
+    robot = {"name": skeleton.robot.name, "hinges": hinges}
+    return table, robot | {"mimics": mimics} if mimics else robot

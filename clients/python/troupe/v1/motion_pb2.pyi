@@ -499,15 +499,33 @@ class Hinge(_message.Message):
     max_speed: float
     def __init__(self, joint: _Optional[str] = ..., axis: _Optional[_Union[Vec3, _Mapping]] = ..., rest: _Optional[_Union[Quat, _Mapping]] = ..., lower: _Optional[float] = ..., upper: _Optional[float] = ..., max_speed: _Optional[float] = ...) -> None: ...
 
+class Mimic(_message.Message):
+    __slots__ = ("joint", "follows", "multiplier", "offset", "axis", "rest")
+    JOINT_FIELD_NUMBER: _ClassVar[int]
+    FOLLOWS_FIELD_NUMBER: _ClassVar[int]
+    MULTIPLIER_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    AXIS_FIELD_NUMBER: _ClassVar[int]
+    REST_FIELD_NUMBER: _ClassVar[int]
+    joint: str
+    follows: str
+    multiplier: float
+    offset: float
+    axis: Vec3
+    rest: Quat
+    def __init__(self, joint: _Optional[str] = ..., follows: _Optional[str] = ..., multiplier: _Optional[float] = ..., offset: _Optional[float] = ..., axis: _Optional[_Union[Vec3, _Mapping]] = ..., rest: _Optional[_Union[Quat, _Mapping]] = ...) -> None: ...
+
 class Robot(_message.Message):
-    __slots__ = ("name", "hinges", "qpos_size")
+    __slots__ = ("name", "hinges", "qpos_size", "mimics")
     NAME_FIELD_NUMBER: _ClassVar[int]
     HINGES_FIELD_NUMBER: _ClassVar[int]
     QPOS_SIZE_FIELD_NUMBER: _ClassVar[int]
+    MIMICS_FIELD_NUMBER: _ClassVar[int]
     name: str
     hinges: _containers.RepeatedCompositeFieldContainer[Hinge]
     qpos_size: int
-    def __init__(self, name: _Optional[str] = ..., hinges: _Optional[_Iterable[_Union[Hinge, _Mapping]]] = ..., qpos_size: _Optional[int] = ...) -> None: ...
+    mimics: _containers.RepeatedCompositeFieldContainer[Mimic]
+    def __init__(self, name: _Optional[str] = ..., hinges: _Optional[_Iterable[_Union[Hinge, _Mapping]]] = ..., qpos_size: _Optional[int] = ..., mimics: _Optional[_Iterable[_Union[Mimic, _Mapping]]] = ...) -> None: ...
 
 class Pack(_message.Message):
     __slots__ = ("name", "version", "licence", "credits", "fps", "joints", "contact_joints", "context_frames", "max_targets", "min_frames", "max_frames", "frames_per_token", "heads", "codes", "content_hash", "is_default", "parameters", "figures_json", "left_axis", "ground_y", "contact_rules", "engine", "robot", "family", "capabilities", "bodies", "words", "sampler_steps", "diffusion_steps", "language", "skills")

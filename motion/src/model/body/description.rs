@@ -36,11 +36,8 @@ pub(super) fn describe(
     let mut rows = vec![place];
     let flag = |yes: bool| if yes { 1.0 } else { 0.0 };
     for joint in 0..skeleton.joint_count() {
-        let hinge = skeleton.robot.as_ref().and_then(|robot| {
-            let index = robot.hinge_of(joint)?;
-            robot.hinges().get(index)
-        });
-        let axis = hinge.map_or(Vec3::ZERO, |hinge| neutral[joint] * hinge.axis);
+        let hinge = skeleton.robot.as_ref().and_then(|robot| robot.axis_of(joint));
+        let axis = hinge.map_or(Vec3::ZERO, |axis| neutral[joint] * axis);
         let fixed = skeleton.robot.is_some() && hinge.is_none() && joint > 0;
         let (bone, at) = (bones_m[joint] / size_m, places_m[joint] / size_m);
         rows.push([

@@ -205,7 +205,7 @@ fn check_lists(skeleton: &Skeleton, neutral: &[Quat], sides: &[i8]) -> Result<()
 fn check_bones(skeleton: &Skeleton) -> Result<(), BodyError> {
     for (index, joint) in skeleton.joints.iter().enumerate().skip(1) {
         let length = joint.offset_m.length();
-        let hinged = |robot: &crate::Robot| robot.hinge_of(index).is_some();
+        let hinged = |robot: &crate::Robot| robot.axis_of(index).is_some();
         let least = match skeleton.robot.as_ref().is_some_and(hinged) {
             true => 0.0,
             false => MIN_BONE_M,

@@ -100,6 +100,7 @@ fn only_hinges_may_be_at_one_place() {
             upper_rad: 1.0,
             max_speed_rad_per_s: 9.0,
         }],
+        mimics: Vec::new(),
     });
     let body = body_of(&skeleton);
     let (spine, leg) = (body.description[2], body.description[3]);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use super::names_its_options;
 use super::people::{Dialect, Person, encoded};
@@ -516,6 +516,66 @@ fn small_slides_are_held_large_ones_named_and_no_limb_is_lost() {
         (found.report.joints, topics(&found)),
         (whole - 1, vec![Topic::Bystanders])
     );
+}
+
+/// A body without words, a foot that a joint beside it steers, and what hangs on that joint.
+fn steered(steering: &str, tip: &str) -> Vec<u8> {
+    let joint = |name: &str, parent, y| BvhJoint {
+        name: name.to_owned(),
+        parent,
+        offset: DVec3::new(0.0, y, 0.0),
+        channels: match parent {
+            None => vec![Channel::Xposition, Channel::Yposition, Channel::Zposition],
+            Some(_) => vec![Channel::Zrotation, Channel::Xrotation, Channel::Yrotation],
+        },
+        end_sites: Vec::new(),
+    };
+    let mut joints = vec![
+        joint("Bone", None, 0.0),
+        joint("Bone.001", Some(0), 0.5),
+        joint("Bone.002", Some(1), 0.5),
+        joint(steering, Some(0), -0.4),
+        joint(tip, Some(3), 0.1),
+    ];
+    joints[3].channels = joints[0].channels.clone();
+    let values = (0..20).flat_map(|frame| {
+        let mut row = [0.0; 15];
+        (row[1], row[10], row[11]) = (1.0, -0.4, 0.1 * f64::from(frame));
+        row
+    });
+    write(&BvhFile::new(joints, 1.0 / 30.0, values.collect()).unwrap()).into_bytes()
+}
+
+#[test]
+fn joints_that_steer_a_rig_and_travel_are_left_out() {
+    let options = Options {
+        up: Some(Up::Y),
+        unit_m: Some(1.0),
+        ..Options::default()
+    };
+    let found = with("walk.bvh", &steered("IKFront", "IKFront_end"), &options).unwrap();
+    let names: Vec<&str> = found
+        .clip
+        .skeleton
+        .joints
+        .iter()
+        .map(|joint| &*joint.name)
+        .collect();
+    assert_eq!(names, ["Bone", "Bone.001", "Bone.002"]);
+    let note = found
+        .report
+        .repairs
+        .iter()
+        .find(|note| note.topic == Topic::Bystanders);
+    assert!(note.unwrap().text.contains("IKFront"), "{note:?}");
+    // What is of the body is not lost with them.
+    for (steering, tip) in [("IKFront", "Bone.003"), ("Bone.004", "IKFront")] {
+        let error = message("walk.bvh", &steered(steering, tip), &options);
+        assert!(
+            error.contains("--max-slide") && error.contains(&format!("{tip} hangs on it")),
+            "{error}"
+        );
+    }
 }
 
 #[test]

@@ -38,8 +38,6 @@ pub struct Built {
     pub skeleton: Skeleton,
     /// Joints that touch the ground.
     pub contacts: Vec<String>,
-    /// Joints that follow hinges; the skeleton's robot has them.
-    pub mimics: Vec<MimicDoc>,
 }
 
 /// Makes the robot of a description. Fixed links become part of the link that carries them; names
@@ -77,19 +75,10 @@ pub fn build(description: &Description, options: &BuildOptions) -> Result<Built,
     let ends = ends.iter().map(|end| (&end.name, Some(end.joint), end.place));
     let joints = own.chain(ends).map(joint).collect();
     let skeleton = Skeleton::new(joints, Vec3::X, 0.0, None).map_err(|e| body(e.to_string()))?;
-    let (doc, mimics) = tree.doc(&description.name);
-    let mut skeleton = skeleton
-        .with_robot(&doc)
+    let skeleton = skeleton
+        .with_robot(&tree.doc(&description.name))
         .map_err(|e: RobotError| body(e.to_string()))?;
-    if let Some(robot) = skeleton.robot.take() {
-        let robot = robot.with_mimics(&mimics, &skeleton);
-        skeleton.robot = Some(robot.map_err(|e| body(e.to_string()))?);
-    }
-    Ok(Built {
-        skeleton,
-        contacts,
-        mimics,
-    })
+    Ok(Built { skeleton, contacts })
 }
 
 fn native(place: DVec3) -> Vec3 {
@@ -357,12 +346,12 @@ impl<'a> Tree<'a> {
     }
 
     /// The hinges, and the joints that follow them.
-    fn doc(&self, name: &str) -> (RobotDoc, Vec<MimicDoc>) {
+    fn doc(&self, name: &str) -> RobotDoc {
         let mut doc = RobotDoc {
             name: name.to_owned(),
             hinges: Vec::new(),
+            mimics: Vec::new(),
         };
-        let mut mimics = Vec::new();
         for (of, turning) in self.names.iter().zip(&self.turning) {
             let Some((joint, rest)) = turning else {
                 continue;
@@ -381,7 +370,7 @@ impl<'a> Tree<'a> {
                         _ => UNLIMITED_RAD_PER_S as f32,
                     },
                 }),
-                Some(follows) => mimics.push(MimicDoc {
+                Some(follows) => doc.mimics.push(MimicDoc {
                     joint: of.clone(),
                     follows: follows
                         .joint
@@ -395,7 +384,7 @@ impl<'a> Tree<'a> {
                 }),
             }
         }
-        (doc, mimics)
+        doc
     }
 }
 

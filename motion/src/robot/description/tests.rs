@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 
 use super::{BuildOptions, Built, DescriptionError, build, read};
 use crate::fk::world_transforms;
-use crate::robot::Fitted;
+use crate::robot::{Fitted, Mimic, RobotDoc};
 use crate::rotation::angle_between;
 
 /// A URDF of links in a tree: `name parent kind x y z axis more`.
@@ -51,6 +51,10 @@ fn made(text: &str, options: &BuildOptions) -> Result<Built, DescriptionError> {
 
 fn plain(text: &str) -> Built {
     made(text, &BuildOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn mimics(built: &Built) -> &[Mimic] {
+    built.skeleton.robot.as_ref().unwrap().mimics()
 }
 
 fn names(built: &Built) -> Vec<&str> {
@@ -209,7 +213,7 @@ fn joints_that_mimic_follow_their_hinge() {
     let mimic = "left_leg_2 left_leg_1 revolute 0 0 -0.3 y <mimic joint=\"left_leg_1_joint\" multiplier=\"-2\" offset=\"0.1\"/>";
     let joints = [&LEGS[..1], &[mimic], &LEGS[2..]].concat();
     let built = plain(&urdf(&joints));
-    assert_eq!(built.mimics.len(), 1);
+    assert_eq!(mimics(&built).len(), 1);
     let robot = built.skeleton.robot.as_ref().unwrap();
     assert_eq!(robot.hinges().len(), 6, "it has no number of its own");
     let joint = built.skeleton.joint_index("left_leg_2").unwrap();
@@ -228,6 +232,15 @@ fn joints_that_mimic_follow_their_hinge() {
     let mut turns = pose.clone();
     world_transforms(&built.skeleton, Vec3::ZERO, &before, &mut places, &mut turns);
     assert!(places.iter().all(|place| place.is_finite()));
+    // A manifest carries them, and says nothing of them if there are none.
+    let doc = RobotDoc::from((robot, &built.skeleton));
+    let written = toml::to_string(&doc).unwrap();
+    assert_eq!(toml::from_str::<RobotDoc>(&written).unwrap(), doc);
+    let again = built.skeleton.clone().with_robot(&doc).unwrap();
+    assert_eq!(again.robot.as_ref(), Some(robot));
+    let free = plain(&urdf(&LEGS)).skeleton;
+    let free = RobotDoc::from((free.robot.as_ref().unwrap(), &free));
+    assert!(!toml::to_string(&free).unwrap().contains("mimics"));
     let late = mimic.replace("left_leg_1_joint", "right_leg_3_joint");
     let joints = [&LEGS[..1], &[&*late], &LEGS[2..]].concat();
     let error = made(&urdf(&joints), &BuildOptions::default())
@@ -353,7 +366,8 @@ fn mjcf_makes_the_same_robot() {
         "</worldbody><equality><joint joint1=\"left_leg_2_joint\" joint2=\"left_leg_1_joint\" polycoef=\"0.1 -2 0 0 0\"/></equality>",
     );
     let built = plain(&bound);
-    assert_eq!((built.mimics.len(), built.mimics[0].multiplier), (1, -2.0));
+    let mimics = mimics(&built);
+    assert_eq!((mimics.len(), mimics[0].multiplier), (1, -2.0));
 }
 
 #[test]

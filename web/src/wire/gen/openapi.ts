@@ -2165,6 +2165,35 @@ export interface components {
             /** @description Direction and speed, in the session's units per second. The vertical part must be 0. Left out: stand. A speed above the style's range becomes the style's top speed. */
             velocity?: components["schemas"]["Vec3"];
         };
+        /** @description A joint that turns with a hinge, by a multiple of its angle. It has no number in a qpos. */
+        Mimic: {
+            /** @description Axis in the joint's own frame, unit length. */
+            axis?: components["schemas"]["Vec3"];
+            /**
+             * @description Name of the joint with the hinge.
+             * @default
+             */
+            follows: string;
+            /**
+             * @description Name of the joint.
+             * @default
+             */
+            joint: string;
+            /**
+             * Format: float
+             * @description Its angle is multiplier * angle of the hinge + offset.
+             * @default 0
+             */
+            multiplier: number;
+            /**
+             * Format: float
+             * @description In radians.
+             * @default 0
+             */
+            offset: number;
+            /** @description Rotation relative to the parent at angle 0. */
+            rest?: components["schemas"]["Quat"];
+        };
         /** @description Every error of the Motion Model Context Protocol. */
         MmcpError: {
             /** @description What went wrong. */
@@ -3006,13 +3035,18 @@ export interface components {
             /** @description The session. Commands with sequence numbers above its last_sequence are lost, and may be given again. */
             session?: components["schemas"]["Session"];
         };
-        /** @description The robot that a pack animates. The root floats, some joints are fixed to their parents, and all others are hinges. Every frame of such a pack is on the hinges and within their limits, in whatever form it is written. */
+        /** @description The robot that a pack animates. The root floats, some joints are fixed to their parents, some follow hinges, and all others are hinges. Every frame of such a pack is on the hinges and within their limits, in whatever form it is written. */
         Robot: {
             /**
              * @description In the order of qpos.
              * @default []
              */
             hinges: components["schemas"]["Hinge"][];
+            /**
+             * @description Joints that follow hinges. Most robots have none.
+             * @default []
+             */
+            mimics: components["schemas"]["Mimic"][];
             /**
              * @description Name in the robot's URDF.
              * @default

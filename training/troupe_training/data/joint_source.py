@@ -1,4 +1,4 @@
-"""A folder of BVH files as motion. The reader finds the pelvis, the up axis and the unit; the sides are found here."""
+"""A folder of files of joints as motion. The reader finds the pelvis, the up axis and the unit; the sides are found here."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,10 +16,10 @@ from troupe_training.data.skeleton import Skeleton
 CONTACT_WORDS = ("foot", "toe", "ankle")
 
 
-class BvhSource:
-    """Reads BVH files; ``scale`` is metres per unit, found by the body's proportions if left out."""
+class JointSource:
+    """Reads files of joints; ``scale`` is metres per unit, found by the body's proportions if left out."""
 
-    suffix = ".bvh"
+    endings = troupe_reader.ENDINGS
 
     def __init__(
         self, contact_names: list[str] | None = None, scale: float | None = None, given: FileOptions | None = None
@@ -37,9 +37,9 @@ class BvhSource:
         """Finds what all files show, for those that leave it open."""
         self._agreement = troupe_reader.survey(files, **self._reading())
 
-    def load(self, path: Path) -> FileMotion:
-        """Reads one file. Raises `ValueError` with the reason if it cannot be used."""
-        options: FileOptions = {"agreement": self._agreement, **self._reading()}
+    def load(self, path: Path, animation: str | None = None) -> FileMotion:
+        """Reads one file, or one of its animations. Raises `ValueError` with the reason if it cannot be used."""
+        options: FileOptions = {"agreement": self._agreement, **self._reading(), "animation": animation}
         return file_motion(troupe_reader.read(path, name=path.name, **options))
 
     def _reading(self) -> FileOptions:
