@@ -102,7 +102,9 @@ pub(super) async fn run(context: &Context, command: &Retarget) -> Result<(), Fai
         ));
     }
     for fault in faults {
-        context.term.note(format_args!("{}: {fault}", command.to.display()));
+        context
+            .term
+            .note(format_args!("{}: {fault}", command.to.display()));
     }
     match format {
         Some(format) => format.write(&made, &command.out, &Reading::default())?,
@@ -128,7 +130,9 @@ fn dresses(to: &Path, out: &Path) -> bool {
 /// The body of a file.
 fn figure(path: &Path, found: &Understood, parts: Option<&Path>) -> Result<Figure, Failure> {
     let doc = read_parts(parts)?;
-    found.figure(&doc).map_err(|why| Failure::file(parts.unwrap_or(path), why))
+    found
+        .figure(&doc)
+        .map_err(|why| Failure::file(parts.unwrap_or(path), why))
 }
 
 /// The body of a character's file.
@@ -146,7 +150,9 @@ fn character(path: &Path, parts: Option<&Path>, context: &Context) -> Result<Fig
 
 /// Corrections of a body's parts.
 fn read_parts(path: Option<&Path>) -> Result<PartsDoc, Failure> {
-    let Some(path) = path else { return Ok(PartsDoc::default()) };
+    let Some(path) = path else {
+        return Ok(PartsDoc::default());
+    };
     let text = std::fs::read_to_string(path).map_err(|e| Failure::file(path, e))?;
     toml::from_str(&text).map_err(|e| Failure::file(path, e))
 }
@@ -163,7 +169,9 @@ fn dress(command: &Retarget, clip: &Clip) -> Result<(), Failure> {
 /// Prints the figures.
 fn show(figures: &Figures, as_json: bool) -> Result<(), Failure> {
     if as_json {
-        return print(&to_json(&json!({ "figures": figures, "faults": figures.faults() }))?);
+        return print(&to_json(
+            &json!({ "figures": figures, "faults": figures.faults() }),
+        )?);
     }
     let mut table = table();
     table.set_header(["what is kept", "value"]);

@@ -95,7 +95,9 @@ fn print_parts(files: &[PathBuf]) -> Result<(), Failure> {
         return Err(Failure::Input(why.to_owned()));
     };
     let found = understand_character(file).map_err(|why| Failure::file(file, why))?;
-    let figure = found.figure(&PartsDoc::default()).map_err(|why| Failure::file(file, why))?;
+    let figure = found
+        .figure(&PartsDoc::default())
+        .map_err(|why| Failure::file(file, why))?;
     let doc = PartsDoc::of(figure.parts(), figure.skeleton());
     print(&toml::to_string(&doc).map_err(|e| Failure::Other(e.to_string()))?)
 }

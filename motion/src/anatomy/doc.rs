@@ -97,32 +97,36 @@ impl PartsDoc {
             if names.len() < least {
                 return Err(format!("{field} is empty; allowed: at least {least} joint"));
             }
-            names.iter().map(|name| joint(field, name)).collect::<Result<Vec<_>, _>>()
+            names
+                .iter()
+                .map(|name| joint(field, name))
+                .collect::<Result<Vec<_>, _>>()
         };
         let limb = |field: &str, doc: &Option<LimbDoc>, found: Option<&Limb>| -> Result<_, String> {
             match doc {
-            None => Ok(found.cloned()),
-            Some(doc) => {
-                let upper = joints(&format!("{field}.upper"), &doc.upper, 1)?;
-                Ok(Some(Limb {
-                    girdle: joints(&format!("{field}.girdle"), &doc.girdle, 0)?,
-                    top: upper[0],
-                    upper,
-                    lower: joints(&format!("{field}.lower"), &doc.lower, 1)?,
-                    end: joint(&format!("{field}.end"), &doc.end)?,
-                    toe: match &doc.toe {
-                        Some(toe) => Some(joint(&format!("{field}.toe"), toe)?),
-                        None => None,
-                    },
-                }))
-            }
+                None => Ok(found.cloned()),
+                Some(doc) => {
+                    let upper = joints(&format!("{field}.upper"), &doc.upper, 1)?;
+                    Ok(Some(Limb {
+                        girdle: joints(&format!("{field}.girdle"), &doc.girdle, 0)?,
+                        top: upper[0],
+                        upper,
+                        lower: joints(&format!("{field}.lower"), &doc.lower, 1)?,
+                        end: joint(&format!("{field}.end"), &doc.end)?,
+                        toe: match &doc.toe {
+                            Some(toe) => Some(joint(&format!("{field}.toe"), toe)?),
+                            None => None,
+                        },
+                    }))
+                }
             }
         };
         let found = found.as_ref();
-        let list = |field: &str, names: &Option<Vec<String>>, own: Option<&Vec<usize>>, least: usize| match names {
-            Some(names) => joints(field, names, least),
-            None => Ok(own.cloned().unwrap_or_default()),
-        };
+        let list =
+            |field: &str, names: &Option<Vec<String>>, own: Option<&Vec<usize>>, least: usize| match names {
+                Some(names) => joints(field, names, least),
+                None => Ok(own.cloned().unwrap_or_default()),
+            };
         let legs = [
             limb("left_leg", &self.left_leg, found.map(|parts| &parts.legs[0]))?,
             limb("right_leg", &self.right_leg, found.map(|parts| &parts.legs[1]))?,

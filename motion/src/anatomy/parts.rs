@@ -120,8 +120,14 @@ impl Parts {
             .filter_map(|&arm| limb(with_hand(tree, places, arm), toe(tree, places, arm[2])))
             .collect();
         // Without contact joints, legs are among the limbs: those that end lowest.
-        let lowest = found.iter().map(|limb| places[limb.end].y).fold(f32::INFINITY, f32::min);
-        let highest = places.iter().map(|place| place.y).fold(f32::NEG_INFINITY, f32::max);
+        let lowest = found
+            .iter()
+            .map(|limb| places[limb.end].y)
+            .fold(f32::INFINITY, f32::min);
+        let highest = places
+            .iter()
+            .map(|place| place.y)
+            .fold(f32::NEG_INFINITY, f32::max);
         let is_leg = |limb: &Limb| places[limb.end].y <= lowest + LEG_SHARE * (highest - lowest);
         let (mut hind, mut fore): (Vec<Limb>, Vec<Limb>) = match known.is_empty() {
             true => found.drain(..).partition(is_leg),
@@ -162,7 +168,9 @@ impl Parts {
     }
 
     fn of(tree: &Tree, places: &[Vec3], body: &Biped, on_fours: bool) -> Self {
-        let chest = body.arms.and_then(|[left, right]| tree.meeting(left[0], right[0]));
+        let chest = body
+            .arms
+            .and_then(|[left, right]| tree.meeting(left[0], right[0]));
         let within = chest.and_then(|chest| body.spine.iter().position(|&joint| joint == chest));
         // Without arms the trunk ends below the neck.
         let last = within.unwrap_or(body.spine.len().saturating_sub(2));
@@ -225,7 +233,12 @@ fn trunk(tree: &Tree, arms: &[Limb]) -> Vec<usize> {
 fn limb(girdle: &[usize], chain: &[usize], elbow: usize) -> Limb {
     let last = chain.len() - 1;
     Limb {
-        girdle: girdle.iter().copied().skip(1).filter(|&joint| joint != chain[0]).collect(),
+        girdle: girdle
+            .iter()
+            .copied()
+            .skip(1)
+            .filter(|&joint| joint != chain[0])
+            .collect(),
         top: chain[0],
         upper: chain[..elbow].to_vec(),
         lower: chain[elbow..last].to_vec(),
@@ -255,8 +268,13 @@ fn toe(tree: &Tree, places: &[Vec3], end: usize) -> Option<usize> {
 /// The longest chain below the pelvis that is no limb, no trunk, and leads backwards or down.
 fn tail(tree: &Tree, places: &[Vec3], body: &Biped) -> Vec<usize> {
     let own = |joint: usize| {
-        body.spine.get(1).is_some_and(|&first| tree.line(joint).any(|above| above == first))
-            || body.hips.iter().any(|&hip| tree.line(joint).any(|above| above == hip))
+        body.spine
+            .get(1)
+            .is_some_and(|&first| tree.line(joint).any(|above| above == first))
+            || body
+                .hips
+                .iter()
+                .any(|&hip| tree.line(joint).any(|above| above == hip))
     };
     let leaves = (0..places.len()).filter(|&joint| {
         !tree.parents.contains(&Some(joint)) && !own(joint) && tree.chain(body.pelvis, joint).is_some()

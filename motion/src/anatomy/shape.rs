@@ -32,9 +32,8 @@ struct Pair {
 pub(super) fn find(tree: &Tree, places: &[Vec3]) -> Option<Found> {
     let pairs = pairs(tree, places);
     let ground = places.iter().map(|place| place.y).fold(f32::INFINITY, f32::min);
-    let stands = |pair: &&Pair| {
-        pair.lowest <= ground + GROUND * extent(places) && pair.chains[0].len() > LEG_BONES
-    };
+    let stands =
+        |pair: &&Pair| pair.lowest <= ground + GROUND * extent(places) && pair.chains[0].len() > LEG_BONES;
     let mut legs: Vec<&Pair> = Vec::new();
     for pair in pairs.iter().filter(stands) {
         // The longest of those that meet in a joint: toes, heels and soles end beside each other.
@@ -46,7 +45,10 @@ pub(super) fn find(tree: &Tree, places: &[Vec3]) -> Option<Found> {
     }
     // Toes of one foot also are a pair, which meets below.
     let all = legs.clone();
-    let is_part = |pair: &Pair| all.iter().any(|leg| leg.chains.iter().any(|chain| chain[1..].contains(&pair.meeting)));
+    let is_part = |pair: &Pair| {
+        all.iter()
+            .any(|leg| leg.chains.iter().any(|chain| chain[1..].contains(&pair.meeting)))
+    };
     legs.retain(|pair| !is_part(pair));
     // The hind legs meet in the joint with the shortest way to the root.
     legs.sort_by_key(|pair| tree.line(pair.meeting).count());
@@ -58,7 +60,11 @@ pub(super) fn find(tree: &Tree, places: &[Vec3]) -> Option<Found> {
     let of_leg = |joint: usize| hind.chains.iter().any(|chain| chain.contains(&joint));
     let arms = fore.or_else(|| {
         let free = pairs.iter().filter(|pair| {
-            !pair.chains.iter().flatten().any(|&joint| of_leg(joint) && joint != hind.meeting)
+            !pair
+                .chains
+                .iter()
+                .flatten()
+                .any(|&joint| of_leg(joint) && joint != hind.meeting)
                 && pair.chains[0].len() > LEG_BONES
         });
         free.max_by(|a, b| a.length.total_cmp(&b.length))
@@ -96,7 +102,9 @@ fn extent(places: &[Vec3]) -> f32 {
         let values = || places.iter().map(of);
         values().fold(f32::NEG_INFINITY, f32::max) - values().fold(f32::INFINITY, f32::min)
     };
-    size(|place| place.x).max(size(|place| place.y)).max(size(|place| place.z))
+    size(|place| place.x)
+        .max(size(|place| place.y))
+        .max(size(|place| place.z))
 }
 
 /// Ends that mirror each other.
@@ -106,7 +114,10 @@ fn pairs(tree: &Tree, places: &[Vec3]) -> Vec<Pair> {
         .filter(|&joint| !tree.parents.contains(&Some(joint)))
         .collect();
     let length = |chain: &[usize]| -> f32 {
-        chain.windows(2).map(|bone| places[bone[0]].distance(places[bone[1]])).sum()
+        chain
+            .windows(2)
+            .map(|bone| places[bone[0]].distance(places[bone[1]]))
+            .sum()
     };
     let mut pairs = Vec::new();
     for (nth, &a) in leaves.iter().enumerate() {
@@ -115,7 +126,9 @@ fn pairs(tree: &Tree, places: &[Vec3]) -> Vec<Pair> {
             if !level || places[a].distance(places[b]) < APART * size {
                 continue;
             }
-            let Some(meeting) = tree.meeting(a, b) else { continue };
+            let Some(meeting) = tree.meeting(a, b) else {
+                continue;
+            };
             let (Some(left), Some(right)) = (tree.chain(meeting, a), tree.chain(meeting, b)) else {
                 continue;
             };
@@ -166,7 +179,9 @@ fn sides(places: &[Vec3], pair: &Pair, forward: Vec3) -> [Vec<usize>; 2] {
 fn leg(places: &[Vec3], chain: &[usize]) -> Option<[usize; 3]> {
     let bone = |a: usize, b: usize| places[a].distance(places[b]);
     let shorter = |of: &&[usize]| bone(of[0], of[1]).min(bone(of[1], of[2]));
-    let best = chain[1..].windows(3).max_by(|a, b| shorter(a).total_cmp(&shorter(b)))?;
+    let best = chain[1..]
+        .windows(3)
+        .max_by(|a, b| shorter(a).total_cmp(&shorter(b)))?;
     Some([best[0], best[1], best[2]])
 }
 
@@ -194,13 +209,14 @@ fn head(
     of_leg: &dyn Fn(usize) -> bool,
 ) -> Option<usize> {
     let chest = arms.map_or(pelvis, |pair| pair.meeting);
-    let of_arm = |joint: usize| {
-        arms.is_some_and(|pair| pair.chains.iter().any(|chain| chain[1..].contains(&joint)))
-    };
+    let of_arm =
+        |joint: usize| arms.is_some_and(|pair| pair.chains.iter().any(|chain| chain[1..].contains(&joint)));
     let ends = (0..places.len()).filter(|&joint| {
         !tree.parents.contains(&Some(joint))
             && tree.chain(chest, joint).is_some()
-            && !tree.line(joint).any(|above| above != pelvis && (of_leg(above) || of_arm(above)))
+            && !tree
+                .line(joint)
+                .any(|above| above != pelvis && (of_leg(above) || of_arm(above)))
     });
     let far = |&joint: &usize| {
         let place = places[joint] - places[pelvis];

@@ -93,7 +93,9 @@ fn tracks(nodes: &[Node], clip: &Clip) -> Result<Vec<Track>, DressError> {
     for (joint, &node) in joints.iter().enumerate() {
         joint_of[node] = Some(joint);
     }
-    let base = nodes[joints[0]].parent.map_or_else(Place::default, |parent| Place::of(nodes, parent));
+    let base = nodes[joints[0]]
+        .parent
+        .map_or_else(Place::default, |parent| Place::of(nodes, parent));
     let world = WorldMotion::from_clip(clip);
     let mut translations = Vec::with_capacity(3 * clip.frames());
     let mut rotations: Vec<Vec<f32>> = vec![Vec::with_capacity(4 * clip.frames()); joints.len()];
@@ -105,7 +107,9 @@ fn tracks(nodes: &[Node], clip: &Clip) -> Result<Vec<Track>, DressError> {
         let turns = world.rotations_at(frame);
         for (joint, &node) in joints.iter().enumerate() {
             let above = above(nodes, &joint_of, node, turns);
-            let local = (above.conjugate() * turns[joint].as_dquat()).normalize().as_quat();
+            let local = (above.conjugate() * turns[joint].as_dquat())
+                .normalize()
+                .as_quat();
             let local = align_sign(local, before[joint]);
             before[joint] = local;
             rotations[joint].extend(local.to_array());
@@ -205,7 +209,10 @@ impl File {
             samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
         }
         let name = self.unique(name);
-        self.push("animations", json!({ "name": name, "samplers": samplers, "channels": channels }));
+        self.push(
+            "animations",
+            json!({ "name": name, "samplers": samplers, "channels": channels }),
+        );
         let length = self.bytes.len();
         if self.root["buffers"].get(0).is_none() {
             self.push("buffers", json!({}));
@@ -217,7 +224,8 @@ impl File {
     fn accessor(&mut self, values: &[f32], width: usize, range: Option<[f32; 2]>) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let offset = self.bytes.len();
-        self.bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        self.bytes
+            .extend(values.iter().flat_map(|value| value.to_le_bytes()));
         let view = self.push(
             "bufferViews",
             json!({ "buffer": 0, "byteOffset": offset, "byteLength": 4 * values.len() }),
@@ -236,7 +244,9 @@ impl File {
     /// A name that no animation of the file has.
     fn unique(&self, name: &str) -> String {
         let animations = self.root["animations"].as_array().into_iter().flatten();
-        let names: Vec<&str> = animations.filter_map(|animation| animation["name"].as_str()).collect();
+        let names: Vec<&str> = animations
+            .filter_map(|animation| animation["name"].as_str())
+            .collect();
         let mut made = name.to_owned();
         let mut number = 1;
         while names.contains(&&*made) {

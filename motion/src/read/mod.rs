@@ -39,7 +39,7 @@ mod survey;
 mod table;
 mod tables;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod text;
 mod unique;
 pub mod units;
@@ -129,10 +129,11 @@ pub fn character(source: &Source<'_>, options: &Options) -> Result<Understood, R
     };
     match read(source, &at_rest) {
         Err(ReadError {
-            kind: ReadErrorKind::Glb {
-                error: GlbReadError::NoSkin,
-                ..
-            },
+            kind:
+                ReadErrorKind::Glb {
+                    error: GlbReadError::NoSkin,
+                    ..
+                },
             ..
         }) => read(source, options),
         found => found,

@@ -68,10 +68,22 @@ impl Figures {
                 "angle between bones of limbs, mean (of the worst bone)",
                 format!("{:.1}° ({:.1}°)", self.directions_deg, self.worst_deg),
             ),
-            ("speed of standing feet", format!("{:.1} cm/s", 1e2 * self.skate_mps)),
-            ("the same in the clip, scaled", format!("{:.1} cm/s", 1e2 * self.source_skate_mps)),
-            ("feet under the ground, deeper than in the clip", format!("{:.1} cm", 1e2 * self.under_m)),
-            ("feet short of their places", format!("{:.1} cm", 1e2 * self.short_m)),
+            (
+                "speed of standing feet",
+                format!("{:.1} cm/s", 1e2 * self.skate_mps),
+            ),
+            (
+                "the same in the clip, scaled",
+                format!("{:.1} cm/s", 1e2 * self.source_skate_mps),
+            ),
+            (
+                "feet under the ground, deeper than in the clip",
+                format!("{:.1} cm", 1e2 * self.under_m),
+            ),
+            (
+                "feet short of their places",
+                format!("{:.1} cm", 1e2 * self.short_m),
+            ),
         ]
     }
 
@@ -83,19 +95,39 @@ impl Figures {
                 faults.push(format!("{what} is {value:.3}{unit}; allowed: {most:.3}{unit}"));
             }
         };
-        most("the mean difference of bones", self.directions_deg, MOST.directions_deg, "°");
-        most("the largest difference of a bone", self.worst_deg, MOST.worst_deg, "°");
+        most(
+            "the mean difference of bones",
+            self.directions_deg,
+            MOST.directions_deg,
+            "°",
+        );
+        most(
+            "the largest difference of a bone",
+            self.worst_deg,
+            MOST.worst_deg,
+            "°",
+        );
         let skate = self.source_skate_mps * MOST.source_skate_mps + MOST.skate_mps;
         most("sliding of standing feet", self.skate_mps, skate, " m/s");
         most("depth of feet under the ground", self.under_m, MOST.under_m, " m");
-        most("distance of feet from their places", self.short_m, MOST.short_m, " m");
+        most(
+            "distance of feet from their places",
+            self.short_m,
+            MOST.short_m,
+            " m",
+        );
         faults
     }
 }
 
 /// The limbs of both bodies, one beside the other.
 fn limbs<'a>(source: &'a Figure, target: &'a Figure) -> Vec<[&'a Limb; 2]> {
-    let arms = source.parts.arms.iter().flatten().zip(target.parts.arms.iter().flatten());
+    let arms = source
+        .parts
+        .arms
+        .iter()
+        .flatten()
+        .zip(target.parts.arms.iter().flatten());
     let legs = source.parts.legs.iter().zip(&target.parts.legs);
     legs.chain(arms).map(|(from, to)| [from, to]).collect()
 }

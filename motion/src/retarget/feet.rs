@@ -19,7 +19,9 @@ pub(super) fn stand(clip: &Clip, parts: &Parts, neutral: &mut [Quat]) -> Option<
     let world = WorldMotion::from_clip(clip);
     let mut heights = Vec::new();
     for leg in &parts.legs {
-        let Some((flat, height_m)) = flat(clip, &world, leg) else { continue };
+        let Some((flat, height_m)) = flat(clip, &world, leg) else {
+            continue;
+        };
         heights.push(height_m);
         let turn = flat * neutral[leg.end].conjugate();
         let skeleton = &clip.skeleton;

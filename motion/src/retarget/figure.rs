@@ -49,7 +49,11 @@ impl Figure {
     ) -> Result<Self, RetargetError> {
         let mut pose: Vec<Quat> = Vec::with_capacity(rest.len());
         for (joint, local) in skeleton.joints.iter().zip(rest) {
-            pose.push(joint.parent.map_or(*local, |parent| (pose[parent] * *local).normalize()));
+            pose.push(
+                joint
+                    .parent
+                    .map_or(*local, |parent| (pose[parent] * *local).normalize()),
+            );
         }
         let parts = Parts::with(&skeleton, &pose, doc).map_err(RetargetError::Parts)?;
         let turn = turn_ahead(&skeleton, &parts, &pose);
@@ -67,11 +71,7 @@ impl Figure {
     ///
     /// # Errors
     /// [`RetargetError`] if the parts of a body are not found, or if the pose is no stance.
-    pub fn of_motion(
-        clip: &Clip,
-        mut neutral: Vec<Quat>,
-        doc: &PartsDoc,
-    ) -> Result<Self, RetargetError> {
+    pub fn of_motion(clip: &Clip, mut neutral: Vec<Quat>, doc: &PartsDoc) -> Result<Self, RetargetError> {
         let skeleton = Arc::clone(&clip.skeleton);
         let parts = Parts::with(&skeleton, &neutral, doc).map_err(RetargetError::Parts)?;
         let toes_m = feet::stand(clip, &parts, &mut neutral);
@@ -109,7 +109,9 @@ impl Figure {
         let feet = middle([0, 1].map(|side| parts.legs[side].end));
         let leg_m = hips.y - feet.y;
         if leg_m.is_nan() || leg_m <= 0.0 {
-            return Err(RetargetError::NoStance("its hips are not above its feet".to_owned()));
+            return Err(RetargetError::NoStance(
+                "its hips are not above its feet".to_owned(),
+            ));
         }
         Ok(Self {
             skeleton,
@@ -179,12 +181,7 @@ fn neutral(skeleton: &Skeleton, parts: &Parts, pose: Vec<Quat>) -> Result<Vec<Qu
 }
 
 /// The places with the ground at height 0 and the middle of the hips above the origin.
-fn grounded(
-    skeleton: &Skeleton,
-    parts: &Parts,
-    mut places: Vec<Vec3>,
-    root_y_m: Option<f32>,
-) -> Vec<Vec3> {
+fn grounded(skeleton: &Skeleton, parts: &Parts, mut places: Vec<Vec3>, root_y_m: Option<f32>) -> Vec<Vec3> {
     let lowest = match (&skeleton.contacts, root_y_m) {
         (Some(contacts), _) => {
             let heights = contacts.joints.iter().zip(&contacts.clearance_m);
@@ -204,7 +201,11 @@ fn grounded(
 /// lie inside of the foot.
 fn ground(parts: &Parts, places: &[Vec3]) -> f32 {
     let lowest = places.iter().map(|place| place.y).fold(f32::INFINITY, f32::min);
-    let ankles = parts.legs.iter().map(|leg| places[leg.end].y).fold(f32::INFINITY, f32::min);
+    let ankles = parts
+        .legs
+        .iter()
+        .map(|leg| places[leg.end].y)
+        .fold(f32::INFINITY, f32::min);
     let toes = parts.legs.iter().filter_map(|leg| Some(places[leg.toe?].y));
     let toes = toes.fold(f32::INFINITY, f32::min);
     match toes.is_finite() && toes < ankles {

@@ -12,7 +12,7 @@ mod feet;
 mod figure;
 mod hinges;
 mod plan;
-#[cfg(test)]
+#[cfg(all(test, feature = "files"))]
 mod tests;
 
 use glam::{Quat, Vec3};
@@ -172,7 +172,15 @@ impl Retargeter {
             let rotation = self.wanted[step.chain[2]];
             let pole = yaw(heading_of(rotation * step.still, Vec3::X)) * Vec3::Z;
             let skeleton = &self.target.skeleton;
-            let short = place_end(skeleton, root, out, step.chain, (goal, SOFT_SHARE), pole, rotation);
+            let short = place_end(
+                skeleton,
+                root,
+                out,
+                step.chain,
+                (goal, SOFT_SHARE),
+                pole,
+                rotation,
+            );
             self.short_m = self.short_m.max(short);
         }
         if let (Some(hinges), Some(robot)) = (&mut self.hinges, &self.target.skeleton.robot) {
@@ -188,7 +196,9 @@ impl Retargeter {
         let joints = self.target.skeleton.joints.iter().enumerate();
         for ((joint, described), turn) in joints.zip(&self.turns) {
             let neutral = self.target.neutral[joint];
-            let above = described.parent.map(|parent| (self.wanted[parent], self.target.neutral[parent]));
+            let above = described
+                .parent
+                .map(|parent| (self.wanted[parent], self.target.neutral[parent]));
             let rotation = match (*turn, above) {
                 (Turn::Between(one, other, share), _) if one != other && share > 0.0 => {
                     slerp(turn_of(one), turn_of(other), share) * neutral

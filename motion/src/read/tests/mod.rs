@@ -7,7 +7,7 @@ mod fbx;
 mod hostile;
 mod kinds;
 mod neutral;
-mod people;
+pub(crate) mod people;
 mod rigs;
 mod robots;
 mod shared;

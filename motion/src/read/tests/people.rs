@@ -64,19 +64,19 @@ struct Words {
 
 /// A body to make.
 #[derive(Clone, Debug)]
-pub(super) struct Person {
+pub(crate) struct Person {
     /// Which names: 0 to 3.
-    pub(super) words: usize,
+    pub(crate) words: usize,
     /// Height of a grown person by this factor of 1.72 m.
-    pub(super) size: f32,
+    pub(crate) size: f32,
     /// Joints from hips to head, 1 to 4.
-    pub(super) spine: usize,
-    pub(super) rest: RestPose,
+    pub(crate) spine: usize,
+    pub(crate) rest: RestPose,
 }
 
 impl Person {
     /// The skeleton at rest, bones in world axes.
-    pub(super) fn skeleton(&self) -> Arc<Skeleton> {
+    pub(crate) fn skeleton(&self) -> Arc<Skeleton> {
         let words = [&MIXAMO, &SMPL, &BANDAI, &DOTS][self.words % 4];
         let mut joints = Vec::new();
         let mut add = |name: String, parent: Option<usize>, offset: [f32; 3]| {
@@ -128,7 +128,7 @@ impl Person {
     }
 
     /// A walk on a curve, with swings of all joints by numbers from 0 to 1.
-    pub(super) fn walk(&self, frames: usize, fps: f32, numbers: &[f32]) -> Clip {
+    pub(crate) fn walk(&self, frames: usize, fps: f32, numbers: &[f32]) -> Clip {
         let skeleton = self.skeleton();
         let number = |nth: usize| numbers[nth % numbers.len()];
         let mut roots = Vec::new();
