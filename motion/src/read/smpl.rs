@@ -73,9 +73,9 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
         fps: fps.value,
     };
     let evidence = format!("{given} joints; bones of the mean body, since its shape (betas) needs the model");
-    let mut oddities = Vec::new();
+    let mut repairs = Vec::new();
     if given > JOINTS.len() {
-        oddities.push(Note {
+        repairs.push(Note {
             topic: Topic::Fingers,
             text: format!(
                 "{} joints of hands and face are left out: the mean body's bones here end at the wrists and the head",
@@ -103,8 +103,8 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
             by: "AMASS is Z up and in metres",
         },
         fps,
-        repairs: Vec::new(),
-        oddities,
+        repairs,
+        oddities: Vec::new(),
     })
 }
 
