@@ -12,15 +12,12 @@ use crate::fk::WorldMotion;
 const STANDS_SHARE: f32 = 0.015;
 /// Faster feet do not stand: leg lengths a second.
 const STANDS_PER_S: f32 = 0.4;
-/// The most that passes.
-const MOST: Figures = Figures {
-    directions_deg: 5.0,
-    worst_deg: 15.0,
-    skate_mps: 0.02,
-    source_skate_mps: 1.2,
-    under_m: 0.02,
-    short_m: 0.02,
-};
+/// Largest mean angle between bones that passes, and that of a single bone, degrees.
+const MOST_DEG: [f32; 2] = [5.0, 15.0];
+/// Standing feet may slide by this factor of the source's speed, and this much more, m/s.
+const MOST_SKATE: (f32, f32) = (1.2, 0.02);
+/// Feet may be this far under the ground, and short of their places, metres.
+const MOST_M: f32 = 0.02;
 
 /// What a retargeted clip keeps of its source. Lengths and speeds are in the target's size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -98,24 +95,19 @@ impl Figures {
         most(
             "the mean difference of bones",
             self.directions_deg,
-            MOST.directions_deg,
+            MOST_DEG[0],
             "°",
         );
         most(
             "the largest difference of a bone",
             self.worst_deg,
-            MOST.worst_deg,
+            MOST_DEG[1],
             "°",
         );
-        let skate = self.source_skate_mps * MOST.source_skate_mps + MOST.skate_mps;
+        let skate = self.source_skate_mps * MOST_SKATE.0 + MOST_SKATE.1;
         most("sliding of standing feet", self.skate_mps, skate, " m/s");
-        most("depth of feet under the ground", self.under_m, MOST.under_m, " m");
-        most(
-            "distance of feet from their places",
-            self.short_m,
-            MOST.short_m,
-            " m",
-        );
+        most("depth of feet under the ground", self.under_m, MOST_M, " m");
+        most("distance of feet from their places", self.short_m, MOST_M, " m");
         faults
     }
 }

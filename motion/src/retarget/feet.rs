@@ -25,10 +25,10 @@ pub(super) fn stand(clip: &Clip, parts: &Parts, neutral: &mut [Quat]) -> Option<
         heights.push(height_m);
         let turn = flat * neutral[leg.end].conjugate();
         let skeleton = &clip.skeleton;
-        for joint in leg.end..neutral.len() {
-            let line = std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent);
-            if line.into_iter().any(|above| above == leg.end) {
-                neutral[joint] = (turn * neutral[joint]).normalize();
+        for (joint, rotation) in neutral.iter_mut().enumerate().skip(leg.end) {
+            let mut line = std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent);
+            if line.any(|above| above == leg.end) {
+                *rotation = (turn * *rotation).normalize();
             }
         }
     }

@@ -12,7 +12,8 @@ mod feet;
 mod figure;
 mod hinges;
 mod plan;
-#[cfg(all(test, feature = "files"))]
+#[cfg(feature = "files")]
+#[cfg(test)]
 mod tests;
 
 use glam::{Quat, Vec3};
