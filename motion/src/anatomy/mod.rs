@@ -16,5 +16,5 @@ pub use neutral::{let_down, stand_up};
 pub use parts::{Limb, Parts};
 pub use rest::RestPose;
 
-pub(crate) use neutral::hang;
+pub(crate) use neutral::{ahead, hang, neutral_of_motion, world_of};
 pub(crate) use parts::places;

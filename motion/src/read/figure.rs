@@ -2,12 +2,9 @@
 
 use std::sync::Arc;
 
-use glam::Quat;
-
 use super::Understood;
-use super::neutral::neutral_of_motion;
 use super::report::RestPose;
-use crate::anatomy::{Biped, PartsDoc, Tree};
+use crate::anatomy::PartsDoc;
 use crate::retarget::{Figure, RetargetError};
 
 impl Understood {
@@ -17,24 +14,16 @@ impl Understood {
     /// # Errors
     /// [`RetargetError`] if no body is found, or if it stands neither at rest nor in the motion.
     pub fn figure(&self, doc: &PartsDoc) -> Result<Figure, RetargetError> {
-        let skeleton = &self.clip.skeleton;
-        let joints = skeleton.joint_count();
-        if skeleton.robot.is_some() {
-            return Figure::of_robot(Arc::clone(skeleton), doc);
-        }
-        let stands = self.rest.is_some() && self.report.rest_pose.value != RestPose::None;
-        match Biped::find(&Tree::of(skeleton)) {
-            Some(body) if !stands && self.clip.frames() > 1 => {
-                Figure::of_motion(&self.clip, neutral_of_motion(&self.clip, &body), doc)
-            }
-            _ => {
-                let still = vec![Quat::IDENTITY; joints];
-                let rest = self.rest.as_deref().unwrap_or(&still);
+        let stands = self.report.rest_pose.value != RestPose::None;
+        match &self.rest {
+            Some(rest) if stands || self.clip.frames() == 1 => {
+                let skeleton = Arc::clone(&self.clip.skeleton);
                 // A character at rest stands on the ground of its file.
-                let is_at_rest = self.clip.frames() == 1 && self.rest.is_some();
                 let root_y_m = self.clip.root_positions[0].y - skeleton.ground_y_m;
-                Figure::new(Arc::clone(skeleton), rest, is_at_rest.then_some(root_y_m), doc)
+                let is_at_rest = self.clip.frames() == 1;
+                Figure::new(skeleton, rest, is_at_rest.then_some(root_y_m), doc)
             }
+            rest => Figure::of_clip(&self.clip, rest.as_deref(), doc),
         }
     }
 }

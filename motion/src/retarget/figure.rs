@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Quat, Vec3};
 
 use super::{RetargetError, feet};
-use crate::anatomy::{Parts, PartsDoc, RestPose, hang, places};
+use crate::anatomy::{Biped, Parts, PartsDoc, RestPose, Tree, hang, neutral_of_motion, places};
 use crate::clip::Clip;
 use crate::root::heading_of;
 use crate::rotation::yaw;
@@ -65,14 +65,23 @@ impl Figure {
         Self::of_parts(skeleton, parts, neutral, root_y_m)
     }
 
-    /// The figure of a clip's skeleton whose rest pose is no stance, with its neutral pose in world
-    /// rotations: upright, heading along +Z, limbs hanging down. Feet are turned as they stand flat
-    /// on the ground in the clip.
+    /// The figure of a clip's skeleton: by the average pose of a body that is found by names, with
+    /// trunk and limbs straightened and the feet as they stand flat on the ground. Other bodies have
+    /// it by their rest pose (joint 0 in the world, others relative to their parents), or without
+    /// one by all rotations at zero. A robot has it with its hinges at 0.
     ///
     /// # Errors
-    /// [`RetargetError`] if the parts of a body are not found, or if the pose is no stance.
-    pub fn of_motion(clip: &Clip, mut neutral: Vec<Quat>, doc: &PartsDoc) -> Result<Self, RetargetError> {
+    /// [`RetargetError`] if the parts of a body are not found, or if it does not stand.
+    pub fn of_clip(clip: &Clip, rest: Option<&[Quat]>, doc: &PartsDoc) -> Result<Self, RetargetError> {
         let skeleton = Arc::clone(&clip.skeleton);
+        if skeleton.robot.is_some() {
+            return Self::of_robot(skeleton, doc);
+        }
+        let Some(body) = Biped::find(&Tree::of(&skeleton)) else {
+            let still = vec![Quat::IDENTITY; skeleton.joint_count()];
+            return Self::new(skeleton, rest.unwrap_or(&still), None, doc);
+        };
+        let mut neutral = neutral_of_motion(clip, &body);
         let parts = Parts::with(&skeleton, &neutral, doc).map_err(RetargetError::Parts)?;
         let toes_m = feet::stand(clip, &parts, &mut neutral);
         let at = places(&skeleton, &neutral);
