@@ -21,6 +21,8 @@ use crate::failure::Failure;
 use crate::reading::Reading;
 use crate::term::Term;
 
+/// The file of a SONIC motion that stands for the other CSV files of its folder.
+pub(super) const SONIC_FILE: &str = "joint_pos.csv";
 /// Endings of formats that are read, but not written.
 const ONLY_READ: [&str; 2] = ["gltf", "fbx"];
 
@@ -121,6 +123,9 @@ pub(super) fn understand(
     gltf_fps: Option<f32>,
 ) -> Result<Understood, Misread> {
     let (path, animation) = split_animation(path);
+    // SONIC's motion is a folder of files.
+    let sonic = path.join(SONIC_FILE);
+    let path = if sonic.is_file() { sonic } else { path };
     let bytes = std::fs::read(&path)?;
     options.animation = animation.or(options.animation);
     if is_gltf(&path, &bytes) {

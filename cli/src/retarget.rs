@@ -139,7 +139,7 @@ fn figure(path: &Path, found: &Understood, parts: Option<&Path>) -> Result<Figur
 fn character(path: &Path, parts: Option<&Path>, context: &Context) -> Result<Figure, Failure> {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     if ending.is_some_and(|ending| ending == "urdf" || ending == "xml") {
-        let skeleton = Onto::robot_of(path, &[])?;
+        let skeleton = Onto::robot_of(path, &[], &[])?;
         let doc = read_parts(parts)?;
         return Figure::of_robot(skeleton.into(), &doc).map_err(|why| Failure::file(path, why));
     }

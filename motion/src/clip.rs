@@ -38,6 +38,9 @@ pub enum ClipError {
     /// The clip has no frames.
     #[error("a clip needs at least one frame")]
     Empty,
+    /// One frame does not make a loop.
+    #[error("a loop needs at least two frames")]
+    OneFrame,
     /// The rotations do not fit the frames and joints.
     #[error("{found} rotations for {frames} frames of {joints} joints")]
     RotationCount {

@@ -24,10 +24,10 @@ pub struct Looped {
 /// side of the middle. The way over the ground and the heading stay as they are.
 ///
 /// # Errors
-/// [`ClipError::Empty`] if the clip has fewer than 2 frames.
+/// [`ClipError::OneFrame`] if the clip has fewer than 2 frames.
 pub fn close(clip: &Clip) -> Result<Looped, ClipError> {
     if clip.frames() < 2 {
-        return Err(ClipError::Empty);
+        return Err(ClipError::OneFrame);
     }
     let headings: Vec<f32> = clip.roots().iter().map(|root| root.heading).collect();
     let poses = poses(clip, &headings);

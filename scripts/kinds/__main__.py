@@ -12,7 +12,7 @@ import argparse
 import re
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +25,6 @@ from motion import Array, Motion, angle_between, conjugate, multiply
 
 MAX_ERROR_M = 0.0005
 MAX_ERROR_DEG = 0.1
-COLUMNS = ("CLI", "training", "Python with reader", "Python alone", "viewer")
 # How a front says that it assumed a rate, and an order.
 ASSUMED_RATE = re.compile(r"assumed|no rate|says none", re.IGNORECASE)
 ASSUMED_ORDER = re.compile("--quaternion decides")
@@ -71,6 +70,12 @@ def flags(job: Job) -> str:
     return " ".join(words)
 
 
+def onto(job: Job) -> Job:
+    """The job of a front that reads onto a skeleton."""
+    kind = job.kind
+    return replace(job, kind=replace(kind, options=kind.options_onto)) if kind.options_onto else job
+
+
 def verdict(column: str, job: Job, plain: Answer, with_options: Answer | None) -> str:
     """One cell."""
     kind = job.kind
@@ -86,6 +91,8 @@ def verdict(column: str, job: Job, plain: Answer, with_options: Answer | None) -
     if plain.error is not None:
         if works:
             named = any(word in plain.error for word in re.findall(r"--[a-z-]+", flags(job)))
+            if column == "viewer":
+                named = set(kind.options) <= set(plain.asks)
             return f"refused; right with `{flags(job)}`" + ("" if named else ", which is not named")
         if with_options is not None and with_options.error is None:
             return f"refused; **wrong** with `{flags(job)}`: {off_then}"
@@ -96,14 +103,18 @@ def verdict(column: str, job: Job, plain: Answer, with_options: Answer | None) -
     off = wrong(job, plain)
     if off is None:
         return "right"
-    assumed = "x y z w" if kind.open_order else "30 Hz"
-    if (kind.open_order and ASSUMED_ORDER.search(plain.notes)) or (
-        kind.open_rate and not kind.open_order and ASSUMED_RATE.search(plain.notes)
-    ):
-        return f"{assumed} assumed and noted" + (f"; right with `{flags(job)}`" if works else "")
-    if column == "Python alone" and (kind.open_rate or kind.open_order):
+    is_open = kind.open_order or (kind.open_rate and "fps" in kind.options)
+    assumed, noted = ("x y z w", ASSUMED_ORDER) if kind.open_order else ("30 Hz", ASSUMED_RATE)
+    if is_open and works and noted.search(plain.notes):
+        return f"{assumed} assumed and noted; right with `{flags(job)}`"
+    if is_open and column == "Python alone":
         return f"{assumed}, as `from_csv` documents"
     return f"**wrong**: {off}"
+
+
+def joined(verdicts: Iterable[str]) -> str:
+    """The cell of a front: what its commands answer, apart from those that do not take the file."""
+    return " or ".join(verdict for verdict in verdicts if verdict != "–") or "–"
 
 
 def format_of(job: Job) -> str:
@@ -134,38 +145,40 @@ def main() -> None:
     parser.add_argument("--page", type=Path, help="a page that must have the rows of the first table")
     parser.add_argument("--errors", action="store_true", help="also print the words of each refusal")
     given = parser.parse_args()
-    asked: list[Callable[[list[Job]], list[Answer]]] = [
-        lambda jobs: fronts.command_line(given.program, jobs),
-        fronts.training,
-        lambda jobs: fronts.client(jobs, extension=True),
-        lambda jobs: fronts.client(jobs, extension=False),
-        fronts.viewer,
+    asked: list[tuple[str, Callable[[list[Job]], list[Answer]]]] = [
+        ("CLI", lambda jobs: fronts.command_line(given.program, jobs)),
+        ("training", fronts.training),
+        ("training", fronts.rigs),
+        ("Python with reader", lambda jobs: fronts.client(jobs, extension=True)),
+        ("Python alone", lambda jobs: fronts.client(jobs, extension=False)),
+        ("viewer", fronts.viewer),
     ]
+    columns = list(dict(asked))
     with tempfile.TemporaryDirectory() as folder:
         jobs = fronts.jobs_of(list(kinds()), Path(folder))
-        again = [replace(job, with_options=True) for job in jobs if job.kind.options or job.kind.legs]
-        cells: dict[str, list[str]] = {str(job.path): [] for job in jobs}
+        # A front may be several commands, with a verdict each.
+        cells = {str(job.path): {column: dict[str, None]() for column in columns} for job in jobs}
         said: list[str] = []
         read: dict[str, Answer] = {}
-        for column, front in zip(COLUMNS, asked, strict=True):
-            plain = dict(zip(cells, front(jobs), strict=True))
-            # The page has no options.
-            second = (
-                {} if column == "viewer" else {str(job.path): a for job, a in zip(again, front(again), strict=True)}
-            )
-            for job in jobs:
+        for column, front in asked:
+            of_front = [onto(job) for job in jobs] if column == "viewer" else jobs
+            again = [replace(job, with_options=True) for job in of_front if job.kind.options or job.kind.legs]
+            plain = dict(zip(cells, front(of_front), strict=True))
+            second = {str(job.path): answer for job, answer in zip(again, front(again), strict=True)}
+            for job in of_front:
                 key = str(job.path)
-                cells[key].append(verdict(column, job, plain[key], second.get(key)))
+                cells[key][column][verdict(column, job, plain[key], second.get(key))] = None
                 for answer in (plain[key], second.get(key)):
                     if answer is not None and answer.error is not None:
                         said.append(f"{column}, {job.kind.group}, {job.kind.name}: {answer.error}")
             read = read or plain
         errors_of_formats = figures(jobs, read, given.program, Path(folder))
-    print("| input | before |", " | ".join(COLUMNS), "|\n|" + "---|" * (2 + len(COLUMNS)))
+    print("| input | before |", " | ".join(columns), "|\n|" + "---|" * (2 + len(columns)))
     rows = []
     for job in jobs:
         name = ", ".join(filter(None, (job.kind.group, job.kind.name)))
-        rows.append(f"| {' | '.join([name, job.kind.before, *cells[str(job.path)]])} |")
+        words = [joined(verdicts) for verdicts in cells[str(job.path)].values()]
+        rows.append(f"| {' | '.join([name, job.kind.before, *words])} |")
     print(*rows, sep="\n")
     print("\n| format | | joints | turns |\n|---|---|---|---|", *errors_of_formats, sep="\n")
     if given.errors:

@@ -24,20 +24,21 @@ def skeleton_of(tables: dict[str, Any] | None) -> troupe.Skeleton | None:
             )
             for hinge in tables["robot"]["hinges"]
         )  # fmt: skip
-        robot = troupe.Robot(tables["robot"]["name"], hinges)
+        joints_of = [hinge.joint for hinge in hinges]
+        mimics = tuple(
+            troupe.Mimic(
+                mimic["joint"], names.index(mimic["joint"]), joints_of.index(mimic["follows"]), mimic["multiplier"],
+                mimic["offset_rad"], tuple(mimic["axis"]), tuple(mimic["rest"]),
+            )
+            for mimic in tables["robot"].get("mimics", [])
+        )  # fmt: skip
+        robot = troupe.Robot(tables["robot"]["name"], hinges, mimics)
     parents = tuple(names.index(joint["parent"]) if joint["parent"] else -1 for joint in joints)
     return troupe.Skeleton(tuple(names), parents, np.array([j["offset_m"] for j in joints], np.float32), robot=robot)
 
 
 def read(job: dict[str, Any]) -> troupe.Clip:
     path, skeleton, options = Path(job["path"]), skeleton_of(job["tables"]), job["options"]
-    if job["urdf"] is not None:
-        import troupe_reader
-
-        clip = troupe_reader.read(path, skeleton=troupe_reader.read_robot(job["urdf"]).skeleton, **options)
-        of = clip.skeleton
-        skeleton = troupe.Skeleton(tuple(of.names), tuple(of.parents), of.offsets)
-        return troupe.Clip(skeleton, clip.fps, clip.root_positions, clip.rotations, info=clip.report)
     if job["extension"]:
         return troupe.Clip.read(path, skeleton, **options)
     fps = options.get("fps", 30)

@@ -1,10 +1,13 @@
 """The four programs that read motion: the command line, training, the Python client and the viewer."""
 
+import io
 import json
 import os
 import re
 import subprocess
 import tempfile
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
@@ -18,11 +21,15 @@ from inputs import ROOT, WALK, Kind, amass
 from motion import Array, Motion
 from robots import humanoid
 from troupe_reader.options import FileOptions
-from troupe_training.data.bvh_source import BvhSource
-from troupe_training.data.clips import FileMotion
-from troupe_training.data.gltf import read_glb
+from troupe_training.cli.options import READING
+from troupe_training.data.clips import FileMotion, MotionSource
+from troupe_training.data.conventions import FPS
+from troupe_training.data.corpus import RIG_ENDINGS
+from troupe_training.data.gltf import read_rig
+from troupe_training.data.joint_source import JointSource
 from troupe_training.data.prepare import Choice, prepare
-from troupe_training.data.rotations import matrix_to_quat
+from troupe_training.data.rotations import columns_to_matrix, matrix_to_quat
+from troupe_training.data.skeleton import Skeleton
 from troupe_training.robots.source import RobotSource
 
 # Files that the client reads without the reader.
@@ -43,6 +50,7 @@ class Answer:
     offsets: Array = field(default_factory=lambda: np.zeros((0, 3)))
     error: str | None = None
     notes: str = ""
+    asks: list[str] = field(default_factory=list)  # options that decide, as the viewer shows them beside an error
     crashed: bool = False
     not_taken: bool = False
 
@@ -63,10 +71,6 @@ class Job:
     def legs(self) -> list[str]:
         """Of the robot."""
         return self.kind.legs if self.with_options else []
-
-    def has_mimics(self) -> bool:
-        """Whether joints of the robot follow others. No pack has such a robot."""
-        return self.kind.robot is not None and any(joint.follows for joint in self.kind.robot.joints)
 
     def tables(self, needed: bool) -> dict[str, Any] | None:
         """The skeleton to read onto as tables of a pack. `needed`: also if the kind needs none."""
@@ -104,7 +108,8 @@ def command_line(program: Path, jobs: list[Job]) -> list[Answer]:
     """`troupe clip convert`, and what it wrote."""
 
     def one(job: Job) -> Answer:
-        out = job.path.with_suffix(".out.npz")
+        # Beside the folder, because training reads all files in it.
+        out = job.path.parent.with_suffix(".out.npz")
         words = [str(program), "clip", "convert", str(job.path), str(out)]
         for key, value in job.options().items():
             words += [FLAGS[key]] + ([] if value is True else [str(value)])
@@ -164,75 +169,84 @@ def of_motion(motion: Motion) -> Answer:
 
 
 def training(jobs: list[Job]) -> list[Answer]:
-    """`prepare` for BVH and robots' CSV, `unimogen prepare` for glb, as they read one file."""
-    return [_trained(job) for job in jobs]
+    """`prepare`: what it writes for training."""
+    return [_tried(_prepared, job) for job in jobs]
 
 
-def _trained(job: Job) -> Answer:
-    options = job.options()
+def rigs(jobs: list[Job]) -> list[Answer]:
+    """`unimogen prepare`: glTF files, whose animations it brings onto one skeleton. It reads others as `prepare` does."""
+    return [_tried(_rig, job) for job in jobs]
+
+
+def _tried(read: Callable[[Job], Answer], job: Job) -> Answer:
     if job.kind.onto is not None:
         return Answer(not_taken=True)
     try:
-        match job.path.suffix:
-            case ".csv" if job.urdf is not None:
-                fps = options.get("fps")
-                given = cast(FileOptions, {key: value for key, value in options.items() if key != "fps"})
-                source = RobotSource(job.urdf, fps=fps, given=given, legs=job.legs())
-                if job.kind.mirror:
-                    return _mirrored(job, source)
-                return _of_file(source.load(job.path))
-            case ".bvh":
-                bvh = BvhSource(given=cast(FileOptions, options))
-                bvh.survey([job.path])
-                return _of_file(bvh.load(job.path))
-            case ".glb":
-                (clip,) = read_glb(job.path).clips.values()
-                return _of_file(clip)
-    except ValueError as error:
-        return Answer(error=str(error))
-    except SystemExit as error:
+        return read(job)
+    except (ValueError, SystemExit) as error:
         return Answer(error=str(error))
     except Exception as error:
         return Answer(error=f"{type(error).__name__}: {error}", crashed=True)
-    return Answer(not_taken=True)
+
+
+def _given(job: Job) -> FileOptions:
+    """Options that training's commands have."""
+    return cast(FileOptions, {key: value for key, value in job.options().items() if key in READING.values()})
+
+
+def _prepared(job: Job) -> Answer:
+    given = _given(job)
+    source: MotionSource = JointSource(given=given)
+    if job.urdf is not None:
+        source = RobotSource(job.urdf, fps=given.get("fps"), given=given, legs=job.legs())
+    with tempfile.TemporaryDirectory() as folder:
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            prepare(job.path.parent, Path(folder), source, choice=Choice(test_name="none", mirror=job.kind.mirror))
+        positions, six_d = (np.load(Path(folder) / f"{name}.npy").astype(np.float64) for name in ("positions", "six_d"))
+        about = json.loads((Path(folder) / "clips.json").read_text())
+        skeleton = Skeleton(**json.loads((Path(folder) / "skeleton.json").read_text()))
+    if job.kind.mirror:
+        half = len(positions) // 2
+        off = _off_mirror(skeleton.names, positions[:half], positions[half:])
+        if off > 5e-4:
+            return Answer(error=f"the mirror image is {1e3 * off:.1f} mm off", crashed=True)
+        positions, six_d = positions[:half], six_d[:half]
+    turns = matrix_to_quat(torch.from_numpy(columns_to_matrix(six_d))).numpy()
+    evidence = [row[2] for row in about["understood"]]
+    notes = "\n".join([*evidence, *(text for texts in about["notes"].values() for text in texts)])
+    return Answer(skeleton.names, FPS, positions, turns, np.array(skeleton.offsets), notes=notes)
+
+
+def _off_mirror(names: list[str], positions: Array, mirrored: Array) -> float:
+    """How far the mirrored clip is from the clip's mirror image, metres."""
+    swapped = [
+        names.index(re.sub("left|right", lambda side: {"left": "right", "right": "left"}[side[0]], n)) for n in names
+    ]
+    # A hinge may stand anywhere along its own axis: the head alone does, in the image too.
+    kept = [nth for nth, name in enumerate(names) if not name.startswith("head")]
+    off = np.linalg.norm(positions[:, swapped] * [-1, 1, 1] - mirrored, axis=-1)
+    return float(off[:, kept].max())
+
+
+def _rig(job: Job) -> Answer:
+    if job.path.suffix not in RIG_ENDINGS:
+        return Answer(not_taken=True)
+    (motion,) = read_rig(job.path, _given(job)).clips.values()
+    return _of_file(motion)
 
 
 def _of_file(motion: FileMotion) -> Answer:
     turns = matrix_to_quat(torch.from_numpy(motion.rotations)).numpy()
-    fps = motion.report["fps"] if motion.report else {}
-    notes = "\n".join([f"{fps.get('basis')} {fps.get('evidence')}", *motion.notes])
-    return Answer(motion.names, 30.0, motion.positions, turns, motion.offsets, notes=notes)
-
-
-def _mirrored(job: Job, source: RobotSource) -> Answer:
-    """`prepare --mirror`: the clip, if its mirror image is one of it too."""
-    with tempfile.TemporaryDirectory() as folder:
-        prepare(job.path.parent, Path(folder), source, choice=Choice(test_name="none", mirror=True))
-        positions = np.load(Path(folder) / "positions.npy").astype(np.float64)
-    names = source.robot.names
-    half = len(positions) // 2
-    swapped = [
-        names.index(re.sub("left|right", lambda side: {"left": "right", "right": "left"}[side[0]], n)) for n in names
-    ]
-    image = positions[:half, swapped] * [-1, 1, 1]
-    # A hinge may stand anywhere along its own axis: the head alone does, in the image too.
-    kept = [nth for nth, name in enumerate(names) if not name.startswith("head")]
-    off = np.linalg.norm(image - positions[half:], axis=-1)[:, kept].max()
-    if off > 5e-4:
-        return Answer(error=f"the mirror image is {1e3 * off:.1f} mm off", crashed=True)
-    return _of_file(source.load(job.path))
+    return Answer(motion.names, FPS, motion.positions, turns, motion.offsets, notes="\n".join(motion.notes))
 
 
 def client(jobs: list[Job], extension: bool) -> list[Answer]:
     """`Clip.read` of the package troupe with the reader, or its own `Clip.from_…`."""
-    taken = [job for job in jobs if extension or (job.path.suffix in OWN_READERS and not job.has_mimics())]
+    taken = [job for job in jobs if extension or job.path.suffix in OWN_READERS]
     sent = [
-        {
-            "path": str(job.path), "tables": job.tables(False), "options": job.options(), "extension": extension,
-            "urdf": str(job.urdf) if job.has_mimics() else None,
-        }
+        {"path": str(job.path), "tables": job.tables(False), "options": job.options(), "extension": extension}
         for job in taken
-    ]  # fmt: skip
+    ]
     script = Path(__file__).with_name("client.py")
     # A reader that stands in the path of this program is the client's, too.
     path = [str(ROOT / "clients" / "python"), os.environ.get("PYTHONPATH", "")]
@@ -241,10 +255,15 @@ def client(jobs: list[Job], extension: bool) -> list[Answer]:
 
 
 def viewer(jobs: list[Job]) -> list[Answer]:
-    """The reader of the web page, onto a rig with the kind's skeleton. It has no options."""
-    taken = [job for job in jobs if not job.has_mimics()]
-    sent = [{"path": str(j.path), "tables": j.tables(True), "fps": 30 if j.urdf else j.kind.truth.fps} for j in taken]
-    return _in_place(jobs, taken, _asked(["node", str(Path(__file__).with_name("viewer.mjs"))], sent, {}))
+    """The reader of the web page, onto a rig with the kind's skeleton."""
+    sent = [
+        {
+            "path": str(job.path), "tables": job.tables(True), "given": job.options(),
+            "fps": 30 if job.urdf else job.kind.truth.fps,
+        }
+        for job in jobs
+    ]  # fmt: skip
+    return _asked(["node", str(Path(__file__).with_name("viewer.mjs"))], sent, {})
 
 
 def _in_place(jobs: list[Job], taken: list[Job], answers: list[Answer]) -> list[Answer]:
@@ -263,7 +282,8 @@ def _asked(command: list[str], sent: list[dict[str, Any]], variables: dict[str, 
 
 def _answer(found: dict[str, Any]) -> Answer:
     if "error" in found or "crash" in found:
-        return Answer(error=found.get("error") or found["crash"], crashed="crash" in found)
+        error = found.get("error") or found["crash"]
+        return Answer(error=error, asks=found.get("asks", []), crashed="crash" in found)
     arrays = [np.array(found[key], np.float64) for key in ("offsets", "roots", "turns")]
     motion = Motion(found["names"], found["parents"], arrays[0], found["fps"], arrays[1], arrays[2])
     return replace(of_motion(motion), notes="\n".join(found.get("notes", [])))

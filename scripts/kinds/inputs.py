@@ -54,11 +54,12 @@ class Kind:
     legs: list[str] = field(default_factory=list)  # with the options
     onto: Motion | None = None  # a pack's skeleton to read onto, on the fronts that can
     rig: Motion | None = None  # the viewer's skeleton, if it is not the truth's
+    options_onto: dict[str, Any] = field(default_factory=dict)  # the viewer's, which reads onto a skeleton, if others
     refusal: str | None = None  # what a right refusal says
     beside: dict[str, bytes] = field(default_factory=dict)
     mirror: bool = False
     open_order: bool = False  # the quaternion's order shows in nothing, and the usual one is noted
-    open_rate: bool = False  # the file says no rate, and the usual one is assumed and noted
+    open_rate: bool = False  # the file says no rate, and 30 Hz is assumed and noted
 
 
 WALK = read_walk((ROOT / "examples" / "walk.bvh").read_text())
@@ -183,7 +184,10 @@ def gltf() -> Iterator[Kind]:
     mean_held, rig = slide(0.002, scale=0.01)
     yield Kind(group, "the same, Armature of 1:100", "armature.glb", rig.glb(), mean_held, before)
     mean_held, rig = slide(0.6, "UpperArm_L")
-    yield Kind(group, "arm leaves by 0.6 m", "arm.glb", rig.glb(), mean_held, before, {"max_slide_m": 1.0})
+    yield Kind(
+        group, "arm leaves by 0.6 m", "arm.glb", rig.glb(), mean_held, before, {"max_slide_m": 1.0},
+        options_onto={"other_bones": True},
+    )  # fmt: skip
     group, before = "glTF", "refused"
     rig = formats.Gltf(WALK)
     rig.move(None, "translation", WALK.roots)

@@ -6,11 +6,19 @@ import * as reader from '../../web/src/reader/troupe_reader_web.js';
 const wasm = new URL('../../web/src/reader/troupe_reader_web_bg.wasm', import.meta.url);
 await reader.default({ module_or_path: readFileSync(wasm) });
 
-function understand({ path, tables, fps }) {
+// A person gives options by their controls, which the page has for these.
+const controls = JSON.parse(reader.options());
+
+function valuesOf(given, isRobot) {
+  const shown = controls.filter((option) => !option.is_of_robots || isRobot).map(({ name }) => name);
+  return Object.fromEntries(Object.entries(given).filter(([name]) => shown.includes(name)));
+}
+
+function understand({ path, tables, fps, given }) {
   const [name, bytes] = [path.split('/').pop(), readFileSync(path)];
   const names = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
-  const robot = tables.robot ? { robot: tables.robot } : {};
-  const options = { skeleton: tables.skeleton, ...robot, resample_fps: fps };
+  const robot = tables.robot ? { robot: { name: tables.robot.name, hinges: tables.robot.hinges, mimics: tables.robot.mimics ?? [] } } : {};
+  const options = { skeleton: tables.skeleton, ...robot, resample_fps: fps, ...valuesOf(given, 'robot' in robot) };
   if (names.length > 1) options.animation = names[0];
   const read = reader.read(name, bytes, JSON.stringify(options));
   const turns = [];
@@ -38,7 +46,7 @@ const answers = jobs.map((job) => {
   try {
     return understand(job);
   } catch (error) {
-    return { error: error.message };
+    return { error: error.message, asks: JSON.parse(error.options ?? '[]').map(({ option }) => option) };
   }
 });
 process.stdout.write(JSON.stringify(answers));

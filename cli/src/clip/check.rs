@@ -10,20 +10,16 @@ use troupe_motion::read::{self, Agreement, Options, ReadErrorKind, Report, Under
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Misread, understand, with_source};
+use crate::files::{Misread, SONIC_FILE, understand, with_source};
 use crate::output::{print, table, to_json};
 
-/// Endings of files that are checked.
-const ENDINGS: [&str; 7] = ["bvh", "csv", "fbx", "glb", "gltf", "npy", "npz"];
-/// The file of a SONIC motion that stands for the other CSV files of its folder.
-const SONIC: &str = "joint_pos.csv";
 /// Rows of a report that have a column of the table.
 const COLUMNS: [&str; 6] = ["format", "up axis", "unit", "rate", "rest pose", "frames"];
 
 /// Check all files of motion in a folder and in those below it.
 ///
 /// A file that leaves its up axis or unit open takes what the other files show. Each animation of a
-/// file is checked. It is fine, repaired, odd or refused. The exit code is 0 if all are fine or
+/// file is checked, and formats that are not read are refused. It is fine, repaired, odd or refused. The exit code is 0 if all are fine or
 /// repaired, and 1 if any is odd or refused. Files are read onto their own skeletons; a robot's
 /// files need --pack, --pack-folder or --urdf.
 #[derive(Debug, Args)]
@@ -108,7 +104,10 @@ impl Checked {
 pub(super) async fn run(context: &Context, command: &Check) -> Result<(), Failure> {
     let files = files_in(&command.folder)?;
     if files.is_empty() {
-        let endings = ENDINGS.join(", .");
+        let mut endings: Vec<&str> = read::ENDINGS.into_iter().chain(read::ROBOT_ENDINGS).collect();
+        endings.sort_unstable();
+        endings.dedup();
+        let endings = endings.join(", .");
         return Err(Failure::file(
             &command.folder,
             format_args!("no file of motion is in it: .{endings}"),
@@ -184,9 +183,9 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
                 false => here.push(entry.path()),
             }
         }
-        let is_sonic = here.iter().any(|path| path.ends_with(SONIC));
+        let is_sonic = here.iter().any(|path| path.ends_with(SONIC_FILE));
         here.retain(|path| match ending(path) {
-            Some("csv") if is_sonic => path.ends_with(SONIC),
+            Some("csv") if is_sonic => path.ends_with(SONIC_FILE),
             ending => ending.is_some(),
         });
         files.append(&mut here);
@@ -195,12 +194,12 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// Which of [`ENDINGS`] a file has, in any case.
+/// The ending of a file of motion, read or not, in small letters.
 fn ending(path: &Path) -> Option<&'static str> {
     let ending = path.extension()?.to_str()?;
-    ENDINGS
-        .into_iter()
-        .find(|known| known.eq_ignore_ascii_case(ending))
+    let known = read::ENDINGS.into_iter().chain(read::ROBOT_ENDINGS);
+    let mut known = known.chain(read::UNREAD_ENDINGS);
+    known.find(|known| known.eq_ignore_ascii_case(ending))
 }
 
 fn table_of(checked: &[Checked]) -> Table {
@@ -243,6 +242,7 @@ mod tests {
             ("", "dance.CSV"),
             ("", "wave.bvh"),
             ("", "notes.txt"),
+            ("", "marks.c3d"),
         ] {
             std::fs::create_dir_all(folder.join(path)).unwrap();
             std::fs::write(folder.join(path).join(name), "").unwrap();
@@ -254,7 +254,7 @@ mod tests {
             .collect();
         assert_eq!(
             names,
-            ["dance.CSV", "walk/joint_pos.csv", "wave.bvh"].map(Path::new)
+            ["dance.CSV", "marks.c3d", "walk/joint_pos.csv", "wave.bvh"].map(Path::new)
         );
         std::fs::remove_dir_all(folder).unwrap();
     }

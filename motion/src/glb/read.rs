@@ -104,6 +104,8 @@ pub struct GlbAnimation {
     nodes: Vec<Node>,
     start_s: f64,
     fps: f32,
+    /// Rate of the closest keys, Hz.
+    keys_fps: f32,
     frames: usize,
     origin: Origin,
 }
@@ -229,6 +231,7 @@ impl GlbAnimation {
             nodes,
             start_s: 0.0,
             fps: DEFAULT_FPS,
+            keys_fps: DEFAULT_FPS,
             frames: 1,
             origin,
         })
@@ -240,7 +243,8 @@ impl GlbAnimation {
             return Err(GlbReadError::NoAnimation);
         };
         let end = times().map(|times| times[times.len() - 1]).fold(start, f32::max);
-        let fps = fps.unwrap_or_else(|| rate(times()));
+        let keys_fps = rate(times());
+        let fps = fps.unwrap_or(keys_fps);
         if !(fps.is_finite() && fps > 0.0) {
             return Err(GlbReadError::Rate(fps));
         }
@@ -259,6 +263,7 @@ impl GlbAnimation {
             nodes,
             start_s,
             fps,
+            keys_fps,
             frames: frames as usize,
             origin,
         })
@@ -291,6 +296,11 @@ impl GlbAnimation {
     /// Rate at which the animation is sampled, Hz.
     pub fn fps(&self) -> f32 {
         self.fps
+    }
+
+    /// Rate of the closest keys, Hz; 30 if they show none.
+    pub fn keys_fps(&self) -> f32 {
+        self.keys_fps
     }
 
     /// Number of frames.

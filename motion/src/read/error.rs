@@ -24,7 +24,7 @@ pub struct ReadError {
 pub enum ReadErrorKind {
     /// No format that is read.
     #[error(
-        "neither its ending nor its content is that of motion: .bvh, .glb, .gltf or .npz, or .csv or .npy of a robot"
+        "neither its ending nor its content is that of motion: .bvh, .fbx, .glb, .gltf or .npz, or .csv or .npy of a robot"
     )]
     Unknown,
     /// A format that is not read, and how to convert it.

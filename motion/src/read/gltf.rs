@@ -17,7 +17,8 @@ pub(super) fn parse(
     options: &Options,
 ) -> Result<Parsed<'static>, ReadErrorKind> {
     let glb = GlbOptions {
-        fps: options.fps,
+        // Sampled once: keys are at any times.
+        fps: options.fps.or(options.resample_fps),
         animation: options.animation.clone(),
         at_rest: options.at_rest,
         ..GlbOptions::default()
@@ -55,7 +56,11 @@ pub(super) fn parse(
     }
     let fps = match options.fps {
         Some(fps) => Finding::new(fps, Basis::Given, "--fps"),
-        None => Finding::new(animation.fps(), Basis::Found, "the time between the closest keys"),
+        None => Finding::new(
+            animation.keys_fps(),
+            Basis::Found,
+            "the time between the closest keys",
+        ),
     };
     let names: Vec<&str> = (0..animation.joint_count())
         .map(|joint| animation.name(joint))
@@ -78,4 +83,33 @@ pub(super) fn parse(
         repairs,
         oddities: Vec::new(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::glb::write_glb;
+    use crate::read::tests::people::Person;
+    use crate::read::{Options, RestPose, Source, read};
+
+    #[test]
+    fn keys_are_sampled_once_at_the_wanted_rate() {
+        let person = Person {
+            words: 0,
+            size: 1.0,
+            spine: 2,
+            rest: RestPose::T,
+        };
+        let bytes = write_glb(&person.walk(60, 30.0, &[0.3, 0.8, 0.1, 0.6])).unwrap();
+        let with = |options: Options| read(&Source::new("walk.glb", &bytes), &options).unwrap();
+        let resampled = with(Options {
+            resample_fps: Some(24.0),
+            ..Options::default()
+        });
+        let sampled = with(Options {
+            fps: Some(24.0),
+            ..Options::default()
+        });
+        assert_eq!(resampled.clip, sampled.clip);
+        assert_eq!((resampled.report.fps.value, resampled.report.frames), (30.0, 60));
+    }
 }

@@ -148,7 +148,8 @@ pub(super) fn finish(
     mut report: Report,
     options: &Options,
 ) -> Result<Understood, ReadErrorKind> {
-    report.frames = clip.frames();
+    // At the file's own rate: glTF may be sampled at another.
+    report.frames = (clip.duration_s() * report.fps.value).round() as usize + 1;
     report.joints = clip.skeleton.joint_count();
     report.contacts = oddities::contacts(&clip);
     oddities::note(&clip, &mut report);

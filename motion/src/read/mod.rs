@@ -58,6 +58,11 @@ use joints::Parsed;
 
 /// Endings of files of joints, in small letters. With a skeleton these may be a robot's too.
 pub const ENDINGS: [&str; 5] = ["bvh", "fbx", "glb", "gltf", "npz"];
+/// Endings of files of motion that are not read; the error says what makes one that is. In small
+/// letters.
+pub const UNREAD_ENDINGS: [&str; 12] = [
+    "amc", "asf", "blend", "c3d", "dae", "pickle", "pkl", "trc", "usd", "usda", "usdc", "usdz",
+];
 /// Endings of robots' files, in small letters.
 pub const ROBOT_ENDINGS: [&str; 3] = ["csv", "npy", "npz"];
 
@@ -272,6 +277,6 @@ const NOT_MARKERS: ReadErrorKind = ReadErrorKind::NotRead {
     how: "it has no joints; a solver such as Mokka, MotionBuilder or Theia makes a skeleton's .bvh or .fbx of it",
 };
 const NOT_ACCLAIM: ReadErrorKind = ReadErrorKind::NotRead {
-    format: "Acclaim's ASF and AMC",
-    how: "amc2bvh and Blender's importer make .bvh of them",
+    format: "Acclaim's motion (ASF, AMC)",
+    how: "amc2bvh and Blender's importer make .bvh of it",
 };

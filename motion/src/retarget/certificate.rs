@@ -124,21 +124,31 @@ fn limbs<'a>(source: &'a Figure, target: &'a Figure) -> Vec<[&'a Limb; 2]> {
     legs.chain(arms).map(|(from, to)| [from, to]).collect()
 }
 
-/// Mean angles between the upper bones of two limbs and between the lower ones, degrees. On bodies
-/// on two legs limbs hang in the neutral pose, so their directions are compared. Legs of bodies on
-/// four are bent there; their turns from it are compared.
+/// Mean angles between the upper bones of two limbs and between the lower ones, degrees. Legs of
+/// bodies on four are compared by their turns from the neutral pose.
 fn bones(figures: [&Figure; 2], worlds: &[WorldMotion; 2], limbs: [&Limb; 2]) -> [f32; 2] {
+    // On two legs they hang in the neutral pose. Legs of four are bent there, and are seen by their
+    // joints' places.
+    let on_fours = figures[0].parts.on_fours;
     let directions = |which: usize, places: &[Vec3]| {
         let [upper, middle, end] = limbs[which].chain();
         [places[middle] - places[upper], places[end] - places[middle]].map(Vec3::normalize_or_zero)
+    };
+    let hanging = |which: usize, frame: usize| {
+        let rotations = worlds[which].rotations_at(frame);
+        [limbs[which].upper[0], limbs[which].lower[0]]
+            .map(|joint| rotations[joint] * (figures[which].neutral[joint].conjugate() * Vec3::NEG_Y))
     };
     let neutral = [0, 1].map(|which| directions(which, &figures[which].places));
     let mut sums = [0.0; 2];
     let frames = worlds[0].frames();
     for frame in 0..frames {
-        let now = [0, 1].map(|which| directions(which, worlds[which].positions_at(frame)));
+        let now = [0, 1].map(|which| match on_fours {
+            true => directions(which, worlds[which].positions_at(frame)),
+            false => hanging(which, frame),
+        });
         for (bone, sum) in sums.iter_mut().enumerate() {
-            let wanted = match figures[0].parts.on_fours {
+            let wanted = match on_fours {
                 true => Quat::from_rotation_arc(neutral[0][bone], now[0][bone]) * neutral[1][bone],
                 false => now[0][bone],
             };

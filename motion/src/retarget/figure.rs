@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Quat, Vec3};
 
-use super::{RetargetError, feet};
+use super::{RetargetError, feet, hinges};
 use crate::anatomy::{Biped, Parts, PartsDoc, RestPose, Tree, hang, neutral_of_motion, places};
 use crate::clip::Clip;
 use crate::root::heading_of;
@@ -58,6 +58,14 @@ impl Figure {
         let parts = Parts::with(&skeleton, &pose, doc).map_err(RetargetError::Parts)?;
         let turn = turn_ahead(&skeleton, &parts, &pose);
         pose.iter_mut().for_each(|rotation| *rotation = turn * *rotation);
+        let at = places(&skeleton, &pose);
+        if let Some(robot) = &skeleton.robot {
+            let neutral = match parts.on_fours {
+                true => pose,
+                false => hinges::hang(robot, &parts, &pose, &at),
+            };
+            return Self::of_places(skeleton, parts, neutral, at, None);
+        }
         let neutral = match parts.on_fours {
             true => pose,
             false => neutral(&skeleton, &parts, pose)?,
@@ -112,7 +120,19 @@ impl Figure {
         neutral: Vec<Quat>,
         root_y_m: Option<f32>,
     ) -> Result<Self, RetargetError> {
-        let at = grounded(&skeleton, &parts, places(&skeleton, &neutral), root_y_m);
+        let at = places(&skeleton, &neutral);
+        Self::of_places(skeleton, parts, neutral, at, root_y_m)
+    }
+
+    /// `at` are the joints' places in the neutral pose, with joint 0 in the origin.
+    fn of_places(
+        skeleton: Arc<Skeleton>,
+        parts: Parts,
+        neutral: Vec<Quat>,
+        at: Vec<Vec3>,
+        root_y_m: Option<f32>,
+    ) -> Result<Self, RetargetError> {
+        let at = grounded(&skeleton, &parts, at, root_y_m);
         let middle = |joints: [usize; 2]| 0.5 * (at[joints[0]] + at[joints[1]]);
         let hips = middle([0, 1].map(|side| parts.legs[side].top));
         let feet = middle([0, 1].map(|side| parts.legs[side].end));
@@ -172,11 +192,9 @@ fn turn_ahead(skeleton: &Skeleton, parts: &Parts, pose: &[Quat]) -> Quat {
 fn neutral(skeleton: &Skeleton, parts: &Parts, pose: Vec<Quat>) -> Result<Vec<Quat>, RetargetError> {
     let at: Vec<Vec3> = places(skeleton, &pose);
     let feet = 0.5 * (at[parts.legs[0].end] + at[parts.legs[1].end]);
-    // A robot may have no head, and no chest.
-    let arms = parts.arms.as_ref().map(|arms| arms[0].top);
-    let top = parts.neck.last().copied().or(arms).unwrap_or(parts.trunk[0]);
+    let top = parts.neck.last().or(parts.trunk.last()).copied().unwrap_or(0);
     let upward = (at[top] - feet).normalize_or_zero();
-    if upward.y < UPRIGHT && skeleton.robot.is_none() {
+    if upward.y < UPRIGHT {
         let away = upward.angle_between(Vec3::Y).to_degrees();
         return Err(RetargetError::NoStance(format!(
             "from its feet to its head is {away:.0}° away from upwards"
@@ -184,7 +202,7 @@ fn neutral(skeleton: &Skeleton, parts: &Parts, pose: Vec<Quat>) -> Result<Vec<Qu
     }
     let at: Vec<DVec3> = at.into_iter().map(Vec3::as_dvec3).collect();
     match RestPose::of(&parts.body(), &at, DVec3::Y) {
-        (RestPose::None, evidence) if skeleton.robot.is_none() => Err(RetargetError::NoStance(evidence)),
+        (RestPose::None, evidence) => Err(RetargetError::NoStance(evidence)),
         _ => Ok(hang(skeleton, parts, &pose)),
     }
 }

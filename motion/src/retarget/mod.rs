@@ -20,6 +20,7 @@ use glam::{Quat, Vec3};
 
 use self::hinges::Hinges;
 use self::plan::{Turn, plan};
+use crate::anatomy::Limb;
 use crate::fk::world_transforms;
 use crate::ik::place_end;
 use crate::root::{heading_of, wrap_angle};
@@ -159,7 +160,14 @@ impl Retargeter {
         world_transforms(&self.source.skeleton, root, rotations, places, world);
         self.turn(out);
         if let (Some(hinges), Some(robot)) = (&mut self.hinges, &self.target.skeleton.robot) {
-            hinges.turn(&self.target, robot, &self.wanted, out);
+            let (world, neutral) = (&self.from.1, &self.source.neutral);
+            let hanging = |joint: usize| world[joint] * (neutral[joint].conjugate() * Vec3::NEG_Y);
+            let bones = self.source.parts.arms.as_ref().map(|arms| {
+                let bones = |arm: &Limb| [arm.upper[0], arm.lower[0]].map(hanging);
+                arms.each_ref().map(bones)
+            });
+            let bones = bones.unwrap_or([[Vec3::NEG_Y; 2]; 2]);
+            hinges.turn(&self.target, robot, &self.wanted, &bones, out);
         }
         let root = self.root(out);
         let count = self.steps.len();
@@ -284,7 +292,7 @@ fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
     if let (true, Some(from), Some(to)) = (source.parts.on_fours, &source.parts.arms, &target.parts.arms) {
         limbs.extend(from.iter().zip(to));
     }
-    let step = |(from, to): (&crate::anatomy::Limb, &crate::anatomy::Limb)| {
+    let step = |(from, to): (&Limb, &Limb)| {
         let toes = from.toe.zip(to.toe);
         let (toe, own) = toes.unwrap_or((from.end, to.end));
         let apart = |a: usize, b: usize| target.places[b] - scale * source.places[a];

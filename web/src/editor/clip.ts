@@ -15,6 +15,20 @@ export interface Hinge {
   upper_rad: number;
 }
 
+/** A joint that follows a hinge: its angle is `multiplier` times that of the hinge, plus `offset_rad`. */
+export interface Mimic {
+  /** Index of the joint. */
+  joint: number;
+  /** Index of the joint with the hinge. */
+  follows: number;
+  multiplier: number;
+  offset_rad: number;
+  /** In the joint's own frame, unit length. */
+  axis: Vector3;
+  /** The joint's rotation relative to its parent at angle 0. */
+  rest: Quaternion;
+}
+
 /** What the editor knows of a pack. */
 export interface Rig {
   pack: string;
@@ -24,6 +38,8 @@ export interface Rig {
   leftAxis: Vector3;
   /** Hinges of a robot, in the order of its CSV; none for other bodies. */
   hinges: readonly Hinge[];
+  /** Joints of a robot that follow hinges. */
+  mimics: readonly Mimic[];
   /** Joints that touch the ground, in the order of an answer's contacts. */
   contactJoints: readonly number[];
   limits: Limits;

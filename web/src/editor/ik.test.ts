@@ -166,4 +166,29 @@ describe('hinges', async () => {
       }
     }
   });
+
+  it('take along the joints that follow them', async () => {
+    const mimic = {
+      joint: 6,
+      follows: 4,
+      multiplier: -0.5,
+      offset_rad: 0.1,
+      axis: new Vector3(0, 0, 1),
+      rest: new Quaternion(),
+    };
+    const follower = { ...robotRig, hinges: robotRig.hinges.slice(0, 5), mimics: [mimic] };
+    const short = new TextEncoder().encode('0,0,0.7,0,0,0,1,-0.3,0,0,0.6,-0.3');
+    const { clip } = await understand('stand.csv', short, follower);
+    const pose = poseAt(clip, 0);
+    const wanted = (angle: number) => new Quaternion().setFromAxisAngle(mimic.axis, -0.5 * angle + 0.1);
+    expect(quaternionAt(pose.rotations, 6).angleTo(wanted(0.6))).toBeLessThan(1e-3);
+    const [limb] = limbsOf(follower, clip);
+    const target = world(follower, pose)
+      .place(limb!.end)
+      .add(new Vector3(0.02, 0.1, 0.05));
+    const done = reach(follower, pose, limb!, target);
+    const knee = hingeAngle(follower.hinges[3]!, quaternionAt(done.rotations, 4));
+    expect(Math.abs(knee - 0.6)).toBeGreaterThan(0.05);
+    expect(quaternionAt(done.rotations, 6).angleTo(wanted(knee))).toBeLessThan(1e-3);
+  });
 });

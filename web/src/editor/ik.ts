@@ -50,7 +50,7 @@ class World {
 /** The pose with a limb's end at a place in the world, or as near as the limb reaches. The end keeps its world rotation. */
 export function reach(rig: Rig, pose: Pose, limb: Limb, target: Vector3): Pose {
   return rig.hinges.length > 0
-    ? reachOnHinges(rig.skeleton, rig.hinges, pose, limb, target)
+    ? followed(rig, reachOnHinges(rig.skeleton, rig.hinges, pose, limb, target))
     : reachTwoBones(rig.skeleton, pose, limb, target);
 }
 
@@ -107,6 +107,21 @@ function reachOnHinges(skeleton: Skeleton, hinges: readonly Hinge[], pose: Pose,
     if (world.place(limb.end).distanceTo(target) < 1e-4) break;
   }
   return done;
+}
+
+/** The pose with the joints that follow hinges turned as those are. */
+function followed({ hinges, mimics }: Rig, pose: Pose): Pose {
+  for (const { joint, follows, multiplier, offset_rad, axis, rest } of mimics) {
+    const hinge = hinges.find((one) => one.joint === follows);
+    if (!hinge) continue;
+    const angle = multiplier * hingeAngle(hinge, quaternionAt(pose.rotations, follows)) + offset_rad;
+    const turn = new Quaternion().setFromAxisAngle(axis, angle);
+    rest
+      .clone()
+      .multiply(turn)
+      .toArray(pose.rotations, joint * 4);
+  }
+  return pose;
 }
 
 /** Turns a hinge so that what is at `from` comes nearest to `target`. */

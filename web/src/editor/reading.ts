@@ -119,7 +119,7 @@ function taken(read: Read): Omit<Understood, 'animations'> {
 }
 
 /** A rig as the tables of a pack's manifest. */
-function tablesOf({ pack, skeleton, leftAxis, hinges }: Rig): object {
+function tablesOf({ pack, skeleton, leftAxis, hinges, mimics }: Rig): object {
   const { names, parents, offsets } = skeleton;
   const joints = names.map((name, j) => ({
     name,
@@ -136,5 +136,13 @@ function tablesOf({ pack, skeleton, leftAxis, hinges }: Rig): object {
     upper_rad,
     max_speed_rad_per_s: ANY_SPEED,
   }));
-  return { ...tables, robot: { name: pack, hinges: table } };
+  const followers = mimics.map(({ joint, follows, multiplier, offset_rad, axis, rest }) => ({
+    joint: names[joint]!,
+    follows: names[follows]!,
+    multiplier,
+    offset_rad,
+    axis: axis.toArray(),
+    rest: [rest.w, rest.x, rest.y, rest.z],
+  }));
+  return { ...tables, robot: { name: pack, hinges: table, mimics: followers } };
 }

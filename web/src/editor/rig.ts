@@ -8,14 +8,26 @@ function vector(v: Vec3 | null | undefined): Vector3 {
   return new Vector3(v?.x ?? 0, v?.y ?? 0, v?.z ?? 0);
 }
 
+function quaternion(q: { x: number; y: number; z: number; w: number } | null | undefined): Quaternion {
+  return q ? new Quaternion(q.x, q.y, q.z, q.w) : new Quaternion();
+}
+
 export function rigOf(pack: Pack): Rig {
   const skeleton = skeletonOf(pack.joints);
   const hinges = (pack.robot?.hinges ?? []).map(({ joint, axis, rest, lower, upper }) => ({
     joint: skeleton.names.indexOf(joint),
     axis: vector(axis),
-    rest: rest ? new Quaternion(rest.x, rest.y, rest.z, rest.w) : new Quaternion(),
+    rest: quaternion(rest),
     lower_rad: lower,
     upper_rad: upper,
+  }));
+  const mimics = (pack.robot?.mimics ?? []).map(({ joint, follows, multiplier, offset, axis, rest }) => ({
+    joint: skeleton.names.indexOf(joint),
+    follows: skeleton.names.indexOf(follows),
+    multiplier,
+    offset_rad: offset,
+    axis: vector(axis),
+    rest: quaternion(rest),
   }));
   return {
     pack: pack.name,
@@ -23,6 +35,7 @@ export function rigOf(pack: Pack): Rig {
     skeleton,
     leftAxis: pack.left_axis ? vector(pack.left_axis) : new Vector3(1, 0, 0),
     hinges,
+    mimics,
     contactJoints: pack.contact_joints.map((name) => skeleton.names.indexOf(name)),
     limits: {
       contextFrames: pack.context_frames,

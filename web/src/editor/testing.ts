@@ -25,6 +25,7 @@ export function example(): { rig: Rig; clip: Clip } {
     skeleton: { names, parents, offsets },
     leftAxis: new Vector3(0, -1, 0),
     hinges: [],
+    mimics: [],
     contactJoints: [],
     limits: LIMITS,
   };
@@ -63,6 +64,7 @@ export function robot(): Rig {
     skeleton: { names, parents: Int16Array.from([-1, 0, 1, 2, 3, 4, 5]), offsets: Float32Array.from(offsets) },
     leftAxis: new Vector3(1, 0, 0),
     contactJoints: [6],
+    mimics: [],
     hinges: [
       hinge(1, [1, 0, 0], -2.53, 2.88),
       hinge(2, [0, 0, 1], -0.52, 2.97, bent(-0.1749)),
