@@ -27,6 +27,7 @@ READ = {
     "rate_24.bvh",
     "hips_without_length.bvh",
     "namespaces.bvh",
+    "faces_back.bvh",
     "plain.csv",
     "byte_order_mark.csv",
     "blank_lines.csv",
@@ -74,6 +75,7 @@ def check(clip: troupe.Clip, name: str) -> None:
     motion = SHARED["motions"][FILES[name]["reader"]["motion"]]
     frames, joints = len(clip), clip.skeleton.joint_count
     assert list(clip.skeleton.names) == motion["joints"] and list(clip.skeleton.parents) == motion["parents"]
+    np.testing.assert_allclose(clip.skeleton.left_axis, motion["left_axis"], atol=1e-4)
     assert clip.fps == pytest.approx(motion["fps"], rel=5e-4)
     np.testing.assert_allclose(clip.root, np.reshape(motion["roots_m"], (frames, 3)), atol=1e-4)
     np.testing.assert_allclose(clip.skeleton.offsets[1:], np.reshape(motion["offsets_m"], (joints, 3))[1:], atol=1e-4)
@@ -112,6 +114,11 @@ def test_what_a_file_leaves_open_may_be_given(tmp_path: Path) -> None:
     assert lies.world_positions()[:, :, 1].max() < 0.5
     metres = troupe.Clip.from_bvh(written("metres.bvh", tmp_path), units_per_metre=1)
     check(metres, "metres.bvh")
+    z_up = written("z_up_with_targets_of_feet.bvh", tmp_path)
+    assert troupe.Clip.from_bvh(z_up, up="y", units_per_metre=100).world_positions()[0, :, 1].max() < 1
+    for options in ({"up": "y"}, {"units_per_metre": 100}):
+        with pytest.raises(troupe.InvalidArgumentError, match="two feet and its head is not clear"):
+            troupe.Clip.from_bvh(z_up, **options)
 
 
 def test_without_the_reader_the_error_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

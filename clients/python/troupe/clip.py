@@ -110,7 +110,7 @@ class Clip:
         """Reads a BVH file as Troupe writes it: Y up, centimetres, only the root moves. `on` brings it onto a pack's skeleton.
 
         A person who stands along another axis, or whose height speaks for another unit, is refused. `up` and `units_per_metre`
-        say that the file is meant so. `read` finds both.
+        say that the file is meant so. A rig whose feet or head are not clear needs both. `read` finds both.
 
         Raises:
             InvalidArgumentError: The file is of another kind, or wrong; the message has the line.

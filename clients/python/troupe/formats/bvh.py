@@ -5,6 +5,7 @@ A file of another kind is refused, because its frames would be wrong: `motion/te
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
@@ -18,6 +19,7 @@ from troupe.skeleton import Skeleton
 OFFSET_TOLERANCE_M = 5e-3
 """How far a bone may be from another skeleton's."""
 _AXES = {"x": 0, "y": 1, "z": 2}
+_MAX_JOINTS = 512
 _SLIDE_M = 1e-4
 """How far a joint below the root may move in its parent."""
 _FRAME_TIMES_S = (1e-3, 1.0)
@@ -81,7 +83,7 @@ def read(
     """Skeleton, rate, roots and rotations of a file with the Y axis up, in centimetres unless a unit is given.
 
     A person who does not stand along Y is refused unless `up` is given, and one of a height that speaks for another unit unless
-    the unit is given.
+    the unit is given. A rig whose feet or head are not clear by their names is refused unless both are.
 
     Raises:
         InvalidArgumentError: It is of another kind, or no BVH; the message has the file's name and the line.
@@ -94,7 +96,12 @@ def read(
     words = _Words(text, name)
     units = 100.0 if units_per_metre is None else units_per_metre
     names, parents, offsets, channels = _hierarchy(words)
+    if len(names) > _MAX_JOINTS:
+        _refuse(name, f"it has {len(names)} joints; at most {_MAX_JOINTS} are supported")
+    rest = np.array(offsets) / units
     fps, values = _frames(words, sum(map(len, channels)))
+    if _places_only(parents, channels, values):
+        _refuse(name, f"{names[0]} never moves: the root is {names[1]}, which has positions of its own")
     roots = np.zeros((len(values), 3)) + offsets[0]
     rotations = np.zeros((len(values), len(channels), 4), np.float64)
     column = 0
@@ -116,11 +123,19 @@ def read(
                 offsets[joint][axis] = np.median(value)
         rotations[:, joint] = turned
     skeleton = Skeleton(tuple(names), tuple(parents), (np.array(offsets) / units).astype(np.float32))
-    found = skeleton, fps, (roots / units).astype(np.float32), rotations.astype(np.float32)
-    odd = body.odd(*found, is_unit_given=units_per_metre is not None, is_up_given=up is not None)
-    if odd is not None:
-        _refuse(name, odd)
-    return found
+    root, turns = (roots / units).astype(np.float32), rotations.astype(np.float32)
+    try:
+        body.check(skeleton, rest, root, turns, is_unit_given=units_per_metre is not None, is_up_given=up is not None)
+        left = body.left_axis(skeleton, turns)
+    except body.UnclearError as error:
+        _refuse(name, str(error))
+    return replace(skeleton, left_axis=left), fps, root, turns
+
+
+def _places_only(parents: list[int], channels: list[list[str]], values: F64) -> bool:
+    """Whether the first joint never moves, and has one child, which has positions: the reader leaves the first joint out."""
+    is_still = bool((values[:, : len(channels[0])] == values[0, : len(channels[0])]).all())
+    return is_still and parents.count(0) == 1 and sum(channel.endswith("position") for channel in channels[1]) == 3
 
 
 def _refuse(name: str, reason: str) -> NoReturn:
@@ -231,6 +246,8 @@ def _hierarchy(words: _Words) -> tuple[list[str], list[int], list[list[float]], 
             offsets.append([words.number() for _ in range(3)])
             words.expect("CHANNELS")
             channels.append([_channel(words) for _ in range(words.count())])
+            if len(set(channels[-1])) < len(channels[-1]):
+                words.refuse(f"a channel of joint {name} stands twice")
         elif opening == "End":
             for word in ("Site", "{", "OFFSET"):
                 words.expect(word)

@@ -141,6 +141,7 @@ fn bvh_files() -> Vec<File> {
         up,
         ..Dialect::plain()
     };
+    let text_of = |dialect: &Dialect| String::from_utf8(dialect.bytes(&clip)).unwrap();
     let files = [
         ("plain", plain.bytes(&clip)),
         ("byte_order_mark", encoded(&text, 1)),
@@ -193,6 +194,20 @@ fn bvh_files() -> Vec<File> {
         ("namespaces", plain.bytes(&walk(&Person { words: 0, ..person() }))),
         ("rest_pose_first", plain.bytes(&rest_first)),
         ("lies", plain.bytes(&lies)),
+        (
+            "z_up_with_targets_of_feet",
+            with_joints(&text_of(&dialect(0.01, Up::Z)), &FOOT_TARGETS),
+        ),
+        (
+            "z_up_with_an_arrow",
+            with_joints(&text_of(&dialect(0.01, Up::Z)), &["ArrowHead"]),
+        ),
+        (
+            "inches_with_targets_of_feet",
+            with_joints(&text_of(&dialect(0.0254, Up::Y)), &FOOT_TARGETS),
+        ),
+        ("root_above_the_hips", below_a_still_root(&text)),
+        ("faces_back", plain.bytes(&facing_back(&clip))),
         ("cut_in_the_hierarchy", text.as_bytes()[..200].to_vec()),
         ("cut_in_a_row", text.as_bytes()[..text.len() - 40].to_vec()),
         ("not_a_number", with_first("high").into_bytes()),
@@ -205,6 +220,67 @@ fn bvh_files() -> Vec<File> {
         bytes,
     };
     files.into_iter().map(named).collect()
+}
+
+/// Joints that steer a rig's feet: their names have the word foot too.
+const FOOT_TARGETS: [&str; 2] = ["LeftFootIK", "RightFootIK"];
+
+/// A BVH with still joints on its root.
+fn with_joints(text: &str, names: &[&str]) -> Vec<u8> {
+    let (head, motion) = text.split_once("}\nMOTION").unwrap();
+    let joint = |name: &&str| {
+        format!(
+            "\tJOINT {name}\n\t{{\n\t\tOFFSET 5 -5 5\n\t\tCHANNELS 3 Zrotation Xrotation Yrotation\n\t}}\n"
+        )
+    };
+    let joints: String = names.iter().map(joint).collect();
+    let row = |line: &str| match line.split(' ').count() {
+        count if count > 6 => format!("{line}{}\n", " 0 0 0".repeat(names.len())),
+        _ => format!("{line}\n"),
+    };
+    let motion: String = motion.lines().map(row).collect();
+    format!("{head}{joints}}}\nMOTION{motion}").into_bytes()
+}
+
+/// A BVH whose hips stand still below a root that never moves.
+fn below_a_still_root(text: &str) -> Vec<u8> {
+    let (head, motion) = text.split_once("MOTION").unwrap();
+    let head = head.replace("ROOT Hips", "JOINT Hips");
+    let (start, joints) = head.split_once('\n').unwrap();
+    let root = "ROOT Reference\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation";
+    let is_row = |line: &&str| line.split(' ').count() > 6;
+    let first = motion.lines().find(is_row).unwrap();
+    let row = |line: &str| match is_row(&line) {
+        true => format!("0 0 0 {first}\n"),
+        false => format!("{line}\n"),
+    };
+    let motion: String = motion.lines().map(row).collect();
+    format!("{start}\n{root}\n{joints}}}\nMOTION{motion}").into_bytes()
+}
+
+/// The same motion by joints that are turned about Y in themselves: left is the hips' -X.
+fn facing_back(clip: &Clip) -> Clip {
+    let turn = yaw(std::f32::consts::PI);
+    let joints = clip.skeleton.joints.iter().map(|joint| Joint {
+        offset_m: turn * joint.offset_m,
+        ..joint.clone()
+    });
+    let skeleton = Skeleton::new(joints.collect(), Vec3::NEG_X, 0.0, None).unwrap();
+    let rotations = clip.rotations.iter().enumerate().map(|(nth, &rotation)| {
+        let parent = match nth % clip.skeleton.joint_count() {
+            0 => Quat::IDENTITY,
+            _ => turn,
+        };
+        parent * rotation * turn.conjugate()
+    });
+    let rotations = rotations.collect();
+    Clip::new(
+        Arc::new(skeleton),
+        clip.fps,
+        clip.root_positions.clone(),
+        rotations,
+    )
+    .unwrap()
 }
 
 /// A BVH that gives each joint below the root positions relative to its OFFSET.
@@ -277,6 +353,7 @@ fn motion(clip: &Clip) -> Value {
         "joints": joints.iter().map(|joint| &*joint.name).collect::<Vec<_>>(),
         "parents": joints.iter().map(|j| j.parent.map_or(-1, |p| p as i64)).collect::<Vec<_>>(),
         "offsets_m": vectors(&offsets),
+        "left_axis": vectors(&[clip.skeleton.left_axis]),
         "roots_m": vectors(&clip.root_positions),
         "rotations_wxyz": rotations.flatten().map(number).collect::<Vec<_>>(),
     })
