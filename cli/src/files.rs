@@ -132,6 +132,21 @@ pub(super) fn understand(
     Ok(read.map_err(|error| error.kind)?)
 }
 
+/// Reads the file of a character: its skeleton at rest. It needs no animation.
+///
+/// # Errors
+/// [`Misread`], without the path.
+pub(super) fn understand_character(path: &Path) -> Result<Understood, Misread> {
+    let (path, animation) = split_animation(path);
+    let bytes = std::fs::read(&path)?;
+    let options = Options {
+        animation,
+        ..Options::default()
+    };
+    let read = with_source(&path, &bytes, |source| read::character(source, &options));
+    Ok(read.map_err(|error| error.kind)?)
+}
+
 /// Does something with a file as a source of the reader, which also finds the files beside it.
 pub(super) fn with_source<T>(path: &Path, bytes: &[u8], does: impl FnOnce(&Source<'_>) -> T) -> T {
     let folder = path.parent().unwrap_or(Path::new(""));

@@ -78,10 +78,10 @@ fn wrong(reason: &str) -> GlbReadError {
     GlbReadError::Format(reason.to_owned())
 }
 
-type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
+pub(super) type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
 
 /// The chunks of a binary file: JSON, and bytes if there are any.
-fn chunks(bytes: &[u8]) -> Result<Chunks<'_>, GlbReadError> {
+pub(super) fn chunks(bytes: &[u8]) -> Result<Chunks<'_>, GlbReadError> {
     let length = bytes
         .get(8..HEADER_BYTES)
         .and_then(|length| length.try_into().ok());

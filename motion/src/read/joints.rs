@@ -366,6 +366,10 @@ fn root_of(
             }),
         };
     }
+    // Nodes above the pelvis carry a character through a world, and do not turn with it.
+    if let (true, Some(body)) = (options.at_rest, &survey.body) {
+        return Ok(Some(body.pelvis));
+    }
     let roots: Vec<usize> = (0..tree.parents.len())
         .filter(|&joint| tree.parents[joint].is_none())
         .collect();

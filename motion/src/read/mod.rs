@@ -19,6 +19,7 @@ mod choices;
 mod error;
 #[cfg(feature = "fbx")]
 mod fbx;
+mod figure;
 mod followers;
 mod gltf;
 mod header;
@@ -55,7 +56,7 @@ pub use options::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder};
 pub use report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 
 use crate::clip::Clip;
-use crate::glb::{Beside, animation_names_beside};
+use crate::glb::{Beside, GlbReadError, animation_names_beside};
 use joints::Parsed;
 
 /// Endings of files of joints, in small letters. With a skeleton these may be a robot's too.
@@ -125,6 +126,30 @@ fn read_kind(source: &Source<'_>, options: &Options) -> Result<Understood, ReadE
         Kind::Csv => tables::read_csv(name, bytes, options),
         Kind::Qpos => tables::read_qpos(name, bytes, options),
         Kind::Sonic => archive::sonic(source, options),
+    }
+}
+
+/// Reads the file of a character: the skins' joints at rest if it is glTF with a skin, otherwise as
+/// [`read`] does.
+///
+/// # Errors
+/// As [`read`].
+pub fn character(source: &Source<'_>, options: &Options) -> Result<Understood, ReadError> {
+    let at_rest = Options {
+        at_rest: true,
+        animation: None,
+        ..options.clone()
+    };
+    match read(source, &at_rest) {
+        Err(ReadError {
+            kind:
+                ReadErrorKind::Glb {
+                    error: GlbReadError::NoSkin,
+                    ..
+                },
+            ..
+        }) => read(source, options),
+        found => found,
     }
 }
 
