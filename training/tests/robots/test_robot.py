@@ -273,8 +273,12 @@ def test_a_header_is_no_row(tmp_path: Path):
     source = RobotSource(tmp_path / "toy.urdf")
     path = write_rows(tmp_path / "a.csv", walk_rows(20, 0.5, 0, 1))
     plain = source.load(path)
-    path.write_text("x,y" + ",z" * 14 + "\n" + path.read_text())
+    rows = path.read_text()
+    path.write_text(",".join(["x,y,z,qx,qy,qz,qw", *(f"j{nth}" for nth in range(9))]) + "\n" + rows)
     np.testing.assert_array_equal(source.load(path).positions, plain.positions)
+    path.write_text("x,y" + ",z" * 14 + "\n" + rows)
+    with pytest.raises(ReadError, match='the name of column 4 is "z"; allowed: x y z, qx qy qz qw'):
+        source.load(path)
 
 
 def test_a_quaternion_of_another_order_is_found_and_noted(tmp_path: Path):

@@ -364,6 +364,6 @@ fn archives_without_motion_say_what_they_hold() {
         with(b"PK\x03\x04", &Options::default())
             .unwrap_err()
             .to_string()
-            .contains("no .npz archive")
+            .contains("no .npz archive: the zip archive is damaged or cut off")
     );
 }

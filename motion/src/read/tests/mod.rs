@@ -4,6 +4,7 @@ mod archives;
 mod dialects;
 #[cfg(feature = "fbx")]
 mod fbx;
+mod followers;
 mod headers;
 mod hostile;
 mod kinds;
@@ -13,6 +14,7 @@ pub(crate) mod people;
 mod rigs;
 mod robots;
 mod shared;
+mod trackers;
 
 use super::{OptionName, ReadError};
 
