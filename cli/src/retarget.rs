@@ -52,8 +52,8 @@ pub(super) struct Retarget {
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
 
-    /// TOML with the character's parts, for those that are found wrongly. `troupe clip info --parts`
-    /// prints what is found.
+    /// TOML with the character's parts, for those that are found wrongly. `troupe clip info
+    /// --parts` prints what is found.
     #[arg(long, value_name = "FILE")]
     to_parts: Option<PathBuf>,
 
