@@ -11,6 +11,7 @@ use crate::generate::Generate;
 use crate::inbetween::Inbetween;
 use crate::object::Object;
 use crate::packs::Packs;
+use crate::retarget::Retarget;
 use crate::say::Say;
 use crate::scene::Scene;
 use crate::sessions::Sessions;
@@ -59,6 +60,7 @@ pub(crate) enum Command {
     Say(Box<Say>),
     Describe(Describe),
     Clip(Box<ClipFiles>),
+    Retarget(Box<Retarget>),
     Packs(Packs),
     Drive(Drive),
     Film(Film),

@@ -100,9 +100,6 @@ pub(super) enum Misread {
     /// What is wrong with the file.
     #[error(transparent)]
     Kind(#[from] ReadErrorKind),
-    /// An animation is named, but the format has none.
-    #[error("animation {0:?}: only .glb, .gltf and .fbx files have animations with names")]
-    Animation(String),
 }
 
 impl Misread {
@@ -132,21 +129,28 @@ pub(super) fn understand(
         options.fps = options.fps.or(gltf_fps);
     }
     let read = with_source(&path, &bytes, |source| read::read(source, &options));
-    let understood = read.map_err(|error| error.kind)?;
-    let has_animations = matches!(
-        understood.report.format.value,
-        read::Format::Glb | read::Format::Gltf | read::Format::Fbx
-    );
-    match options.animation {
-        Some(name) if !has_animations => Err(Misread::Animation(name)),
-        _ => Ok(understood),
-    }
+    Ok(read.map_err(|error| error.kind)?)
+}
+
+/// Reads the file of a character: its skeleton at rest. It needs no animation.
+///
+/// # Errors
+/// [`Misread`], without the path.
+pub(super) fn understand_character(path: &Path) -> Result<Understood, Misread> {
+    let (path, animation) = split_animation(path);
+    let bytes = std::fs::read(&path)?;
+    let options = Options {
+        animation,
+        ..Options::default()
+    };
+    let read = with_source(&path, &bytes, |source| read::character(source, &options));
+    Ok(read.map_err(|error| error.kind)?)
 }
 
 /// Does something with a file as a source of the reader, which also finds the files beside it.
 pub(super) fn with_source<T>(path: &Path, bytes: &[u8], does: impl FnOnce(&Source<'_>) -> T) -> T {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let beside = |name: &str| std::fs::read(folder.join(name)).ok();
+    let beside = |name: &str| read::beside::below(folder, name);
     does(&Source {
         name: &path.to_string_lossy(),
         bytes,

@@ -115,7 +115,12 @@ pub(super) async fn fill(
         .map(|file| read_roots(file, gap.from))
         .transpose()?;
     let (client, pack) = context.connect_to_pack(&gap.sampling.pack).await?;
-    let clip = read_clip(&gap.clip, &pack, &gap.reading, &context.term)?;
+    let clip = read_clip(
+        &gap.clip,
+        &pack,
+        &gap.reading.of_input(&gap.clip, &pack),
+        &context.term,
+    )?;
     let targets = usize::from(gap.target_frames);
     let last_target = gap.to + targets - 1;
     let task = InBetween::from_clip_range(&clip, gap.from, gap.to..=last_target)?

@@ -23,6 +23,7 @@ mod packs;
 mod path;
 mod reading;
 mod rebuild;
+mod retarget;
 mod roots;
 mod say;
 mod scene;
@@ -84,6 +85,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Say(command) => say::run(&context, &command).await,
         Command::Describe(command) => describe::run(&context, &command).await,
         Command::Clip(command) => clip::run(&context, &command).await,
+        Command::Retarget(command) => retarget::run(&context, &command).await,
         Command::Packs(command) => packs::run(&context, &command).await,
         Command::Drive(command) => drive::run(&context, &command).await,
         Command::Film(command) => film::run(&context, &command).await,

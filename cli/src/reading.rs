@@ -1,10 +1,12 @@
 //! How a clip's file is read: the options that every command has that reads clips.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use clap::Args;
+use troupe_client::Pack;
 use troupe_motion::read::{
-    AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder, RestPose, Up, units,
+    AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder, ROBOT_ENDINGS, RestPose, Up, units,
 };
 use troupe_motion::skeleton::Skeleton;
 
@@ -103,6 +105,17 @@ impl Reading {
         }
     }
 
+    /// The same for the input of a command that also writes BVH files in `--unit`. A robot's file
+    /// is in metres, so that the option is of the output alone.
+    pub(crate) fn of_input(&self, path: &Path, pack: &Pack) -> Self {
+        let ending = path.extension().unwrap_or_default();
+        let is_robots = ROBOT_ENDINGS.iter().any(|of| ending.eq_ignore_ascii_case(of));
+        Self {
+            unit: self.unit.filter(|_| !(is_robots && pack.robot().is_some())),
+            ..self.clone()
+        }
+    }
+
     /// Units a metre of a BVH file that is written.
     pub(crate) fn bvh_units_per_metre(&self) -> f32 {
         (1.0 / self.unit.unwrap_or(CENTIMETRE_M)) as f32
@@ -188,6 +201,21 @@ mod tests {
         ] {
             let error = parse(line).unwrap_err().to_string();
             assert!(error.contains(wanted), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_unit_of_a_written_file_is_not_that_of_a_robots_input() {
+        let robot = Pack::try_from(crate::testing::hopper()).unwrap();
+        let human = Pack::try_from(crate::testing::pair()).unwrap();
+        let reading = parse("--unit m --fps 60").unwrap();
+        let input = |path: &str, pack| reading.of_input(Path::new(path), pack);
+        assert_eq!(
+            (input("hop.CSV", &robot).unit, input("hop.csv", &robot).fps),
+            (None, Some(60.0))
+        );
+        for (path, pack) in [("hop.bvh", &robot), ("walk.npz", &human)] {
+            assert_eq!(input(path, pack), reading);
         }
     }
 

@@ -143,7 +143,7 @@ fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failu
         prompt = prompt.seconds(std::time::Duration::from(seconds).as_secs_f32());
     }
     if let Some(file) = &command.past {
-        let clip = read_clip(file, pack, &command.reading, &context.term)?;
+        let clip = read_clip(file, pack, &command.reading.of_input(file, pack), &context.term)?;
         let keys = Key::all(&clip);
         prompt = prompt.after(&keys[keys.len().saturating_sub(most_past(pack))..]);
     }

@@ -36,6 +36,7 @@ pub mod path;
 pub mod pin;
 #[cfg(feature = "files")]
 pub mod read;
+pub mod retarget;
 pub mod robot;
 pub mod root;
 pub mod rotation;

@@ -91,7 +91,7 @@ def jobs_of(kinds: list[Kind], folder: Path) -> list[Job]:
     for nth, kind in enumerate(kinds):
         (at := folder / str(nth)).mkdir()
         if not kind.truth.offsets.any():
-            # AMASS: bones of the mean body, which the reader has.
+            # AMASS: bones of the mean body, which the reader has. The pelvis is each file's own.
             found = troupe_reader.read(amass(156, "fps")[0], name="amass.npz").skeleton
             places = dict(zip(found.names, found.offsets.astype(np.float64), strict=True))
             offsets = np.array([places[name] for name in kind.truth.names])

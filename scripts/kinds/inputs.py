@@ -376,7 +376,8 @@ def amass(width: int, rate: str, y_up: bool = False) -> tuple[bytes, Motion]:
     vectors = standing.turns[..., 1:] / np.maximum(np.sin(half), 1e-12) * 2 * half
     poses = np.zeros((frames, width), order="F" if y_up else "C")
     poses[:, : 3 * len(clip.names)] = vectors.reshape(frames, -1)
-    pelvis = np.array([-0.0018, -0.2233, 0.0282])  # of the mean body, beside the origin that `trans` moves
+    # The mean body's pelvis stands beside the origin that `trans` moves. SMPL-X has another.
+    pelvis = np.array([0.0031, -0.3514, 0.0120] if width == 165 else [-0.0018, -0.2233, 0.0282])
     data = formats.npz(
         trans=np.ascontiguousarray(standing.roots - pelvis), poses=poses, betas=np.zeros(16), **{rate: 120.0}
     )

@@ -1,13 +1,12 @@
 //! Files as Python names them, and the files beside them.
 
 use std::collections::HashMap;
-use std::ffi::OsStr;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use troupe_motion::read::Source;
+use troupe_motion::read::{Source, beside};
 
 use crate::errors::wrong;
 
@@ -63,33 +62,16 @@ impl File {
 
     /// Calls `read` with the file as the reader takes it.
     pub(crate) fn with_source<T>(&self, read: impl FnOnce(&Source<'_>) -> T) -> T {
-        let beside = |name: &str| match &self.beside {
+        let found = |name: &str| match &self.beside {
             Beside::Given(files) => files.get(name).cloned(),
-            Beside::Folder(folder) => below(folder, name),
+            Beside::Folder(folder) => beside::below(folder, name),
         };
         read(&Source {
             name: &self.name,
             bytes: &self.bytes,
-            beside: &beside,
+            beside: &found,
         })
     }
-}
-
-/// The bytes of a file in a folder or below it. A file of motion cannot name any other.
-fn below(folder: &Path, name: &str) -> Option<Vec<u8>> {
-    let name = Path::new(name);
-    let is_below = name
-        .components()
-        .all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    is_below.then(|| fs::read(folder.join(name)).ok()).flatten()
-}
-
-/// The bytes of a mesh that a robot's description names: `package://` is the description's folder.
-pub(crate) fn mesh(folder: &Path, name: &str) -> Option<Vec<u8>> {
-    let name = Path::new(name.strip_prefix("package://").unwrap_or(name));
-    let is_mesh = name.extension().and_then(OsStr::to_str);
-    let is_mesh = is_mesh.is_some_and(|ending| ending.eq_ignore_ascii_case("stl"));
-    is_mesh.then(|| fs::read(folder.join(name)).ok()).flatten()
 }
 
 /// An error of the disk with the path: `FileNotFoundError` and the like.

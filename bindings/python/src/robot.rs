@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pyo3::prelude::*;
+use troupe_motion::read::beside::mesh;
 use troupe_motion::robot::description::{self, BuildOptions, Built};
 
 use crate::errors::refused;
-use crate::files::{at, mesh};
+use crate::files::at;
 use crate::skeleton::Skeleton;
 
 /// A robot made of its maker's description.

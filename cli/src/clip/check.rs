@@ -19,9 +19,9 @@ const COLUMNS: [&str; 6] = ["format", "up axis", "unit", "rate", "rest pose", "f
 /// Check all files of motion in a folder and in those below it.
 ///
 /// A file that leaves its up axis or unit open takes what the other files show. Each animation of a
-/// file is checked, and formats that are not read are refused. It is fine, repaired, odd or refused. The exit code is 0 if all are fine or
-/// repaired, and 1 if any is odd or refused. Files are read onto their own skeletons; a robot's
-/// files need --pack, --pack-folder or --urdf.
+/// file is checked, and formats that are not read are refused. A file is fine, repaired, odd or
+/// refused. The exit code is 0 if all are fine or repaired, and 1 if any is odd or refused. Files
+/// are read onto their own skeletons; a robot's files need --pack, --pack-folder or --urdf.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

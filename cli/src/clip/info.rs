@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::read::Understood;
 
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::understand;
+use crate::files::{understand, understand_character};
 use crate::film::draw_motion;
 use crate::output::{print, table, to_json};
 
@@ -23,6 +24,7 @@ use crate::output::{print, table, to_json};
 Examples:
   troupe clip info walk.bvh
   troupe clip info dance.fbx horse.glb#Walk --json
+  troupe clip info hero.glb --parts
   troupe clip info wave.csv --pack-folder models/g1 --picture wave.png")]
 pub(super) struct Info {
     /// Motion clips: .bvh, .glb, .gltf, .fbx or .npz, or a robot's .csv or .npy. horse.glb#Walk
@@ -33,6 +35,11 @@ pub(super) struct Info {
     /// Also draw the motion of the one file: its path, and poses (PNG).
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
+
+    /// Print the parts of the one file's body as TOML: trunk, limbs and head, as `troupe retarget`
+    /// finds them. A character needs no animation.
+    #[arg(long, conflicts_with_all = ["picture", "json"])]
+    parts: bool,
 
     /// Print JSON.
     #[arg(long)]
@@ -46,6 +53,9 @@ pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure
     if command.picture.is_some() && command.files.len() > 1 {
         let why = "--picture draws one file, but several are given";
         return Err(Failure::Input(why.to_owned()));
+    }
+    if command.parts {
+        return print_parts(&command.files);
     }
     let options = command.onto.options(context).await?;
     let (mut reports, mut refused) = (Vec::new(), Vec::new());
@@ -76,6 +86,20 @@ pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure
         true => Ok(()),
         false => Err(Failure::Input(refused.join("\n"))),
     }
+}
+
+/// Prints the parts of a body.
+fn print_parts(files: &[PathBuf]) -> Result<(), Failure> {
+    let [file] = files else {
+        let why = "--parts shows one file, but several are given";
+        return Err(Failure::Input(why.to_owned()));
+    };
+    let found = understand_character(file).map_err(|why| Failure::file(file, why))?;
+    let figure = found
+        .figure(&PartsDoc::default())
+        .map_err(|why| Failure::file(file, why))?;
+    let doc = PartsDoc::of(figure.parts(), figure.skeleton());
+    print(&toml::to_string(&doc).map_err(|e| Failure::Other(e.to_string()))?)
 }
 
 fn draw(understood: &Understood, picture: &Path) -> Result<(), Failure> {

@@ -10,6 +10,7 @@ use clap::{Args, Subcommand};
 use self::check::Check;
 use self::convert::Convert;
 use self::info::Info;
+pub(crate) use self::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
 

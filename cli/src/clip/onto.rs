@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use troupe_motion::read::Options;
+use troupe_motion::read::beside::mesh;
 use troupe_motion::robot::description::{self, BuildOptions};
 use troupe_motion::skeleton::Skeleton;
 
@@ -16,11 +17,11 @@ use crate::reading::Reading;
 const SKELETON: &str = "Skeleton";
 
 /// Name, the joint that carries it, and its place there.
-type EndEffector = (String, String, [f64; 3]);
+pub(crate) type EndEffector = (String, String, [f64; 3]);
 
 /// Whose skeleton. Without any, files are read onto their own; a robot's files need one.
 #[derive(Debug, Args)]
-pub(super) struct Onto {
+pub(crate) struct Onto {
     /// Read onto the skeleton of this model pack of the server.
     #[arg(long, value_name = "NAME", help_heading = SKELETON)]
     pack: Option<String>,
@@ -56,14 +57,18 @@ pub(super) struct Onto {
 
 impl Onto {
     /// The reader's options, to read onto the skeleton that the command line names.
-    pub(super) async fn options(&self, context: &Context) -> Result<Options, Failure> {
+    pub(crate) async fn options(&self, context: &Context) -> Result<Options, Failure> {
         let skeleton = self.skeleton(context).await?;
         Ok(self.reading.options(skeleton.as_ref()))
     }
 
     async fn skeleton(&self, context: &Context) -> Result<Option<Arc<Skeleton>>, Failure> {
         if let Some(file) = &self.urdf {
-            return Ok(Some(Arc::new(self.robot(file)?)));
+            return Ok(Some(Arc::new(Self::robot_of(
+                file,
+                &self.legs,
+                &self.end_effector,
+            )?)));
         }
         let pack = match (&self.pack_folder, &self.pack) {
             (Some(folder), _) => pack_folder::read(folder)?,
@@ -73,14 +78,19 @@ impl Onto {
         Ok(Some(Arc::clone(pack.skeleton())))
     }
 
-    fn robot(&self, file: &Path) -> Result<Skeleton, Failure> {
+    /// The robot of a URDF or MJCF file. `legs` are the last hinges of its legs; found if empty.
+    pub(crate) fn robot_of(
+        file: &Path,
+        legs: &[String],
+        end_effectors: &[EndEffector],
+    ) -> Result<Skeleton, Failure> {
         let text = std::fs::read_to_string(file).map_err(|e| Failure::file(file, e))?;
         let folder = file.parent().unwrap_or(Path::new(""));
-        let beside = |name: &str| std::fs::read(folder.join(name)).ok();
-        let described = description::read(&text, &beside).map_err(|e| Failure::file(file, e))?;
+        let described =
+            description::read(&text, &|name| mesh(folder, name)).map_err(|e| Failure::file(file, e))?;
         let options = BuildOptions {
-            legs: self.legs.clone(),
-            end_effectors: self.end_effector.clone(),
+            legs: legs.to_vec(),
+            end_effectors: end_effectors.to_vec(),
         };
         let built = description::build(&described, &options).map_err(|e| Failure::file(file, e))?;
         Ok(built.skeleton)

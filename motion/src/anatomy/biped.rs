@@ -107,7 +107,7 @@ impl Tree {
     }
 
     /// The lowest joint above both.
-    fn meeting(&self, a: usize, b: usize) -> Option<usize> {
+    pub(super) fn meeting(&self, a: usize, b: usize) -> Option<usize> {
         let mut is_above = vec![false; self.parents.len()];
         self.line(a).for_each(|joint| is_above[joint] = true);
         self.line(b).find(|&joint| is_above[joint])

@@ -2,11 +2,19 @@
 //! neutral pose that models of many bodies need.
 
 mod biped;
+mod doc;
 mod names;
 mod neutral;
+mod parts;
 mod rest;
+mod shape;
 
 pub use biped::{Biped, Tree};
+pub use doc::{LimbDoc, PartsDoc};
 pub use names::{Name, Side, without_namespace};
 pub use neutral::{let_down, stand_up};
+pub use parts::{Limb, Parts};
 pub use rest::RestPose;
+
+pub(crate) use neutral::{ahead, hang, neutral_of_motion, world_of};
+pub(crate) use parts::places;

@@ -3,6 +3,10 @@
 use glam::{Quat, Vec3};
 
 use super::biped::Biped;
+use super::parts::Parts;
+use crate::clip::Clip;
+use crate::root::heading_of;
+use crate::rotation::{align_sign, yaw};
 use crate::skeleton::Skeleton;
 
 /// World rotations of a pose whose arms and legs are let down. Feet keep their rotations in the
@@ -11,9 +15,61 @@ pub fn let_down(skeleton: &Skeleton, body: &Biped, pose: &[Quat]) -> Vec<Quat> {
     straightened(skeleton, pose, &Limbs::of(skeleton, body))
 }
 
+/// As [`let_down`], by the parts of a body on two legs.
+pub(crate) fn hang(skeleton: &Skeleton, parts: &Parts, pose: &[Quat]) -> Vec<Quat> {
+    let limbs = parts.legs.iter().chain(parts.arms.iter().flatten());
+    let limbs = Limbs {
+        hanging: limbs.map(|limb| limb.chain()).collect(),
+        still: parts.legs.iter().map(|leg| leg.end).collect(),
+        ..Limbs::default()
+    };
+    straightened(skeleton, pose, &limbs)
+}
+
 /// As [`let_down`], and the trunk is made upright. The head keeps its rotation too.
 pub fn stand_up(skeleton: &Skeleton, body: &Biped, pose: &[Quat]) -> Vec<Quat> {
     straightened(skeleton, pose, &Limbs::of(skeleton, body).with_spine(body))
+}
+
+/// The average pose of a clip, with trunk and limbs straightened.
+pub(crate) fn neutral_of_motion(clip: &Clip, body: &Biped) -> Vec<Quat> {
+    stand_up(&clip.skeleton, body, &ahead(&clip.skeleton, average_pose(clip)))
+}
+
+/// World rotations turned to head along +Z.
+pub(crate) fn ahead(skeleton: &Skeleton, pose: Vec<Quat>) -> Vec<Quat> {
+    let turn = yaw(-heading_of(pose[0], skeleton.left_axis));
+    let turned = pose.into_iter().map(|rotation| (turn * rotation).normalize());
+    turned.collect()
+}
+
+/// The mean of the world rotations of all frames, each turned to the heading 0.
+fn average_pose(clip: &Clip) -> Vec<Quat> {
+    let mut sums = vec![Quat::from_xyzw(0.0, 0.0, 0.0, 0.0); clip.skeleton.joint_count()];
+    for frame in 0..clip.frames() {
+        let mut pose = clip.rotations_at(frame).to_vec();
+        pose[0] = yaw(-clip.root_at(frame).heading) * pose[0];
+        for (sum, rotation) in sums.iter_mut().zip(world_of(&clip.skeleton, &pose)) {
+            *sum = *sum + align_sign(rotation, *sum);
+        }
+    }
+    let unit = |sum: Quat| {
+        if sum.length() > 1e-6 {
+            sum.normalize()
+        } else {
+            Quat::IDENTITY
+        }
+    };
+    sums.into_iter().map(unit).collect()
+}
+
+/// World rotations of a pose: joint 0 in the world, others relative to their parents.
+pub(crate) fn world_of(skeleton: &Skeleton, local: &[Quat]) -> Vec<Quat> {
+    let mut world: Vec<Quat> = Vec::with_capacity(local.len());
+    for (joint, rotation) in skeleton.joints.iter().zip(local) {
+        world.push(joint.parent.map_or(*rotation, |parent| world[parent] * *rotation));
+    }
+    world
 }
 
 /// What is straightened. Limbs are shoulder, elbow, wrist or hip, knee, ankle.

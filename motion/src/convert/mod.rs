@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 
-use self::sides::{left_axis_in, left_axis_of};
+use self::sides::{left_axis_by_words, left_axis_in, left_axis_of};
 use crate::clip::{Clip, ClipError, MAX_ROTATIONS};
 use crate::skeleton::{Joint, MAX_JOINTS, Skeleton, SkeletonError};
 
@@ -207,6 +207,7 @@ pub(crate) fn to_clip_of(
         .left_axis
         .or_else(|| left_axis_of(&joints))
         .or_else(|| left_axis_in(&joints, &played.rotations))
+        .or_else(|| left_axis_by_words(&joints, &played.rotations))
         .unwrap_or(Vec3::X);
     let skeleton = Skeleton::new(joints, left_axis, 0.0, None)?;
     let clip = Clip::new(

@@ -1,14 +1,17 @@
 //! Finds left and right by the joints' names.
 
+use std::collections::HashMap;
+
 use glam::{Quat, Vec3};
 
+use crate::anatomy::{Name, Side};
 use crate::skeleton::Joint;
 
 /// Least distance of a left joint from its counterpart, metres.
 const MIN_WIDTH_M: f32 = 1e-3;
 /// Cosine of 10°: an axis this near to +X is +X.
 const MIN_ALONG_X: f32 = 0.985;
-/// Most frames that [`left_axis_in`] looks at.
+/// Most frames that [`mean_axis`] looks at.
 const LOOKED_AT: usize = 64;
 
 /// The direction from right to left between the two children of the root whose names differ only in
@@ -33,14 +36,43 @@ pub(super) fn left_axis_of(joints: &[Joint]) -> Option<Vec3> {
 /// joints whose names differ only in left and right: of those that are apart, the nearest to the
 /// root. CMU's hips are in one place, so the next joints show it.
 pub(super) fn left_axis_in(joints: &[Joint], rotations: &[Quat]) -> Option<Vec3> {
+    let pairs = (0..joints.len()).filter_map(|left| {
+        let mirrored = mirrored_name(&joints[left].name)?;
+        let right = joints.iter().position(|joint| joint.name == mirrored)?;
+        Some((left, right))
+    });
+    mean_axis(joints, rotations, pairs.collect())
+}
+
+/// As [`left_axis_in`], by names of any program: `Bip01 L Thigh`, `CC_Base_L_Thigh`, `LThigh`.
+pub(super) fn left_axis_by_words(joints: &[Joint], rotations: &[Quat]) -> Option<Vec3> {
+    let mut rights = HashMap::new();
+    let mut lefts = Vec::new();
+    for (joint, of) in joints.iter().enumerate() {
+        let name = Name::of(&of.name);
+        if name.is_helper() {
+            continue;
+        }
+        // Words leave out numbers, which tell the joints of fingers apart.
+        let numbers: String = of.name.chars().filter(char::is_ascii_digit).collect();
+        match name.side {
+            Some(Side::Left) => lefts.push((joint, (name.words, numbers))),
+            Some(Side::Right) => {
+                rights.entry((name.words, numbers)).or_insert(joint);
+            }
+            None => {}
+        }
+    }
+    let pairs = lefts
+        .iter()
+        .filter_map(|(left, key)| Some((*left, *rights.get(key)?)));
+    mean_axis(joints, rotations, pairs.collect())
+}
+
+/// The mean direction from the right to the left joint of the pair that is nearest to the root, of
+/// those that are apart.
+fn mean_axis(joints: &[Joint], rotations: &[Quat], mut pairs: Vec<(usize, usize)>) -> Option<Vec3> {
     let depth = |joint: usize| std::iter::successors(joints[joint].parent, |&j| joints[j].parent).count();
-    let mut pairs: Vec<(usize, usize)> = (0..joints.len())
-        .filter_map(|left| {
-            let mirrored = mirrored_name(&joints[left].name)?;
-            let right = joints.iter().position(|joint| joint.name == mirrored)?;
-            Some((left, right))
-        })
-        .collect();
     pairs.sort_by_key(|&(left, right)| depth(left).max(depth(right)));
     let frames = rotations.len() / joints.len().max(1);
     let step = frames.div_ceil(LOOKED_AT).max(1);
@@ -159,5 +191,30 @@ mod tests {
         let still = [Quat::IDENTITY; 10];
         assert_eq!(left_axis_in(&cmu, &still), Some(Vec3::NEG_X));
         assert_eq!(left_axis_in(&cmu[..3], &still[..6]), None);
+    }
+
+    #[test]
+    fn names_of_any_program_show_the_left() {
+        for (left, right) in [
+            ("Bip01 L Thigh", "Bip01 R Thigh"),
+            ("J_Bip_L_UpperLeg", "J_Bip_R_UpperLeg"),
+            ("CC_Base_L_Thigh", "CC_Base_R_Thigh"),
+            ("LThigh", "RThigh"),
+            ("lThigh", "rThigh"),
+            ("LHipJoint", "RHipJoint"),
+        ] {
+            let legs = joints(&[(left, [-0.1, 0.0, 0.0]), (right, [0.1, 0.0, 0.0])]);
+            let still = [Quat::IDENTITY; 6];
+            assert_eq!((left_axis_of(&legs), left_axis_in(&legs, &still)), (None, None));
+            assert_eq!(left_axis_by_words(&legs, &still), Some(Vec3::NEG_X), "{left}");
+        }
+        // Joints of other fingers, and targets of a rig, are no pair.
+        for (left, right) in [
+            ("Bip01 L Finger1", "Bip01 R Finger11"),
+            ("Bip01 L IK", "Bip01 R IK"),
+        ] {
+            let other = joints(&[(left, [-0.1, 0.0, 0.0]), (right, [0.1, 0.0, 0.0])]);
+            assert_eq!(left_axis_by_words(&other, &[Quat::IDENTITY; 3]), None);
+        }
     }
 }

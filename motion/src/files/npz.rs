@@ -235,7 +235,12 @@ pub(crate) struct Unpacked<'a>(ZipArchive<Cursor<&'a [u8]>>);
 impl<'a> Unpacked<'a> {
     pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, NumpyError> {
         let archive = ZipArchive::new(Cursor::new(bytes));
-        Ok(Self(archive.map_err(|e| NumpyError::Archive(e.to_string()))?))
+        // The library's own words name parts of the format.
+        let reason = match bytes.starts_with(b"PK") {
+            true => "the zip archive is damaged or cut off",
+            false => "it does not begin as a zip archive does",
+        };
+        Ok(Self(archive.map_err(|_| NumpyError::Archive(reason.to_owned()))?))
     }
 
     /// Names of its arrays.

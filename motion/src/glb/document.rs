@@ -13,7 +13,7 @@ use super::GlbReadError;
 /// Length of a binary file's header, bytes.
 const HEADER_BYTES: usize = 12;
 /// Most bytes of a buffer inside a `data:` URI or in a file beside it.
-const MAX_BUFFER_BYTES: usize = 1 << 30;
+pub(crate) const MAX_BUFFER_BYTES: usize = 1 << 30;
 /// Extensions that compress the bytes of a buffer view.
 const COMPRESSIONS: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
@@ -78,10 +78,10 @@ fn wrong(reason: &str) -> GlbReadError {
     GlbReadError::Format(reason.to_owned())
 }
 
-type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
+pub(super) type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
 
 /// The chunks of a binary file: JSON, and bytes if there are any.
-fn chunks(bytes: &[u8]) -> Result<Chunks<'_>, GlbReadError> {
+pub(super) fn chunks(bytes: &[u8]) -> Result<Chunks<'_>, GlbReadError> {
     let length = bytes
         .get(8..HEADER_BYTES)
         .and_then(|length| length.try_into().ok());

@@ -239,7 +239,38 @@ fn check_extent(accessor: &gltf::Accessor<'_>, buffers: &Buffers<'_>) -> Result<
         indices.index_type().size(),
         buffers,
     )?;
-    check_view(&values.view(), values.offset(), last, size, buffers)
+    check_view(&values.view(), values.offset(), last, size, buffers)?;
+    // The library takes them in this order, and would place keys elsewhere.
+    let mut before = None;
+    for at in 0..=last {
+        let index = index_at(&indices, at, buffers)?;
+        if index as usize >= accessor.count() || before.is_some_and(|before| before >= index) {
+            return Err(format!(
+                "index {at} of its sparse keys is {index}; they must rise, and be less than {}",
+                accessor.count()
+            ));
+        }
+        before = Some(index);
+    }
+    Ok(())
+}
+
+/// A sparse index. Its view must hold it ([`check_view`]).
+fn index_at(
+    indices: &gltf::accessor::sparse::Indices<'_>,
+    at: usize,
+    buffers: &Buffers<'_>,
+) -> Result<u32, String> {
+    let (view, size) = (indices.view(), indices.index_type().size());
+    let start = view.offset() + indices.offset() + view.stride().unwrap_or(size) * at;
+    let bytes = buffers.bytes(view.buffer().index())?;
+    let bytes = bytes
+        .get(start..start + size)
+        .ok_or("its keys reach past the end of the bytes")?;
+    Ok(bytes
+        .iter()
+        .rev()
+        .fold(0, |index, &byte| index << 8 | u32::from(byte)))
 }
 
 /// Checks that a view holds items of `size` bytes from 0 to `last`.

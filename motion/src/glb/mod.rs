@@ -4,6 +4,8 @@
 #[cfg(feature = "files")]
 mod document;
 #[cfg(feature = "files")]
+mod dress;
+#[cfg(feature = "files")]
 mod keys;
 #[cfg(feature = "files")]
 mod nodes;
@@ -16,6 +18,10 @@ mod write;
 
 #[cfg(feature = "files")]
 pub use document::Beside;
+#[cfg(feature = "files")]
+pub(crate) use document::MAX_BUFFER_BYTES;
+#[cfg(feature = "files")]
+pub use dress::{DressError, add_animation};
 #[cfg(feature = "files")]
 pub use read::{
     GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, animation_names_beside, parse,

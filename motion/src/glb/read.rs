@@ -26,6 +26,8 @@ pub struct GlbOptions {
     pub fps: Option<f32>,
     /// Name of the animation. `None`: the only one.
     pub animation: Option<String>,
+    /// Takes the skins' joints at rest as one frame, and reads no animation.
+    pub at_rest: bool,
     /// The character's left in the root joint's frame of reference, for clips with their own
     /// skeleton. `None`: found by the joints' names.
     pub left_axis: Option<Vec3>,
@@ -41,6 +43,7 @@ impl Default for GlbOptions {
         Self {
             fps: None,
             animation: None,
+            at_rest: false,
             left_axis: None,
             max_offset_variation_m: 0.001,
             max_offset_error_m: 0.02,
@@ -61,6 +64,9 @@ pub enum GlbReadError {
     /// A node has two parents, or is below itself.
     #[error("node {0:?} has more than one parent, or is its own")]
     Hierarchy(String),
+    /// No skin has joints.
+    #[error("the file has no skin, whose joints would be the character's")]
+    NoSkin,
     /// No animation moves a node.
     #[error("the file has no animation of its nodes")]
     NoAnimation,
@@ -157,6 +163,14 @@ pub fn parse_beside(
         ignored_channels,
         generator,
     } = open(bytes, beside)?;
+    if options.at_rest {
+        let nodes = joints(rest_nodes(&file)?)?;
+        let origin = Origin {
+            generator,
+            ..Origin::default()
+        };
+        return GlbAnimation::at_rest(nodes, origin);
+    }
     let names = names(&file);
     let nth = match (&options.animation, names.len()) {
         (_, 0) => return Err(GlbReadError::NoAnimation),
@@ -214,6 +228,24 @@ fn names(file: &gltf::Document) -> Vec<String> {
 }
 
 impl GlbAnimation {
+    /// One frame in which nothing moves.
+    fn at_rest(nodes: Vec<Node>, origin: Origin) -> Result<Self, GlbReadError> {
+        if nodes.is_empty() {
+            return Err(GlbReadError::NoSkin);
+        }
+        for node in &nodes {
+            node.check("none")?;
+        }
+        Ok(Self {
+            nodes,
+            start_s: 0.0,
+            fps: DEFAULT_FPS,
+            keys_fps: DEFAULT_FPS,
+            frames: 1,
+            origin,
+        })
+    }
+
     fn new(nodes: Vec<Node>, origin: Origin, fps: Option<f32>) -> Result<Self, GlbReadError> {
         let times = || nodes.iter().flat_map(Node::times);
         let Some(start) = times().map(|times| times[0]).reduce(f32::min) else {

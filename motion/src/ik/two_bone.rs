@@ -144,7 +144,7 @@ pub(crate) fn turn_limb(skeleton: &Skeleton, rotations: &mut [Quat], chain: [usi
 
 /// Turns the hinges from one joint down to another so that its world rotation comes as near to
 /// `rotation` as possible.
-pub(super) fn turn_hinges(
+pub(crate) fn turn_hinges(
     of: (&Skeleton, &Robot),
     rotations: &mut [Quat],
     (top, end): (usize, usize),

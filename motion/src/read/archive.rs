@@ -4,11 +4,13 @@
 use glam::{DQuat, DVec3};
 
 use super::adapted::Arrays;
+use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::joints::{self, Parsed};
 use super::options::{JointOrder, Options, QuaternionOrder};
 use super::report::{Basis, Finding, Format, Topic, Up};
 use super::robot::{ROOT, Rows, Usual, columns_error, fps_of, robot_of, understand};
+use super::robot_checks::bare;
 use super::stance::Stated;
 use super::table::Table;
 use super::{Source, Understood, kimodo, smpl, text};
@@ -16,7 +18,8 @@ use crate::clip::{MAX_FRAMES, MAX_ROTATIONS};
 use crate::files::NumpyError;
 use crate::files::npz::Unpacked;
 use crate::fk::WorldMotion;
-use crate::robot::TRACKER_FPS;
+use crate::robot::{Robot, TRACKER_FPS};
+use crate::skeleton::Skeleton;
 
 /// Most bodies of a robot.
 const MAX_BODIES: usize = 1024;
@@ -32,10 +35,10 @@ pub(super) fn read(file: &str, bytes: &[u8], options: &Options) -> Result<Unders
     joints::understand(file, parsed, options)
 }
 
-/// An archive of joints, for a survey too.
-pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
+/// An archive of joints.
+fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
     if archive.has("quaternions") && archive.has("joint_names") {
-        own(archive)
+        own(archive, options)
     } else if kimodo::is_kimodo(archive) {
         kimodo::parse(archive, options)
     } else if smpl::is_amass(archive) {
@@ -50,7 +53,7 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
 }
 
 /// Troupe's own archive.
-fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
+fn own(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>, ReadErrorKind> {
     let names = archive.texts("joint_names")?;
     let count = names.len();
     let (frames, roots) = archive.rows("root", &[3])?;
@@ -62,10 +65,7 @@ fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
     if rows != frames {
         return Err(NumpyError::array("quaternions", format!("{rows} frames, but root has {frames}")).into());
     }
-    let (_, fps) = archive.floats("fps")?;
-    let [fps] = fps[..] else {
-        return Err(NumpyError::array("fps", "it must be one number").into());
-    };
+    let fps = own_fps(archive, options)?;
     let (joints, parents) = archive.rows("parents", &[])?;
     let (with_offset, offsets) = archive.rows("offsets", &[3])?;
     let parent = |(joint, &parent): (usize, &f32)| match parent {
@@ -117,7 +117,7 @@ fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
             offsets: vectors(&offsets),
             roots: vectors(&roots),
             rotations,
-            fps,
+            fps: fps.value,
         }),
         format: Finding::new(
             Format::Npz,
@@ -136,9 +136,19 @@ fn own(archive: &mut Unpacked<'_>) -> Result<Parsed<'static>, ReadErrorKind> {
             may_be_y_up: false,
             by: "Troupe is Y up and in metres",
         },
-        fps: Finding::new(fps, Basis::Stated, "fps"),
+        fps,
         repairs: Vec::new(),
         oddities: Vec::new(),
+    })
+}
+
+/// The rate that an option gives, or the array `fps`.
+fn own_fps(archive: &mut Unpacked<'_>, options: &Options) -> Result<Finding<f32>, ReadErrorKind> {
+    smpl::stated_rate(archive, options)?.ok_or_else(|| ReadErrorKind::Range {
+        field: "array \"fps\"".to_owned(),
+        found: "missing".to_owned(),
+        allowed: "one number from 1 to 1000".to_owned(),
+        option: Some(Advice::decides(Choice::any(OptionName::Fps))),
     })
 }
 
@@ -147,13 +157,13 @@ fn beyond_mimic(
     archive: &mut Unpacked<'_>,
     options: &Options,
 ) -> Result<Understood, ReadErrorKind> {
-    let (_, robot) = robot_of(options)?;
+    let (skeleton, robot) = robot_of(options)?;
     let hinges = robot.hinges().len();
     let (shape, _) = archive.floats("joint_pos")?;
     if let [_, columns] = shape[..]
         && columns as usize != hinges
     {
-        return Err(columns_error(columns as usize + ROOT, robot));
+        return Err(columns_error(columns as usize + ROOT, robot, skeleton));
     }
     let (frames, angles) = archive.rows("joint_pos", &[hinges])?;
     let (shape, _) = archive.floats("body_pos_w")?;
@@ -164,20 +174,27 @@ fn beyond_mimic(
         let reason = format!("{placed} frames of {bodies} bodies; joint_pos has {frames} frames");
         return Err(NumpyError::array("body_pos_w", reason).into());
     }
-    let (_, fps) = archive.floats("fps")?;
-    let [fps] = fps[..] else {
-        return Err(NumpyError::array("fps", "it must be one number").into());
-    };
-    let named = archive
-        .has("joint_names")
-        .then(|| archive.texts("joint_names"))
-        .transpose()?;
+    let fps = own_fps(archive, options)?;
+    let mut texts = |name: &str| archive.has(name).then(|| archive.texts(name)).transpose();
+    let named = texts("joint_names")?;
+    let names = texts("body_names")?;
+    if let Some(names) = names.as_ref().filter(|names| names.len() != bodies) {
+        let reason = format!("{} names, but body_pos_w has {bodies} bodies", names.len());
+        return Err(NumpyError::array("body_names", reason).into());
+    }
+    let joints = joints_of_bodies(names.as_deref(), bodies, skeleton, robot);
+    let root = joints.iter().position(|joint| *joint == Some(0));
+    let body = root.unwrap_or(0);
     let wide: Vec<f64> = places.iter().map(|&n| n.into()).collect();
     let turns: Vec<f64> = turns.iter().map(|&n| n.into()).collect();
     let rows = Rows {
-        places: wide.chunks_exact(3 * bodies).map(DVec3::from_slice).collect(),
+        places: wide
+            .chunks_exact(3 * bodies)
+            .map(|places| DVec3::from_slice(&places[3 * body..]))
+            .collect(),
         quaternions: turns
             .chunks_exact(4 * bodies)
+            .map(|turns| &turns[4 * body..])
             .map(|q| [q[0], q[1], q[2], q[3]])
             .collect(),
         angles: angles.into_iter().map(f64::from).collect(),
@@ -194,44 +211,72 @@ fn beyond_mimic(
             "the names of its arrays",
         )),
         quaternion: QuaternionOrder::Wxyz,
-        is_fixed: true,
+        is_quaternion_fixed: false,
+        is_order_fixed: true,
         order: named.map_or(JointOrder::BreadthFirst, JointOrder::Named),
-        fps: fps_of(options, Some(Finding::new(fps, Basis::Stated, "fps"))),
+        fps,
         first_column: 1,
     };
     let mut understood = understand(file, rows, usual, options)?;
-    compare_bodies(&mut understood, &places, bodies);
+    if let (None, Some(names)) = (root, names) {
+        let text = format!(
+            "body_names has no {:?}: its first body, {:?}, is read as the root",
+            skeleton.joints[0].name, names[0]
+        );
+        understood.report.odd(Topic::JointOrder, text);
+    }
+    compare_bodies(&mut understood, &places, &joints);
     Ok(understood)
 }
 
-/// Compares the places of the bodies with those that the robot's own links have, if they are as
-/// many.
-fn compare_bodies(understood: &mut Understood, places: &[f32], bodies: usize) {
-    let Understood { clip, report, .. } = understood;
-    let Some(robot) = &clip.skeleton.robot else {
-        return;
+/// For each body, the joint that it hangs on, by name. Without names it is known if the bodies are
+/// the root and the links of all hinges.
+fn joints_of_bodies(
+    names: Option<&[String]>,
+    bodies: usize,
+    skeleton: &Skeleton,
+    robot: &Robot,
+) -> Vec<Option<usize>> {
+    let joint = |name: &String| {
+        let mut joints = skeleton.joints.iter();
+        joints.position(|joint| bare(&joint.name) == bare(name))
     };
-    let same_frames = places.len() == 3 * bodies * clip.frames();
-    if bodies != 1 + robot.hinges().len() || !same_frames {
+    match names {
+        Some(names) => names.iter().map(joint).collect(),
+        None if bodies == 1 + robot.hinges().len() => {
+            let order = robot.breadth_first().into_iter();
+            let joints = order.map(|hinge| Some(robot.hinges()[hinge].joint));
+            std::iter::once(Some(0)).chain(joints).collect()
+        }
+        None => Vec::new(),
+    }
+}
+
+/// Compares the places of the bodies with those of the robot's own links, if it is known which
+/// bodies they are.
+fn compare_bodies(understood: &mut Understood, places: &[f32], joints: &[Option<usize>]) {
+    let Understood { clip, report, .. } = understood;
+    if joints.is_empty() || places.len() != 3 * joints.len() * clip.frames() {
         return;
     }
     let world = WorldMotion::from_clip(clip);
-    let order = robot.breadth_first();
-    let joints: Vec<usize> = std::iter::once(0)
-        .chain(order.iter().map(|&hinge| robot.hinges()[hinge].joint))
-        .collect();
-    let mut sum_m = 0.0;
-    for (frame, places) in places.chunks_exact(3 * bodies).enumerate() {
-        for (&joint, place) in joints.iter().zip(places.chunks_exact(3)) {
+    let (mut sum_m, mut count) = (0.0, 0);
+    for (frame, places) in places.chunks_exact(3 * joints.len()).enumerate() {
+        for (joint, place) in joints.iter().zip(places.chunks_exact(3)) {
+            let Some(joint) = *joint else {
+                continue;
+            };
             let place = glam::Vec3::from_slice(place);
             let place = crate::conventions::Convention::Ros.position_to_native(place);
             sum_m += world.positions_at(frame)[joint].distance(place);
+            count += 1;
         }
     }
-    let mean_m = sum_m / (places.len() / 3).max(1) as f32;
+    let mean_m = sum_m / count.max(1) as f32;
     if mean_m > MAX_BODY_ERROR_M {
         let text = format!(
-            "the bodies stand {mean_m:.3} m from the robot's links on average: are the robot and --joint-order right?"
+            "the bodies stand {mean_m:.3} m from the robot's links on average: are the robot, --joint-order and \
+             --quaternion right?"
         );
         report.odd(Topic::JointOrder, text);
     }
@@ -239,11 +284,11 @@ fn compare_bodies(understood: &mut Understood, places: &[f32], bodies: usize) {
 
 /// SONIC's folder, by its `joint_pos.csv`; the other files are beside it.
 pub(super) fn sonic(source: &Source<'_>, options: &Options) -> Result<Understood, ReadErrorKind> {
-    let (_, robot) = robot_of(options)?;
+    let (skeleton, robot) = robot_of(options)?;
     let hinges = robot.hinges().len();
     let angles = Table::parse(&text::decode(source.bytes).text)?;
     if angles.columns != hinges {
-        return Err(columns_error(angles.columns + ROOT, robot));
+        return Err(columns_error(angles.columns + ROOT, robot, skeleton));
     }
     let beside = |name: &str, width: usize| -> Result<Table, ReadErrorKind> {
         let bytes = (source.beside)(name).ok_or_else(|| {
@@ -282,7 +327,8 @@ pub(super) fn sonic(source: &Source<'_>, options: &Options) -> Result<Understood
         format: Finding::new(Format::Sonic, Basis::Found, evidence),
         producer: Some(Finding::new("SONIC".to_owned(), Basis::Found, evidence)),
         quaternion: QuaternionOrder::Wxyz,
-        is_fixed: true,
+        is_quaternion_fixed: true,
+        is_order_fixed: true,
         order: JointOrder::BreadthFirst,
         fps: fps_of(
             options,

@@ -133,6 +133,15 @@ pub enum ReadErrorKind {
         /// The options that say what they mean.
         advice: Advice,
     },
+    /// An option is given that robots' files have no use for.
+    #[error(
+        "{} does not apply to a robot's file: its axes and unit are fixed, and its joints are the robot's",
+        .0.flag()
+    )]
+    Unused(OptionName),
+    /// An animation is named, but the format has none.
+    #[error("animation {0:?}: only .glb, .gltf and .fbx files have animations with names")]
+    NoAnimations(String),
     /// A robot's file does not fit the robot.
     #[error("{0}")]
     Robot(String),
@@ -163,6 +172,7 @@ impl ReadErrorKind {
             | Self::Angles { advice: options, .. }
             | Self::Slides { advice: options, .. } => options.choices().to_vec(),
             Self::NoRobot => vec![Choice::any(OptionName::Skeleton)],
+            Self::Unused(option) => vec![Choice::any(*option)],
             Self::Range {
                 field, option: None, ..
             } => {
@@ -179,6 +189,7 @@ impl ReadErrorKind {
             | Self::Fbx(_)
             | Self::Numpy(_)
             | Self::Clip(_)
+            | Self::NoAnimations(_)
             | Self::Robot(_) => Vec::new(),
         }
     }

@@ -20,6 +20,7 @@ pub(super) fn parse(
         // Sampled once: keys are at any times.
         fps: options.fps.or(options.resample_fps),
         animation: options.animation.clone(),
+        at_rest: options.at_rest,
         ..GlbOptions::default()
     };
     let animation = parse_beside(bytes, beside, &glb).map_err(|error| {

@@ -8,17 +8,21 @@
 //! Files of one folder are read in two passes: [`survey`] adds what each shows to an [`Agreement`],
 //! which then decides for those that leave something open.
 //!
-//! Nothing here opens files: the caller brings bytes, and the bytes of files beside them.
+//! The caller brings bytes, and the bytes of files beside them. [`beside`] has those of the disk.
 
 mod adapted;
 mod agreement;
 mod archive;
+pub mod beside;
 mod bvh;
 mod choices;
 mod error;
 #[cfg(feature = "fbx")]
 mod fbx;
+mod figure;
+mod followers;
 mod gltf;
+mod header;
 mod joints;
 mod kimodo;
 mod leading;
@@ -53,7 +57,7 @@ pub use options::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder};
 pub use report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 
 use crate::clip::Clip;
-use crate::glb::{Beside, animation_names_beside};
+use crate::glb::{Beside, GlbReadError, animation_names_beside};
 use joints::Parsed;
 
 /// Endings of files of joints, in small letters. With a skeleton these may be a robot's too.
@@ -112,12 +116,41 @@ pub fn read(source: &Source<'_>, options: &Options) -> Result<Understood, ReadEr
 fn read_kind(source: &Source<'_>, options: &Options) -> Result<Understood, ReadErrorKind> {
     check(options)?;
     let Source { name, bytes, .. } = *source;
-    match kind(source)? {
+    let kind = kind(source)?;
+    let has_animations = matches!(kind, Kind::Joints(Format::Glb | Format::Gltf | Format::Fbx));
+    if let Some(animation) = options.animation.as_ref().filter(|_| !has_animations) {
+        return Err(ReadErrorKind::NoAnimations(animation.clone()));
+    }
+    match kind {
         Kind::Joints(format) => joints::understand(name, parse(source, format, options)?, options),
         Kind::Archive => archive::read(name, bytes, options),
         Kind::Csv => tables::read_csv(name, bytes, options),
         Kind::Qpos => tables::read_qpos(name, bytes, options),
         Kind::Sonic => archive::sonic(source, options),
+    }
+}
+
+/// Reads the file of a character: the skins' joints at rest if it is glTF with a skin, otherwise as
+/// [`read`] does.
+///
+/// # Errors
+/// As [`read`].
+pub fn character(source: &Source<'_>, options: &Options) -> Result<Understood, ReadError> {
+    let at_rest = Options {
+        at_rest: true,
+        animation: None,
+        ..options.clone()
+    };
+    match read(source, &at_rest) {
+        Err(ReadError {
+            kind:
+                ReadErrorKind::Glb {
+                    error: GlbReadError::NoSkin,
+                    ..
+                },
+            ..
+        }) => read(source, options),
+        found => found,
     }
 }
 

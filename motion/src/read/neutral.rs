@@ -5,11 +5,7 @@ use glam::Quat;
 
 use super::Understood;
 use super::report::RestPose;
-use crate::anatomy::{Biped, Tree, let_down, stand_up};
-use crate::clip::Clip;
-use crate::root::heading_of;
-use crate::rotation::{align_sign, yaw};
-use crate::skeleton::Skeleton;
+use crate::anatomy::{Biped, Tree, ahead, let_down, neutral_of_motion, world_of};
 
 impl Understood {
     /// World rotations of the neutral pose, one a joint.
@@ -21,15 +17,10 @@ impl Understood {
     pub fn neutral_pose(&self) -> Option<Vec<Quat>> {
         let skeleton = &*self.clip.skeleton;
         let rest = self.rest.as_ref()?;
-        let ahead = |pose: Vec<Quat>| -> Vec<Quat> {
-            let turn = yaw(-heading_of(pose[0], skeleton.left_axis));
-            pose.into_iter()
-                .map(|rotation| (turn * rotation).normalize())
-                .collect()
-        };
+        let ahead = |pose| ahead(skeleton, pose);
         Some(
             match (Biped::find(&Tree::of(skeleton)), self.report.rest_pose.value) {
-                (Some(body), RestPose::None) => stand_up(skeleton, &body, &ahead(average_pose(&self.clip))),
+                (Some(body), RestPose::None) => neutral_of_motion(&self.clip, &body),
                 (Some(body), RestPose::T | RestPose::A) => {
                     let_down(skeleton, &body, &ahead(world_of(skeleton, rest)))
                 }
@@ -37,33 +28,4 @@ impl Understood {
             },
         )
     }
-}
-
-/// World rotations of a pose: joint 0 in the world, others relative to their parents.
-fn world_of(skeleton: &Skeleton, local: &[Quat]) -> Vec<Quat> {
-    let mut world: Vec<Quat> = Vec::with_capacity(local.len());
-    for (joint, rotation) in skeleton.joints.iter().zip(local) {
-        world.push(joint.parent.map_or(*rotation, |parent| world[parent] * *rotation));
-    }
-    world
-}
-
-/// The mean of the world rotations of all frames, each turned to the heading 0.
-fn average_pose(clip: &Clip) -> Vec<Quat> {
-    let mut sums = vec![Quat::from_xyzw(0.0, 0.0, 0.0, 0.0); clip.skeleton.joint_count()];
-    for frame in 0..clip.frames() {
-        let mut pose = clip.rotations_at(frame).to_vec();
-        pose[0] = yaw(-clip.root_at(frame).heading) * pose[0];
-        for (sum, rotation) in sums.iter_mut().zip(world_of(&clip.skeleton, &pose)) {
-            *sum = *sum + align_sign(rotation, *sum);
-        }
-    }
-    let unit = |sum: Quat| {
-        if sum.length() > 1e-6 {
-            sum.normalize()
-        } else {
-            Quat::IDENTITY
-        }
-    };
-    sums.into_iter().map(unit).collect()
 }

@@ -94,6 +94,8 @@ pub struct Options {
     pub resample_fps: Option<f32>,
     /// Name of a glTF file's animation (`--animation`).
     pub animation: Option<String>,
+    /// Reads the rest pose of a glTF file's skins as one frame, and no animation.
+    pub at_rest: bool,
     /// Name of the joint that is the character's root (`--root`).
     pub root: Option<String>,
     /// The rest pose of the file's skeleton (`--rest-pose`).

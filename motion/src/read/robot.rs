@@ -6,9 +6,10 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3, Quat, Vec3};
 
 use super::Understood;
+use super::choices::OptionName;
 use super::error::ReadErrorKind;
 use super::joints::finish;
-use super::options::{AngleUnit, JointOrder, Options, QuaternionOrder};
+use super::options::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder};
 use super::report::{Basis, Finding, Format, Report, RestPose, Topic, Up};
 use super::robot_checks as checks;
 use crate::clip::{Clip, MAX_ROTATIONS};
@@ -36,8 +37,10 @@ pub(super) struct Usual {
     pub(super) format: Finding<Format>,
     pub(super) producer: Option<Finding<String>>,
     pub(super) quaternion: QuaternionOrder,
-    /// Whether the format leaves no doubt about the order of the quaternion and of the hinges.
-    pub(super) is_fixed: bool,
+    /// Whether the format or the header leaves no doubt about the quaternion's order.
+    pub(super) is_quaternion_fixed: bool,
+    /// Whether the format or the header leaves no doubt about the order of the hinges.
+    pub(super) is_order_fixed: bool,
     pub(super) order: JointOrder,
     pub(super) fps: Finding<f32>,
     /// As columns are counted in messages: of the first angle, from 1.
@@ -70,6 +73,7 @@ pub(super) fn understand(
     usual: Usual,
     options: &Options,
 ) -> Result<Understood, ReadErrorKind> {
+    refuse_unused(options)?;
     let (skeleton, robot) = robot_of(options)?;
     let (frames, joints) = (rows.places.len(), skeleton.joint_count());
     if frames > MAX_ROTATIONS / joints {
@@ -79,12 +83,12 @@ pub(super) fn understand(
     let name = format!("robot {}", robot.name());
     let mut report = Report {
         file: file.to_owned(),
-        format: usual.format,
-        producer: usual.producer,
+        format: usual.format.clone(),
+        producer: usual.producer.clone(),
         skeleton: Finding::new(name, Basis::Given, format!("{} hinges", robot.hinges().len())),
         up: Finding::new(Up::Z, Basis::Stated, "robots' files are Z up, X ahead"),
         unit_m: Finding::new(1.0, Basis::Stated, "robots' files are in metres"),
-        fps: usual.fps,
+        fps: usual.fps.clone(),
         rest_pose: Finding::new(RestPose::None, Basis::Stated, "hinges at angle 0"),
         frames,
         joints,
@@ -104,16 +108,14 @@ pub(super) fn understand(
         }
         quaternion.iter_mut().for_each(|n| *n /= length);
     }
-    let order = checks::quaternion_order(&rows, usual.quaternion, usual.is_fixed, options, &mut report)?;
-    checks::angles(
-        &mut rows,
-        robot,
-        skeleton,
-        &usual.order,
-        usual.first_column,
+    let order = checks::quaternion_order(
+        &rows,
+        usual.quaternion,
+        usual.is_quaternion_fixed,
         options,
         &mut report,
     )?;
+    checks::angles(&mut rows, robot, skeleton, &usual, options, &mut report)?;
     let turns: Vec<DQuat> = rows.quaternions.iter().map(|&q| checks::turn(q, order)).collect();
     checks::upright(&turns, &mut report);
     let mut roots = Vec::with_capacity(frames);
@@ -151,12 +153,40 @@ pub(super) fn rows_of(numbers: &[f64], columns: usize) -> Rows {
     rows
 }
 
-/// Order of the quaternion as an option gives it, or as usual, with the order of the hinges that
-/// the columns' names give.
-pub(super) fn columns_error(found: usize, robot: &Robot) -> ReadErrorKind {
+/// Refuses options that a robot's file leaves no room for.
+fn refuse_unused(options: &Options) -> Result<(), ReadErrorKind> {
+    let given = [
+        (OptionName::Up, options.up.is_some()),
+        (OptionName::Unit, options.unit_m.is_some()),
+        (OptionName::Root, options.root.is_some()),
+        (OptionName::RestPose, options.rest_pose.is_some()),
+        (OptionName::MaxSlide, options.max_slide_m.is_some()),
+        (
+            OptionName::LeadingPose,
+            options.leading_pose != LeadingPose::default(),
+        ),
+    ];
+    match given.into_iter().find(|(_, is_given)| *is_given) {
+        Some((option, _)) => Err(ReadErrorKind::Unused(option)),
+        None => Ok(()),
+    }
+}
+
+/// That a file has another number of columns than the robot.
+pub(super) fn columns_error(found: usize, robot: &Robot, skeleton: &Skeleton) -> ReadErrorKind {
     let hinges = robot.hinges().len();
+    let followers: Vec<&str> = (robot.mimics().iter())
+        .map(|mimic| &*skeleton.joints[mimic.joint].name)
+        .collect();
+    let left_out = match followers.is_empty() {
+        true => String::new(),
+        false => format!(
+            "; joints that follow others have no column: {}",
+            followers.join(", ")
+        ),
+    };
     ReadErrorKind::Robot(format!(
-        "{found} columns; robot {} has {}: 7 of the root and {hinges} angles",
+        "{found} columns; robot {} has {}: 7 of the root and {hinges} angles{left_out}",
         robot.name(),
         ROOT + hinges
     ))

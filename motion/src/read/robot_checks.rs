@@ -6,7 +6,7 @@ use super::choices::{Advice, Choice, OptionName};
 use super::error::ReadErrorKind;
 use super::options::{AngleUnit, JointOrder, Options, QuaternionOrder};
 use super::report::{Report, Topic};
-use super::robot::{Rows, note_quaternion, to_radians};
+use super::robot::{Rows, Usual, note_quaternion, to_radians};
 use crate::robot::Robot;
 use crate::skeleton::Skeleton;
 
@@ -169,12 +169,12 @@ pub(super) fn angles(
     rows: &mut Rows,
     robot: &Robot,
     skeleton: &Skeleton,
-    usual: &JointOrder,
-    first_column: usize,
+    usual: &Usual,
     options: &Options,
     report: &mut Report,
 ) -> Result<(), ReadErrorKind> {
-    let given = options.joint_order.as_ref().unwrap_or(usual);
+    let is_order_open = options.joint_order.is_none() && !usual.is_order_fixed;
+    let given = options.joint_order.as_ref().unwrap_or(&usual.order);
     let order = order_of(given, robot, skeleton)?;
     let unit = options.angles.unwrap_or(AngleUnit::Radians);
     let now = beyond(&rows.angles, robot, to_radians(unit), &order);
@@ -183,7 +183,7 @@ pub(super) fn angles(
     let mut reading = (unit, order);
     if now.far_rad > FAR_RAD {
         let of = &robot.hinges()[now.hinge];
-        let column = first_column
+        let column = usual.first_column
             + reading
                 .1
                 .iter()
@@ -197,7 +197,21 @@ pub(super) fn angles(
             of.upper_rad,
             now.frame
         );
-        match fitting(rows, robot, &reading, largest, options) {
+        match fitting(rows, robot, &reading, largest, options, is_order_open) {
+            Some((AngleUnit::Degrees, ..)) if largest <= FULL_TURN_RAD && usual.is_order_fixed => {
+                return Err(ReadErrorKind::Open {
+                    topic: Topic::Angles,
+                    what: "what the angles mean",
+                    evidence,
+                    options: Advice::new(
+                        format!(
+                            "{{}} fits, but then most frames turn no hinge farther than {largest:.1}°; else {{}} \
+                             gives the robot of the file"
+                        ),
+                        [OptionName::Degrees, OptionName::Skeleton].map(Choice::any),
+                    ),
+                });
+            }
             Some((AngleUnit::Degrees, order, _)) if largest <= FULL_TURN_RAD => {
                 return Err(ReadErrorKind::Open {
                     topic: Topic::Angles,
@@ -231,6 +245,13 @@ pub(super) fn angles(
                 );
                 reading = (unit, order);
             }
+            None if usual.is_order_fixed => {
+                let advice = Advice::new(
+                    "is this the robot of the file? {} gives another",
+                    [Choice::any(OptionName::Skeleton)],
+                );
+                return Err(ReadErrorKind::Angles { evidence, advice });
+            }
             None => {
                 let advice = Advice::new(
                     "are the angles in the robot's order ({}), and of this robot?",
@@ -259,6 +280,7 @@ fn fitting(
     now: &(AngleUnit, Vec<usize>),
     largest: f64,
     options: &Options,
+    may_order: bool,
 ) -> Option<Fit> {
     let (unit, order) = now;
     let breadth = robot.breadth_first();
@@ -276,7 +298,6 @@ fn fitting(
     let fits = |fit: &Fit| beyond(&rows.angles, robot, to_radians(fit.0), &fit.1).far_rad <= NOTED_RAD;
     let is_large = largest > FULL_TURN_RAD;
     let may_turn = options.angles.is_none();
-    let may_order = options.joint_order.is_none();
     let degrees = (AngleUnit::Degrees, order.clone(), "--degrees");
     let ordered = (*unit, other.clone(), name);
     let both = (AngleUnit::Degrees, other, both);
@@ -328,16 +349,35 @@ fn order_of(order: &JointOrder, robot: &Robot, skeleton: &Skeleton) -> Result<Ve
     }
 }
 
-/// The hinge of a joint's name, as a pack or a URDF has it: with or without `_joint`.
+/// The hinge of a joint's name, as a pack, a URDF or a CSV has it: `left_knee`, `left_knee_joint`,
+/// `dof_left_knee` or `joint:left_knee`, in any case.
 pub(super) fn hinge_named(name: &str, robot: &Robot, skeleton: &Skeleton) -> Option<usize> {
-    let bare = |name: &str| {
-        name.trim_end_matches("_joint")
-            .trim_end_matches("_dof")
-            .to_ascii_lowercase()
-    };
+    let joint = |hinge: &crate::robot::Hinge| &*skeleton.joints[hinge.joint].name;
+    let mut hinges = robot.hinges().iter();
+    let exact = hinges.position(|hinge| joint(hinge).eq_ignore_ascii_case(name.trim()));
     let wanted = bare(name);
-    let joint = |hinge: &crate::robot::Hinge| bare(&skeleton.joints[hinge.joint].name);
-    robot.hinges().iter().position(|hinge| joint(hinge) == wanted)
+    exact.or_else(|| {
+        robot
+            .hinges()
+            .iter()
+            .position(|hinge| bare(joint(hinge)) == wanted)
+    })
+}
+
+/// A joint's name in small letters, without what programs put before and after it.
+pub(super) fn bare(name: &str) -> String {
+    let name = name.trim().to_lowercase();
+    let mut bare = &*name;
+    loop {
+        let before = ["dof_", "dof:", "joint_", "joint:"];
+        let after = ["_joint", "_dof", "_link"];
+        let shorter = before.iter().find_map(|word| bare.strip_prefix(word));
+        let shorter = shorter.or_else(|| after.iter().find_map(|word| bare.strip_suffix(word)));
+        match shorter {
+            Some(shorter) if !shorter.is_empty() => bare = shorter,
+            _ => return bare.to_owned(),
+        }
+    }
 }
 
 fn apply(rows: &mut Rows, order: &[usize], factor: f64) {

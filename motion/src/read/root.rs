@@ -34,6 +34,10 @@ pub(super) fn root_of(
             option: None,
         });
     }
+    // Nodes above the pelvis carry a character through a world, and do not turn with it.
+    if let (true, Some(body)) = (options.at_rest, &survey.body) {
+        return Ok(body.pelvis);
+    }
     let unit_m = report.unit_m.value;
     let top = match top_of_body(source, survey, report)? {
         Some(top) => descend(source, tree, top),

@@ -42,6 +42,10 @@ const JOINTS: [(&str, Option<usize>, [f64; 3]); 22] = [
     ("left_wrist", Some(18), [0.2492, 0.009, -0.0012]),
     ("right_wrist", Some(19), [-0.2553, 0.0078, -0.0056]),
 ];
+/// Place of SMPL-X's pelvis beside the origin, metres. The other models have it as in [`JOINTS`].
+const PELVIS_OF_SMPL_X: [f64; 3] = [0.0031, -0.3514, 0.0120];
+/// Name of the model that has another origin.
+const SMPL_X: &str = "SMPL-X";
 /// Fields that hold the rate.
 const RATES: [&str; 4] = ["mocap_framerate", "mocap_frame_rate", "fps", "framerate"];
 /// Rate of most of AMASS, Hz, for files without one.
@@ -59,7 +63,12 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
     }
     let (model, given, turns) = poses(archive, frames)?;
     let fps = rate(archive, options)?;
-    let offset = DVec3::from(JOINTS[0].2);
+    let has_shape = archive.has("betas")
+        && (archive.floats("betas")).is_ok_and(|(_, betas)| betas.iter().any(|beta| *beta != 0.0));
+    let offset = DVec3::from(match model {
+        SMPL_X => PELVIS_OF_SMPL_X,
+        _ => JOINTS[0].2,
+    });
     // The models turn about the pelvis, which stands beside the origin that `trans` moves.
     let roots = trans
         .chunks_exact(3)
@@ -81,6 +90,12 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
                 "{} joints of hands and face are left out: the mean body's bones here end at the wrists and the head",
                 given - JOINTS.len()
             ),
+        });
+    }
+    if has_shape {
+        repairs.push(Note {
+            topic: Topic::Body,
+            text: "its shape (betas) is not applied: bones are the mean body's".to_owned(),
         });
     }
     Ok(Parsed {
@@ -143,11 +158,11 @@ fn poses(
     };
     let hands = archive.has("pose_hand");
     let (model, given) = match width {
-        66 if hands => ("SMPL-X", 55),
+        66 if hands => (SMPL_X, 55),
         66 => ("SMPL, without hands", 22),
         72 => ("SMPL", 24),
         156 => ("SMPL-H", 52),
-        165 => ("SMPL-X", 55),
+        165 => (SMPL_X, 55),
         _ => {
             let reason = format!("{width} numbers a frame; SMPL has 66 or 72, SMPL-H 156, SMPL-X 165");
             return Err(NumpyError::array(name, reason).into());

@@ -30,10 +30,14 @@ impl Table {
         let separator = [',', ';', '\t'].into_iter().find(|&mark| first.contains(mark));
         let cells = |line: &'_ str| -> Vec<String> {
             match separator {
-                Some(mark) => line
-                    .split(mark)
-                    .map(|cell| cell.trim().trim_matches('"').to_owned())
-                    .collect(),
+                // Some programs end each line with a separator.
+                Some(mark) => (line
+                    .trim_end_matches([' ', '\r'])
+                    .strip_suffix(mark)
+                    .unwrap_or(line))
+                .split(mark)
+                .map(|cell| cell.trim().trim_matches('"').to_owned())
+                .collect(),
                 None => line.split_whitespace().map(str::to_owned).collect(),
             }
         };
@@ -97,6 +101,9 @@ mod tests {
             "1 2\n3   4",
             "1\t2\n3\t4",
             "# x y\n1,2\n3,4",
+            "1,2,\n3,4, \n",
+            "1;2;\n3;4",
+            "1\t2\t\n3\t4\t",
         ] {
             let table = Table::parse(text).unwrap();
             assert_eq!(
@@ -116,6 +123,8 @@ mod tests {
     fn errors_name_line_and_column() {
         for (text, wanted) in [
             ("1,2\n3\n", "line 2: 1 columns; the first row has 2"),
+            ("1,2,,\n", "line 1, column 3: \"\" is no finite number"),
+            ("1,2,3\n3,4,\n", "line 2: 2 columns; the first row has 3"),
             ("1,2\n3,x\n", "line 2, column 2: \"x\" is no finite number"),
             ("nan,2\n", "line 1, column 1: \"nan\" is no finite number"),
             ("1,inf\n", "line 1, column 2"),

@@ -19,6 +19,7 @@ mod live;
 mod motion;
 mod object;
 mod real;
+mod retarget;
 mod robustness;
 mod roots;
 mod scene;

@@ -216,7 +216,17 @@ def test_quadrupeds_stand_on_the_ends_of_their_legs(tmp_path: Path):
     assert [clip["name"] for clip in store.clips] == ["walk.csv", "walk_M.csv"]
 
 
-@pytest.mark.parametrize(("left", "right"), [("leg_l{}", "leg_r{}"), ("L_leg_{}", "R_leg_{}"), ("leg{}_L", "leg{}_R")])
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("leg_l{}", "leg_r{}"),
+        ("L_leg_{}", "R_leg_{}"),
+        ("leg{}_L", "leg{}_R"),
+        ("Bip01 L Toe{}", "Bip01 R Toe{}"),
+        ("CC_Base_L_Toe{}", "CC_Base_R_Toe{}"),
+        ("LThigh{}", "RThigh{}"),
+    ],
+)
 def test_sides_are_found_by_many_makers_names(left: str, right: str):
     names = ["base", *(side.format(number) for side in (left, right) for number in (1, 6)), "level"]
     assert side_pairs(names) == [(1, 3), (2, 4)]
@@ -263,8 +273,12 @@ def test_a_header_is_no_row(tmp_path: Path):
     source = RobotSource(tmp_path / "toy.urdf")
     path = write_rows(tmp_path / "a.csv", walk_rows(20, 0.5, 0, 1))
     plain = source.load(path)
-    path.write_text("x,y" + ",z" * 14 + "\n" + path.read_text())
+    rows = path.read_text()
+    path.write_text(",".join(["x,y,z,qx,qy,qz,qw", *(f"j{nth}" for nth in range(9))]) + "\n" + rows)
     np.testing.assert_array_equal(source.load(path).positions, plain.positions)
+    path.write_text("x,y" + ",z" * 14 + "\n" + rows)
+    with pytest.raises(ReadError, match='the name of column 4 is "z"; allowed: x y z, qx qy qz qw'):
+        source.load(path)
 
 
 def test_a_quaternion_of_another_order_is_found_and_noted(tmp_path: Path):

@@ -6,15 +6,15 @@ SIDES = (
     (re.compile("Left"), "Right"),
     (re.compile("left"), "right"),
     (re.compile("LEFT"), "RIGHT"),
-    (re.compile(r"([_.:-])L$"), r"\1R"),
-    (re.compile(r"([_.:-])l$"), r"\1r"),
-    (re.compile(r"(^|[_.:-])L(?=[A-Z_.:-])"), r"\1R"),
-    (re.compile(r"(^|[_.:-])l(?=[A-Z_.:-])"), r"\1r"),
+    (re.compile(r"([ _.:-])L$"), r"\1R"),
+    (re.compile(r"([ _.:-])l$"), r"\1r"),
+    (re.compile(r"(^|[ _.:-])L(?=[ A-Z_.:-])"), r"\1R"),
+    (re.compile(r"(^|[ _.:-])l(?=[ A-Z_.:-])"), r"\1r"),
     # Robots' limbs with numbers (leg_l6), and legs of quadrupeds (FL_calf, RL_calf).
-    (re.compile(r"([_.:-])L(?=\d+([_.:-]|$))"), r"\1R"),
-    (re.compile(r"([_.:-])l(?=\d+([_.:-]|$))"), r"\1r"),
-    (re.compile(r"(^|[_.:-])([FRH])L(?=[_.:-]|$)"), r"\1\2R"),
-    (re.compile(r"(^|[_.:-])([frh])l(?=[_.:-]|$)"), r"\1\2r"),
+    (re.compile(r"([ _.:-])L(?=\d+([ _.:-]|$))"), r"\1R"),
+    (re.compile(r"([ _.:-])l(?=\d+([ _.:-]|$))"), r"\1r"),
+    (re.compile(r"(^|[ _.:-])([FRH])L(?=[ _.:-]|$)"), r"\1\2R"),
+    (re.compile(r"(^|[ _.:-])([frh])l(?=[ _.:-]|$)"), r"\1\2r"),
 )
 
 

@@ -174,6 +174,42 @@ fn sparse_keys_replace_those_of_their_accessor() {
 }
 
 #[test]
+fn sparse_indices_must_rise() {
+    let read = |indices: [u8; 2]| {
+        let mut made = Made::new().channel(1, "translation", "LINEAR", &[0.0; 9]);
+        let start = made.bytes.len();
+        made.bytes.extend([indices[0], indices[1], 0, 0]);
+        made.bytes.extend(
+            [0.0_f32, 1.0, 0.0, 0.0, 2.0, 0.0]
+                .iter()
+                .flat_map(|n| n.to_le_bytes()),
+        );
+        let views = made.list("bufferViews");
+        let first = views.len();
+        views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": 2 }));
+        views.push(json!({ "buffer": 0, "byteOffset": start + 4, "byteLength": 24 }));
+        made.json["accessors"][1]["sparse"] = json!({
+            "count": 2,
+            "indices": { "bufferView": first, "componentType": 5121 },
+            "values": { "bufferView": first + 1 },
+        });
+        parse(&made.glb(), &at(4.0)).map(drop).map_err(|e| e.to_string())
+    };
+    assert_eq!(read([1, 2]), Ok(()));
+    for (indices, wanted) in [
+        (
+            [2, 1],
+            "index 1 of its sparse keys is 1; they must rise, and be less than 3",
+        ),
+        ([1, 1], "index 1 of its sparse keys is 1"),
+        ([1, 3], "index 1 of its sparse keys is 3"),
+    ] {
+        let error = read(indices).unwrap_err();
+        assert!(error.contains(wanted), "{error}");
+    }
+}
+
+#[test]
 fn the_program_that_wrote_a_file_is_known() {
     let made = rising_made().changed("/asset", json!({ "version": "2.0", "generator": "Blender" }));
     let origin = parse(&made.glb(), &at(4.0)).unwrap().origin().clone();

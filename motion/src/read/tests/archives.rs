@@ -45,6 +45,12 @@ fn troupes_own_archive_comes_back() {
             .zip(&b.positions)
             .all(|(a, b)| a.distance(*b) < 1e-5)
     );
+    let fast = Options {
+        fps: Some(60.0),
+        ..Options::default()
+    };
+    let found = with(&write_npz(&truth).unwrap(), &fast).unwrap();
+    assert_eq!((found.clip.fps, found.report.fps.basis), (60.0, Basis::Given));
     let options = Options {
         skeleton: Some(truth.skeleton.clone()),
         ..Options::default()
@@ -154,6 +160,42 @@ fn amass_is_read_with_the_published_tree() {
         error.contains("\"poses\": 100 numbers a frame; SMPL has 66 or 72"),
         "{error}"
     );
+}
+
+#[test]
+fn shapes_of_bodies_are_noted() {
+    let noted = |betas: &[f64]| {
+        let mut archive = Archive::new();
+        archive
+            .add("trans", &[30, 3], &[0.0, 0.0, 0.9].repeat(30))
+            .unwrap();
+        let mut pose = vec![0.0_f64; 72];
+        pose[0] = std::f64::consts::FRAC_PI_2;
+        archive.add("poses", &[30, 72], &pose.repeat(30)).unwrap();
+        archive.add("betas", &[betas.len()], betas).unwrap();
+        let repairs = plain(&archive.finish().unwrap()).report.repairs;
+        repairs
+            .iter()
+            .any(|note| note.topic == Topic::Body && note.text.contains("(betas) is not applied"))
+    };
+    assert!(!noted(&[0.0; 16]) && noted(&[2.0, 0.0]));
+}
+
+#[test]
+fn smpl_x_has_a_pelvis_of_its_own() {
+    let root = |width, split| plain(&amass(2, width, Some("fps"), split)).clip.root_positions[0];
+    // Added to `trans` along the file's axes, whose Z is our Y and whose Y is our -Z.
+    let place = |[x, y, z]: [f32; 3]| Vec3::new(0.2 + x, 0.9 + z, -y);
+    for (width, split) in [(72, false), (156, false)] {
+        assert!(root(width, split).abs_diff_eq(place([-0.0018, -0.2233, 0.0282]), 1e-5));
+    }
+    for (width, split) in [(165, false), (66, true)] {
+        let found = root(width, split);
+        assert!(
+            found.abs_diff_eq(place([0.0031, -0.3514, 0.0120]), 1e-5),
+            "{found}"
+        );
+    }
 }
 
 /// AMASS arrays of a person who walks on steps of a Y-up world, or lies in a Z-up one.
@@ -290,6 +332,24 @@ fn kimodos_archives_come_back() {
 }
 
 #[test]
+fn files_without_animations_take_no_name_of_one() {
+    let options = Options {
+        animation: Some("Walk".to_owned()),
+        ..Options::default()
+    };
+    let error = with(&write_npz(&walk(0)).unwrap(), &options)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("animation \"Walk\": only .glb, .gltf and .fbx files"),
+        "{error}"
+    );
+    let text = b"HIERARCHY";
+    let error = read(&Source::new("walk.bvh", text), &options).unwrap_err();
+    assert!(error.to_string().contains("animation \"Walk\""), "{error}");
+}
+
+#[test]
 fn archives_without_motion_say_what_they_hold() {
     let mut archive = Archive::new();
     archive.add("weights", &[2], &[0.0_f32; 2]).unwrap();
@@ -304,6 +364,6 @@ fn archives_without_motion_say_what_they_hold() {
         with(b"PK\x03\x04", &Options::default())
             .unwrap_err()
             .to_string()
-            .contains("no .npz archive")
+            .contains("no .npz archive: the zip archive is damaged or cut off")
     );
 }

@@ -4,6 +4,8 @@ mod archives;
 mod dialects;
 #[cfg(feature = "fbx")]
 mod fbx;
+mod followers;
+mod headers;
 mod hostile;
 mod kinds;
 mod neutral;
@@ -13,6 +15,7 @@ mod rigs;
 mod robots;
 mod roots;
 mod shared;
+mod trackers;
 
 use super::{OptionName, ReadError};
 

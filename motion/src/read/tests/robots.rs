@@ -10,8 +10,8 @@ use super::names_its_options;
 use crate::clip::Clip;
 use crate::files::{write_beyond_mimic, write_qpos};
 use crate::read::{
-    AngleUnit, Basis, Format, JointOrder, Options, QuaternionOrder, ReadErrorKind, Source, Topic, Understood,
-    read,
+    AngleUnit, Basis, Format, JointOrder, LeadingPose, Options, QuaternionOrder, ReadErrorKind, RestPose,
+    Source, Topic, Understood, Up, read,
 };
 use crate::robot::testing::g1;
 use crate::robot::{Reference, reference, sonic_files, write_csv};
@@ -49,14 +49,18 @@ pub(super) fn walk(frames: usize, fps: f32, share: f32) -> Clip {
     Clip::new(skeleton, fps, roots, rotations).unwrap()
 }
 
-fn on_g1() -> Options {
+pub(super) fn on_g1() -> Options {
     Options {
         skeleton: Some(g1()),
         ..Options::default()
     }
 }
 
-fn with(name: &str, bytes: &[u8], options: &Options) -> Result<Understood, crate::read::ReadError> {
+pub(super) fn with(
+    name: &str,
+    bytes: &[u8],
+    options: &Options,
+) -> Result<Understood, crate::read::ReadError> {
     read(&Source::new(name, bytes), options).inspect_err(names_its_options)
 }
 
@@ -71,7 +75,7 @@ pub(super) fn rows(text: &str, change: impl Fn(&mut Vec<f64>)) -> String {
     text.lines().map(row).collect()
 }
 
-fn same(a: &Clip, b: &Clip) -> bool {
+pub(super) fn same(a: &Clip, b: &Clip) -> bool {
     let places = a.root_positions.iter().zip(&b.root_positions);
     let turns = a.rotations.iter().zip(&b.rotations);
     a.frames() == b.frames()
@@ -81,7 +85,7 @@ fn same(a: &Clip, b: &Clip) -> bool {
             .all(|(a, b)| angle_between(*a, *b).to_degrees() < 0.1)
 }
 
-fn topics(found: &Understood) -> Vec<Topic> {
+pub(super) fn topics(found: &Understood) -> Vec<Topic> {
     found.report.repairs.iter().map(|note| note.topic).collect()
 }
 
@@ -370,6 +374,160 @@ fn headers_and_times_say_what_the_columns_are() {
     )
     .unwrap();
     assert!(same(&truth, &found.clip) && found.clip.fps == 50.0);
+}
+
+/// Unitree's rows under a header that names all columns.
+pub(super) fn with_header(rows: &str) -> String {
+    let skeleton = g1();
+    let hinges = skeleton.robot.as_ref().unwrap().hinges();
+    let names: Vec<&str> = hinges
+        .iter()
+        .map(|hinge| &*skeleton.joints[hinge.joint].name)
+        .collect();
+    format!("x,y,z,qx,qy,qz,qw,{}\n{rows}", names.join(","))
+}
+
+/// The time of a row, from 0.
+pub(super) type Time<'a> = &'a dyn Fn(f64) -> String;
+
+/// Rows with a column of times before them.
+pub(super) fn timed(name: &str, rows: &str, time: Time<'_>) -> String {
+    let lines = rows.lines().enumerate();
+    let lines = lines.map(|(nth, row)| match nth {
+        0 => format!("{name},{row}\n"),
+        _ => format!("{},{row}\n", time(nth as f64 - 1.0)),
+    });
+    lines.collect()
+}
+
+#[test]
+fn columns_of_times_give_their_rate_or_are_refused() {
+    let text = with_header(&write_csv(&walk(90, 60.0, 0.8)).unwrap());
+    let read = |name: &str, time: Time<'_>, options: &Options| {
+        let found = with("walk.csv", timed(name, &text, time).as_bytes(), options);
+        found.map(|found| (found.clip.fps, found.report.fps.basis))
+    };
+    let stated: [(&str, f32, Time<'_>); 7] = [
+        ("time", 60.0, &|row| format!("{:.6}", row / 60.0)),
+        ("Timestamp", 60.0, &|row| format!("{:.3}", 3.0 + row / 60.0)),
+        ("time", 60.0, &|row| format!("{:.6}", 1000.0 * row / 60.0)),
+        ("time_ms", 60.0, &|row| format!("{:.0}", 1000.0 * row / 60.0)),
+        ("time_ms", 500.0, &|row| format!("{}", 2.0 * row)),
+        ("t", 25.4, &|row| format!("{:.6}", row / 25.4)),
+        ("time", 29.97, &|row| format!("{:.6}", row / 29.97)),
+    ];
+    for (name, fps, time) in stated {
+        let (found, basis) = read(name, time, &on_g1()).unwrap();
+        assert!(
+            (found - fps).abs() < 1e-3 && basis == Basis::Stated,
+            "{name} {fps}: {found}"
+        );
+    }
+    let refused: [(&str, Time<'_>); 4] = [
+        ("time", &|row| {
+            format!("{:.6}", row / 60.0 + if row < 50.0 { 0.0 } else { 0.1 })
+        }),
+        ("time", &|row| format!("{}", row)),
+        ("timestamp", &|row| format!("{:.0}", 1e9 * row / 60.0)),
+        ("time", &|_| "0".to_owned()),
+    ];
+    for (name, time) in refused {
+        let error = read(name, time, &on_g1()).unwrap_err();
+        assert!(
+            error.to_string().contains("the step of column") && error.to_string().ends_with("--fps decides"),
+            "{error}"
+        );
+        let options = Options {
+            fps: Some(60.0),
+            ..on_g1()
+        };
+        assert_eq!(read(name, time, &options).unwrap(), (60.0, Basis::Given));
+    }
+    // A column that counts says nothing of the rate.
+    let counted = read("frame", &|row| format!("{row}"), &on_g1()).unwrap();
+    assert_eq!(counted, (30.0, Basis::Assumed));
+}
+
+#[test]
+fn a_header_or_format_that_names_the_hinges_is_not_overridden() {
+    let truth = walk(90, 30.0, 0.0);
+    let skeleton = g1();
+    let hinges = skeleton.robot.as_ref().unwrap().hinges();
+    let mut guessed = 0;
+    for (nth, hinge) in hinges.iter().enumerate() {
+        let far = f64::from(hinge.upper_rad) + 0.55;
+        let text = rows(&write_csv(&truth).unwrap(), |row| row[7..].fill(0.0));
+        let (first, others) = text.split_once('\n').unwrap();
+        let broken = rows(first, |row| row[7 + nth] = far) + others;
+        guessed += u32::from(with("walk.csv", broken.as_bytes(), &on_g1()).is_ok());
+        let error = with("walk.csv", with_header(&broken).as_bytes(), &on_g1()).unwrap_err();
+        let name = &skeleton.joints[hinge.joint].name;
+        let error = error.to_string();
+        assert!(
+            error.contains(&format!("({name}) is 0.55 rad beyond its limits"))
+                && error.contains("--pack or --urdf")
+                && !error.contains("--joint-order"),
+            "{error}"
+        );
+    }
+    assert!(guessed > 0, "no glitch looks like another order without names");
+    // Named hinges may be in degrees.
+    let swings = walk(90, 30.0, 0.8);
+    let degrees = rows(&write_csv(&swings).unwrap(), |row| {
+        row[7..].iter_mut().for_each(|n| *n = n.to_degrees())
+    });
+    let found = with("walk.csv", with_header(&degrees).as_bytes(), &on_g1()).unwrap();
+    assert!(same(&swings, &found.clip));
+    assert_eq!(topics(&found), [Topic::Angles]);
+    let mut files = sonic_files(&reference(&truth).unwrap(), "walk");
+    let order = skeleton.robot.as_ref().unwrap().breadth_first();
+    for (column, &hinge) in order.iter().enumerate() {
+        let whole = files[0].1.clone();
+        let (header, text) = whole.split_once('\n').unwrap();
+        let (first, others) = text.split_once('\n').unwrap();
+        let far = f64::from(hinges[hinge].upper_rad) + 0.55;
+        files[0].1 = format!("{header}\n{}{others}", rows(first, |row| row[column] = far));
+        let error = sonic(&files, &on_g1()).unwrap_err().to_string();
+        assert!(
+            error.contains("beyond its limits") && !error.contains("--joint-order"),
+            "{error}"
+        );
+        files[0].1 = whole;
+    }
+}
+
+#[test]
+fn options_of_files_with_joints_are_refused() {
+    let text = write_csv(&walk(20, 30.0, 0.5)).unwrap();
+    let qpos = write_qpos(&walk(20, 30.0, 0.5)).unwrap();
+    let beyond = write_beyond_mimic(&walk(20, 30.0, 0.5)).unwrap();
+    type Give = fn(&mut Options);
+    let cases: [(&str, Give); 6] = [
+        ("--up", |options| options.up = Some(Up::Y)),
+        ("--unit", |options| options.unit_m = Some(0.001)),
+        ("--root", |options| options.root = Some("nothere".to_owned())),
+        ("--rest-pose", |options| options.rest_pose = Some(RestPose::T)),
+        ("--max-slide", |options| options.max_slide_m = Some(0.1)),
+        ("--leading-pose", |options| {
+            options.leading_pose = LeadingPose::Drop
+        }),
+    ];
+    for (flag, give) in cases {
+        let mut options = on_g1();
+        give(&mut options);
+        for (name, bytes) in [("a.csv", text.as_bytes()), ("a.npy", &qpos), ("a.npz", &beyond)] {
+            let error = with(name, bytes, &options).unwrap_err().to_string();
+            let wanted =
+                format!("{name}: {flag} does not apply to a robot's file: its axes and unit are fixed");
+            assert!(error.starts_with(&wanted), "{error}");
+        }
+    }
+    let options = Options {
+        animation: Some("Walk".to_owned()),
+        ..on_g1()
+    };
+    let error = with("a.csv", text.as_bytes(), &options).unwrap_err().to_string();
+    assert!(error.contains("animation \"Walk\": only .glb"), "{error}");
 }
 
 #[test]

@@ -15,6 +15,8 @@ type Parts = (String, Vec<Link>, Vec<DescribedJoint>);
 struct Settings<'a, 'input> {
     /// Whether angles are in degrees, as they are unless the file says otherwise.
     degrees: bool,
+    /// Whether a range limits a joint that does not say so.
+    autolimits: bool,
     /// Letters of `eulerseq`.
     euler: String,
     /// Classes by name, each with the class around it.
@@ -34,6 +36,10 @@ pub(super) fn read(root: Node<'_, '_>) -> Result<Parts, DescriptionError> {
     }
     let settings = Settings::of(root)?;
     let world = child(root, "worldbody").ok_or_else(|| element_error(root, "it has no <worldbody>"))?;
+    if let Some(group) = world.descendants().find(|node| is_group(*node)) {
+        let reason = "parts of a robot in it are not read; MuJoCo's `compile` writes a file without it";
+        return Err(element_error(group, reason));
+    }
     let mut robot = Robot {
         settings,
         links: Vec::new(),
@@ -51,6 +57,21 @@ pub(super) fn read(root: Node<'_, '_>) -> Result<Parts, DescriptionError> {
     robot.follow(root)?;
     let name = root.attribute("model").unwrap_or("robot").to_owned();
     Ok((name, robot.links, robot.joints))
+}
+
+/// Whether an element stands around parts of a robot, or in their place, and is no body.
+fn is_group(element: Node<'_, '_>) -> bool {
+    let tag = |node: Node<'_, '_>| node.tag_name().name().to_owned();
+    if !matches!(&*tag(element), "frame" | "replicate" | "attach") {
+        return false;
+    }
+    // Those of lights and of the floor move nothing.
+    let is_in_body = element.ancestors().any(|node| node.has_tag_name("body"));
+    element.descendants().any(|node| match &*tag(node) {
+        "attach" | "body" | "joint" | "freejoint" => true,
+        "geom" => is_in_body,
+        _ => false,
+    })
 }
 
 impl<'a, 'input> Settings<'a, 'input> {
@@ -77,6 +98,7 @@ impl<'a, 'input> Settings<'a, 'input> {
         }
         Ok(Self {
             degrees: attribute("angle") != Some("radian"),
+            autolimits: attribute("autolimits") != Some("false"),
             euler: attribute("eulerseq").unwrap_or("xyz").to_owned(),
             classes,
         })
@@ -292,12 +314,23 @@ impl<'a, 'input> Robot<'a, 'input> {
                 "a joint that stands beside its body's origin is not read; move the body there",
             ));
         }
+        let rest = list(attribute("ref"), &[0.0])?;
+        if rest[0] != 0.0 {
+            return Err(wrong(
+                "ref other than 0 is not read: the body must stand at angle 0",
+            ));
+        }
         let range = list(attribute("range"), &[0.0; 2])?;
         let is_limited = match attribute("limited") {
             Some("true") => true,
             Some("false") => false,
-            // As autolimits: a range limits.
-            _ => range[0] != range[1],
+            _ if range[0] == range[1] => false,
+            _ if settings.autolimits => true,
+            _ => {
+                return Err(wrong(
+                    "with autolimits=\"false\", limited must say whether the range counts",
+                ));
+            }
         };
         let (lower_rad, upper_rad) = match is_limited {
             true => (settings.radians(range[0]), settings.radians(range[1])),

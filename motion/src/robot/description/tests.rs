@@ -371,6 +371,24 @@ fn mjcf_makes_the_same_robot() {
 }
 
 #[test]
+fn groups_without_parts_of_a_robot_are_left_out() {
+    let lamp = mjcf().replace(
+        "<worldbody>",
+        "<worldbody><frame pos=\"0 0 1\"><light/><geom type=\"plane\"/></frame>",
+    );
+    let site = mjcf().replace(
+        "<freejoint name",
+        "<frame><site name=\"imu\"/></frame><freejoint name",
+    );
+    for text in [lamp, site] {
+        assert_eq!(plain(&text).skeleton, plain(&mjcf()).skeleton);
+    }
+    let said = mjcf().replace("angle=\"radian\"", "angle=\"radian\" autolimits=\"false\"");
+    let said = said.replace("range=\"-1 2\"/>", "range=\"-1 2\" limited=\"true\" ref=\"0\"/>");
+    assert_eq!(plain(&said).skeleton, plain(&mjcf()).skeleton);
+}
+
+#[test]
 fn frames_of_mjcf_are_read_in_every_form() {
     let quarter = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2);
     for form in [
@@ -404,6 +422,36 @@ fn frames_of_mjcf_are_read_in_every_form() {
             "<body name=\"base\">",
             "<body name=\"tree\"/><body name=\"base\">",
             "it has 2 bodies",
+        ),
+        (
+            "<body name=\"head\" pos=\"0 0.03 0.3\">",
+            "<frame><body name=\"hat\"/></frame><body name=\"head\" pos=\"0 0.03 0.3\">",
+            "frame base: parts of a robot in it are not read",
+        ),
+        (
+            "<geom type=\"box\"",
+            "<replicate count=\"2\"><geom type=\"box\" size=\"1 1 1\"/></replicate><geom type=\"box\"",
+            "replicate left_leg_1_link: parts of a robot in it are not read",
+        ),
+        (
+            "<freejoint name=\"root\"/>",
+            "<freejoint name=\"root\"/><attach model=\"hand\"/>",
+            "attach base: parts of a robot in it are not read",
+        ),
+        (
+            "range=\"-1 2\" limited",
+            "ref=\"0.5\" range=\"-1 2\" limited",
+            "ref other than 0 is not read",
+        ),
+        (
+            "<joint axis=\"0 1 0\"",
+            "<joint ref=\"-0.5\" axis=\"0 1 0\"",
+            "ref other than 0 is not read",
+        ),
+        (
+            "angle=\"radian\"",
+            "angle=\"radian\" autolimits=\"false\"",
+            "limited must say whether the range counts",
         ),
     ] {
         let error = made(&mjcf().replacen(from, to, 1), &BuildOptions::default())

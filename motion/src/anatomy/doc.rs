@@ -1,0 +1,155 @@
+//! The parts of a body as a document, with joints by name.
+
+use serde::{Deserialize, Serialize};
+
+use super::parts::{Limb, Parts};
+use crate::skeleton::Skeleton;
+
+/// Parts of a body by the names of their joints. As a correction, what is left out stays as it was
+/// found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartsDoc {
+    /// From the pelvis to the joint that the arms hang on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trunk: Option<Vec<String>>,
+    /// From above the trunk to the head.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub neck: Option<Vec<String>>,
+    /// From the first joint of the tail to its tip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tail: Option<Vec<String>>,
+    /// Whether the body stands on four legs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on_fours: Option<bool>,
+    /// The left leg; the left hind leg of a body on four.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_leg: Option<LimbDoc>,
+    /// The right one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub right_leg: Option<LimbDoc>,
+    /// The left arm, or fore leg.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_arm: Option<LimbDoc>,
+    /// The right one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub right_arm: Option<LimbDoc>,
+}
+
+/// A limb by the names of its joints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LimbDoc {
+    /// Joints between the trunk and the limb: clavicles.
+    #[serde(default)]
+    pub girdle: Vec<String>,
+    /// Shoulder or hip, and twists along the upper bone.
+    pub upper: Vec<String>,
+    /// Elbow or knee, and twists along the lower bone.
+    pub lower: Vec<String>,
+    /// Wrist or ankle.
+    pub end: String,
+    /// The joint that the toes turn about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub toe: Option<String>,
+}
+
+impl PartsDoc {
+    /// The document of parts.
+    pub fn of(parts: &Parts, skeleton: &Skeleton) -> Self {
+        let name = |joint: usize| skeleton.joints[joint].name.clone();
+        let names = |joints: &[usize]| -> Vec<String> { joints.iter().map(|&joint| name(joint)).collect() };
+        let limb = |limb: &Limb| LimbDoc {
+            girdle: names(&limb.girdle),
+            upper: names(&limb.upper),
+            lower: names(&limb.lower),
+            end: name(limb.end),
+            toe: limb.toe.map(name),
+        };
+        let arm = |side: usize| parts.arms.as_ref().map(|arms| limb(&arms[side]));
+        Self {
+            trunk: Some(names(&parts.trunk)),
+            neck: Some(names(&parts.neck)),
+            tail: Some(names(&parts.tail)),
+            on_fours: Some(parts.on_fours),
+            left_leg: Some(limb(&parts.legs[0])),
+            right_leg: Some(limb(&parts.legs[1])),
+            left_arm: arm(0),
+            right_arm: arm(1),
+        }
+    }
+
+    /// Whether it corrects nothing.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Corrects the parts that were found. Without any, the document needs a trunk and both legs.
+    ///
+    /// # Errors
+    /// A sentence with the field and what is allowed.
+    pub(super) fn corrected(&self, found: Option<Parts>, skeleton: &Skeleton) -> Result<Parts, String> {
+        let joint = |field: &str, name: &str| {
+            let found = skeleton.joint_index(name);
+            found.ok_or_else(|| format!("{field} names {name:?}; allowed: a joint of the skeleton"))
+        };
+        let joints = |field: &str, names: &[String], least: usize| {
+            if names.len() < least {
+                return Err(format!("{field} is empty; allowed: at least {least} joint"));
+            }
+            names
+                .iter()
+                .map(|name| joint(field, name))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        let limb = |field: &str, doc: &Option<LimbDoc>, found: Option<&Limb>| -> Result<_, String> {
+            match doc {
+                None => Ok(found.cloned()),
+                Some(doc) => {
+                    let upper = joints(&format!("{field}.upper"), &doc.upper, 1)?;
+                    Ok(Some(Limb {
+                        girdle: joints(&format!("{field}.girdle"), &doc.girdle, 0)?,
+                        top: upper[0],
+                        upper,
+                        lower: joints(&format!("{field}.lower"), &doc.lower, 1)?,
+                        end: joint(&format!("{field}.end"), &doc.end)?,
+                        toe: match &doc.toe {
+                            Some(toe) => Some(joint(&format!("{field}.toe"), toe)?),
+                            None => None,
+                        },
+                    }))
+                }
+            }
+        };
+        let found = found.as_ref();
+        let list =
+            |field: &str, names: &Option<Vec<String>>, own: Option<&Vec<usize>>, least: usize| match names {
+                Some(names) => joints(field, names, least),
+                None => Ok(own.cloned().unwrap_or_default()),
+            };
+        let legs = [
+            limb("left_leg", &self.left_leg, found.map(|parts| &parts.legs[0]))?,
+            limb("right_leg", &self.right_leg, found.map(|parts| &parts.legs[1]))?,
+        ];
+        let own = found.and_then(|parts| parts.arms.as_ref());
+        let arms = [
+            limb("left_arm", &self.left_arm, own.map(|arms| &arms[0]))?,
+            limb("right_arm", &self.right_arm, own.map(|arms| &arms[1]))?,
+        ];
+        let trunk = list("trunk", &self.trunk, found.map(|parts| &parts.trunk), 1)?;
+        let ([Some(left), Some(right)], false) = (legs, trunk.is_empty()) else {
+            return Err("no body is found; trunk, left_leg and right_leg are needed".to_owned());
+        };
+        Ok(Parts {
+            trunk,
+            neck: list("neck", &self.neck, found.map(|parts| &parts.neck), 0)?,
+            tail: list("tail", &self.tail, found.map(|parts| &parts.tail), 0)?,
+            legs: [left, right],
+            arms: match arms {
+                [Some(left), Some(right)] => Some([left, right]),
+                _ => None,
+            },
+            on_fours: self.on_fours.unwrap_or(found.is_some_and(|parts| parts.on_fours)),
+        })
+    }
+}

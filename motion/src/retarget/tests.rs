@@ -1,0 +1,235 @@
+//! One body's motion on another.
+
+use std::sync::Arc;
+
+use glam::{Quat, Vec3};
+
+use super::*;
+use crate::anatomy::{LimbDoc, PartsDoc};
+use crate::clip::Clip;
+use crate::fk::WorldMotion;
+use crate::glb;
+use crate::read::tests::people::Person;
+use crate::read::{Options, RestPose, Source, character, read};
+use crate::skeleton::Skeleton;
+
+const NUMBERS: [f32; 7] = [0.3, 0.8, 0.1, 0.6, 0.9, 0.2, 0.45];
+/// Height of the hips of [`Person`] over its soles, by its size, metres.
+const HIPS_M: f32 = 0.93;
+
+fn person(words: usize, size: f32, spine: usize, rest: RestPose) -> Person {
+    Person {
+        words,
+        size,
+        spine,
+        rest,
+    }
+}
+
+fn figure(skeleton: &Arc<Skeleton>, size: f32) -> Figure {
+    let rest = vec![Quat::IDENTITY; skeleton.joint_count()];
+    let skeleton = Arc::clone(skeleton);
+    Figure::new(skeleton, &rest, Some(HIPS_M * size), &PartsDoc::default()).unwrap()
+}
+
+/// The example of the repository: a walk with its own skeleton.
+fn example() -> (Clip, Figure) {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/walk.bvh");
+    let bytes = std::fs::read(path).unwrap();
+    let found = read(&Source::new("walk.bvh", &bytes), &Options::default()).unwrap();
+    let figure = found.figure(&PartsDoc::default()).unwrap();
+    (found.clip, figure)
+}
+
+#[test]
+fn a_body_keeps_its_own_motion() {
+    let of = person(0, 1.0, 3, RestPose::T);
+    let clip = of.walk(60, 30.0, &NUMBERS);
+    let figure = figure(&clip.skeleton, 1.0);
+    let mut retargeter = Retargeter::new(figure.clone(), figure).unwrap();
+    let (made, figures) = retarget(&mut retargeter, &clip).unwrap();
+    let worlds = [&clip, &made].map(WorldMotion::from_clip);
+    // A knee moves by centimetres if a straight leg is bent by a hair.
+    let knees = ["mixamorig:LeftLeg", "mixamorig:RightLeg"];
+    for (joint, of) in clip.skeleton.joints.iter().enumerate() {
+        for frame in 0..clip.frames() {
+            let [a, b] = [0, 1].map(|which: usize| worlds[which].positions_at(frame)[joint]);
+            assert!(
+                a.distance(b) < 0.02 || knees.contains(&&*of.name),
+                "{}: {a} {b}",
+                of.name
+            );
+        }
+    }
+    assert!(figures.directions_deg < 1.5, "{figures:?}");
+}
+
+#[test]
+fn walks_are_kept_by_bodies_of_other_sizes_poses_and_names() {
+    let (clip, source) = example();
+    for (words, size, spine, rest) in [
+        (0, 1.0, 3, RestPose::T),
+        (1, 0.5, 1, RestPose::A),
+        (2, 1.6, 4, RestPose::Standing),
+        (3, 1.0, 2, RestPose::A),
+    ] {
+        let target = figure(&person(words, size, spine, rest).skeleton(), size);
+        let mut retargeter = Retargeter::new(source.clone(), target).unwrap();
+        let (made, figures) = retarget(&mut retargeter, &clip).unwrap();
+        assert_eq!(figures.faults(), [""; 0], "{figures:?}");
+        assert!(figures.directions_deg < 3.0, "{figures:?}");
+        // The way is as long as the legs say.
+        let way = |clip: &Clip| {
+            let [first, .., last] = clip.root_positions[..] else {
+                unreachable!()
+            };
+            (last - first).with_y(0.0).length()
+        };
+        let scaled = way(&clip) * retargeter.scale();
+        assert!((way(&made) - scaled).abs() < 0.03 * scaled, "{size}");
+    }
+}
+
+/// The skeleton with names that say nothing.
+fn nameless(skeleton: &Skeleton) -> Arc<Skeleton> {
+    let mut made = skeleton.clone();
+    for (nth, joint) in made.joints.iter_mut().enumerate() {
+        joint.name = format!("bone{nth}");
+    }
+    Arc::new(made)
+}
+
+#[test]
+fn bodies_without_known_names_are_found_by_their_shape() {
+    for rest in [RestPose::T, RestPose::A] {
+        let named = person(0, 1.0, 3, rest).skeleton();
+        let [by_name, by_shape] = [&named, &nameless(&named)].map(|skeleton| figure(skeleton, 1.0));
+        assert_eq!(by_name.parts().legs, by_shape.parts().legs);
+        let arms = |figure: &Figure| figure.parts().arms.clone().unwrap().map(|arm| arm.chain());
+        assert_eq!(arms(&by_name), arms(&by_shape));
+        assert_eq!(by_name.parts().trunk, by_shape.parts().trunk);
+    }
+}
+
+#[test]
+fn a_document_corrects_the_parts() {
+    let skeleton = nameless(&person(0, 1.0, 1, RestPose::T).skeleton());
+    let found = figure(&skeleton, 1.0);
+    let doc = PartsDoc::of(found.parts(), &skeleton);
+    let rest = vec![Quat::IDENTITY; skeleton.joint_count()];
+    let with = |doc: &PartsDoc| Figure::new(Arc::clone(&skeleton), &rest, None, doc);
+    assert_eq!(with(&doc).unwrap().parts(), found.parts());
+    let wrong = PartsDoc {
+        left_arm: Some(LimbDoc {
+            girdle: Vec::new(),
+            upper: vec!["bone5".to_owned()],
+            lower: vec!["wing".to_owned()],
+            end: "bone7".to_owned(),
+            toe: None,
+        }),
+        ..PartsDoc::default()
+    };
+    let error = with(&wrong).unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "left_arm.lower names \"wing\"; allowed: a joint of the skeleton"
+    );
+}
+
+#[test]
+fn what_is_no_body_is_refused() {
+    let mut chain = (*person(0, 1.0, 1, RestPose::T).skeleton()).clone();
+    chain.joints.truncate(4);
+    let rest = vec![Quat::IDENTITY; 4];
+    let none = PartsDoc::default();
+    let error = Figure::new(Arc::new(chain), &rest, None, &none)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("no body is found"), "{error}");
+    let skeleton = person(0, 1.0, 3, RestPose::T).skeleton();
+    let mut lying = vec![Quat::IDENTITY; skeleton.joint_count()];
+    lying[0] = Quat::from_rotation_x(1.5);
+    let error = Figure::new(skeleton, &lying, None, &none)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("87° away from upwards"), "{error}");
+}
+
+#[test]
+fn a_robot_keeps_its_limits() {
+    #[derive(serde::Deserialize)]
+    struct Tables {
+        skeleton: Skeleton,
+        robot: crate::robot::RobotDoc,
+    }
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/g1/pack.toml");
+    let tables: Tables = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let g1 = Arc::new(tables.skeleton.with_robot(&tables.robot).unwrap());
+    let (clip, source) = example();
+    let target = Figure::of_robot(Arc::clone(&g1), &PartsDoc::default()).unwrap();
+    let mut retargeter = Retargeter::new(source, target).unwrap();
+    let (made, figures) = retarget(&mut retargeter, &clip).unwrap();
+    assert_eq!(figures.faults(), [""; 0], "{figures:?}");
+    let robot = g1.robot.as_ref().unwrap();
+    let mut fitted = crate::robot::Fitted::default();
+    for frame in 0..made.frames() {
+        let mut pose = made.rotations_at(frame).to_vec();
+        robot.fit(&mut pose, &mut fitted);
+        assert!(
+            fitted.residual_rad < 1e-3 && fitted.clamped == 0,
+            "frame {frame}: {fitted:?}"
+        );
+    }
+}
+
+#[test]
+fn a_character_gets_one_animation_more() {
+    let (clip, source) = example();
+    let hero = person(1, 0.7, 2, RestPose::A).walk(1, 30.0, &NUMBERS);
+    let file = glb::write_glb(&hero).unwrap();
+    let mut retargeter = Retargeter::new(source, figure(&hero.skeleton, 0.7)).unwrap();
+    let (made, _) = retarget(&mut retargeter, &clip).unwrap();
+    let dressed = glb::add_animation(&file, &made, "walk").unwrap();
+    let dressed = glb::add_animation(&dressed, &made, "walk").unwrap();
+    let names = glb::animation_names(&dressed).unwrap();
+    assert_eq!(names[names.len() - 2..], ["walk", "walk_2"]);
+    let options = Options {
+        animation: Some("walk".to_owned()),
+        ..Options::default()
+    };
+    let again = read(&Source::new("hero.glb", &dressed), &options).unwrap().clip;
+    assert_eq!(again.frames(), made.frames());
+    let worlds = [&again, &made].map(WorldMotion::from_clip);
+    for (joint, of) in made.skeleton.joints.iter().enumerate() {
+        let read = again.skeleton.joint_index(&of.name).unwrap();
+        for frame in 0..made.frames() {
+            let (a, b) = (
+                worlds[0].positions_at(frame)[read],
+                worlds[1].positions_at(frame)[joint],
+            );
+            assert!(a.distance(b) < 1e-4, "{}: {a} {b}", of.name);
+        }
+    }
+    let unknown = Clip::new(
+        nameless(&made.skeleton),
+        30.0,
+        made.root_positions.clone(),
+        made.rotations.clone(),
+    );
+    let error = glb::add_animation(&file, &unknown.unwrap(), "walk")
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("\"bone0\" is not the name of one node"), "{error}");
+    // Without a skin it is read by its animation.
+    assert!(character(&Source::new("hero.glb", &file), &Options::default()).is_ok());
+}
+
+#[test]
+fn poses_of_the_same_motion_are_the_same_again() {
+    let (clip, source) = example();
+    let target = figure(&person(0, 0.8, 3, RestPose::T).skeleton(), 0.8);
+    let mut retargeter = Retargeter::new(source, target).unwrap();
+    let first = retarget(&mut retargeter, &clip).unwrap().0;
+    assert_eq!(retarget(&mut retargeter, &clip).unwrap().0, first);
+    assert!(first.root_positions.iter().all(|root: &Vec3| root.is_finite()));
+}
