@@ -16,5 +16,7 @@ pub use neutral::{let_down, stand_up};
 pub use parts::{Limb, Parts};
 pub use rest::RestPose;
 
-pub(crate) use neutral::{ahead, hang, neutral_of_motion, world_of};
+#[cfg(feature = "files")]
+pub(crate) use neutral::{ahead, world_of};
+pub(crate) use neutral::{hang, neutral_of_motion};
 pub(crate) use parts::places;

@@ -74,9 +74,9 @@ impl Figure {
     }
 
     /// The figure of a clip's skeleton: by the average pose of a body that is found by names, with
-    /// trunk and limbs straightened and the feet as they stand flat on the ground. Others have it by
-    /// their rest pose (joint 0 in the world, others relative to their parents), or without one by
-    /// all rotations at zero. A robot has it with its hinges at 0.
+    /// trunk and limbs straightened and the feet as they stand flat on the ground. Others have it
+    /// by their rest pose (joint 0 in the world, others relative to their parents), or without one
+    /// by all rotations at zero. A robot has it with its hinges at 0.
     ///
     /// # Errors
     /// [`RetargetError`] if the parts of a body are not found, or if it does not stand.

@@ -149,9 +149,10 @@ impl Retargeter {
         }
     }
 
-    /// Carries the next pose of a motion over. `root` is the world position of joint 0. Rotations are
-    /// those of joint 0 in the world and of the others relative to their parents. `out` has one for
-    /// each joint of the target, and keeps the hemispheres that it has. Returns the target's root.
+    /// Carries the next pose of a motion over. `root` is the world position of joint 0. Rotations
+    /// are those of joint 0 in the world and of the others relative to their parents. `out` has one
+    /// for each joint of the target, and keeps the hemispheres that it has. Returns the target's
+    /// root.
     ///
     /// # Panics
     /// If `rotations` or `out` is shorter than its skeleton.
