@@ -186,7 +186,7 @@ def gltf() -> Iterator[Kind]:
     mean_held, rig = slide(0.6, "UpperArm_L")
     yield Kind(
         group, "arm leaves by 0.6 m", "arm.glb", rig.glb(), mean_held, before, {"max_slide": 1.0},
-        options_onto={"other_bones": True},
+        options_onto={"other_bones": True, "max_slide": 1.0},
     )  # fmt: skip
     group, before = "glTF", "refused"
     rig = formats.Gltf(WALK)
