@@ -36,7 +36,9 @@ def main() -> None:
     parser.add_argument("--program", type=Path, default=ROOT / "target/release/troupe")
     parser.add_argument("options", nargs="*", help="options of troupe retarget, after --")
     args = parser.parse_args()
-    print("| character | clips | passed | bones, mean (worst) | skate, of the clip's | under ground, worst | feet short, worst |")
+    print(
+        "| character | clips | passed | bones, mean (worst) | skate, of the clip's | under ground, worst | feet short, worst |"
+    )
     print("|---|---|---|---|---|---|---|")
     for to in args.to:
         found = [figures(args.program, clip, to, args.options) for clip in args.clip]
