@@ -110,7 +110,7 @@ pub enum ConvertError {
     /// A bone points elsewhere at rest than the skeleton's, so that its rotations do not fit.
     #[error(
         "the bone from {parent:?} to {joint:?} points {angle_deg:.0}° away from the skeleton's at rest; \
-         allowed: {allowed_deg:.0}°. The file's rest pose differs from the skeleton's: its rotations mean another pose"
+         allowed: {allowed_deg:.0}°. The file's rest pose differs from the skeleton's: its rotations mean another pose. `troupe retarget FILE --to` a file of the skeleton carries the motion over"
     )]
     OtherRest {
         /// Name of the joint at the bone's end.
