@@ -48,7 +48,8 @@ def test_a_hard_landing_is_no_shift(source: RobotSource, tmp_path: Path):
     for frame, row in enumerate(rows):
         row[2] += max(0, 40 - frame) * 3.0 / 30  # falls at 3 m/s and stands at once
     clips, notes = cut("clip.csv", loaded(source, tmp_path, rows))
-    assert [c.name for c in clips] == ["clip.csv"] and notes == []
+    # A robot that stays where it is does not show the order of its quaternion.
+    assert [c.name for c in clips] == ["clip.csv"] and all("--quaternion decides" in note for note in notes)
 
 
 def test_a_clip_is_split_where_a_joint_jumps(source: RobotSource, tmp_path: Path):
@@ -90,7 +91,7 @@ def test_prepare_mirrors_training_clips_only(tmp_path: Path, capsys: pytest.Capt
     assert len(mirrored) == 13 and not any(c["test"] for c in mirrored)
     assert "walk01_subject1_M.csv" in [c["name"] for c in mirrored]
     assert made["dropped"] == {"short_subject1.csv": "only 5 frames, at least 16 are needed"}
-    assert "+0.1" in made["notes"]["floating_subject1.csv"][0]
+    assert any("+0.1" in note for note in made["notes"]["floating_subject1.csv"])
     said = capsys.readouterr().out
     assert "17 clips" in said and "dropped short_subject1.csv" in said and "feet stand +0.1" in said
     skeleton = ClipStore(tmp_path / "cache", "train").skeleton
