@@ -304,3 +304,56 @@ fn a_skeleton_of_ones_own_is_a_body() {
     );
     assert!((plan.body.height_m - 0.8).abs() < 1e-6, "{}", plan.body.height_m);
 }
+
+/// A person whose arms are at an angle below the horizontal.
+fn person(arms_down_deg: f32) -> v1::BodySkeleton {
+    let joint = |name: &str, parent: &str, x: f32, y: f32| v1::BodyJoint {
+        name: name.into(),
+        parent: parent.into(),
+        offset: Some(v1::Vec3 { x, y, z: 0.0 }),
+    };
+    let mut joints = vec![
+        joint("hips", "", 0.0, 1.0),
+        joint("spine", "hips", 0.0, 0.4),
+        joint("head", "spine", 0.0, 0.3),
+    ];
+    let (sin, cos) = arms_down_deg.to_radians().sin_cos();
+    for (side, sign) in [("left", 1.0), ("right", -1.0)] {
+        let name = |part: &str| format!("{side} {part}");
+        for (part, parent, x, y) in [
+            ("hip", "hips".to_owned(), 0.1, 0.0),
+            ("knee", name("hip"), 0.0, -0.45),
+            ("foot", name("knee"), 0.0, -0.45),
+            ("shoulder", "spine".to_owned(), 0.18, 0.2),
+            ("elbow", name("shoulder"), 0.28 * cos, -0.28 * sin),
+            ("hand", name("elbow"), 0.25 * cos, -0.25 * sin),
+        ] {
+            joints.push(joint(&name(part), &parent, sign * x, y));
+        }
+    }
+    v1::BodySkeleton {
+        joints,
+        ..v1::BodySkeleton::default()
+    }
+}
+
+#[test]
+fn arms_of_a_t_pose_are_let_down_with_a_note_and_others_ask_for_the_neutral_pose() {
+    let goal = |arms_down_deg: f32| v1::PathGoal {
+        skeleton: Some(person(arms_down_deg)),
+        ..straight(2.0)
+    };
+    let notes = plan(&goal(0.0)).unwrap().notes;
+    assert!(
+        notes.iter().any(|note| note.contains("limbs are let down")),
+        "{notes:?}"
+    );
+    let hanging = plan(&goal(85.0)).unwrap().notes;
+    assert!(
+        !hanging.iter().any(|note| note.contains("let down")),
+        "{hanging:?}"
+    );
+    let error = plan(&goal(-60.0)).map(|_| ()).unwrap_err();
+    assert_eq!(error.field, "path.skeleton.neutral", "{error}");
+    assert!(error.message.contains("is left out"), "{error}");
+}
