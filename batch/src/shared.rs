@@ -69,12 +69,12 @@ impl Shared {
         self.show(&state);
     }
 
-    /// Whether a call of so many characters would be accepted now.
+    /// Whether a call of this many characters would be accepted now.
     pub(super) fn has_room(&self, order: &Order, characters: usize) -> bool {
         self.state().scheduler().refuse(order, characters).is_none()
     }
 
-    /// Why a call of so many characters would be refused now.
+    /// Why a call of this many characters would be refused now.
     pub(super) fn refuse(&self, order: &Order, characters: usize) -> Option<SubmitError> {
         let refusal = self.state().scheduler().refuse(order, characters)?;
         self.metrics.rejected(refusal.into());

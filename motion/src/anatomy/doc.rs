@@ -109,7 +109,10 @@ impl PartsDoc {
                     let upper = joints(&format!("{field}.upper"), &doc.upper, 1)?;
                     Ok(Some(Limb {
                         girdle: joints(&format!("{field}.girdle"), &doc.girdle, 0)?,
-                        top: upper[0],
+                        // A robot's hip or shoulder begins above its last hinge.
+                        top: found
+                            .filter(|found| found.upper[0] == upper[0])
+                            .map_or(upper[0], |found| found.top),
                         upper,
                         lower: joints(&format!("{field}.lower"), &doc.lower, 1)?,
                         end: joint(&format!("{field}.end"), &doc.end)?,

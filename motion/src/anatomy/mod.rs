@@ -17,6 +17,6 @@ pub use parts::{Limb, Parts};
 pub use rest::RestPose;
 
 #[cfg(feature = "files")]
-pub(crate) use neutral::{ahead, world_of};
-pub(crate) use neutral::{hang, neutral_of_motion};
+pub(crate) use neutral::ahead;
+pub(crate) use neutral::{hang, neutral_of_motion, world_of};
 pub(crate) use parts::places;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Quat, Vec3};
 
 use super::{RetargetError, feet, hinges};
-use crate::anatomy::{Biped, Parts, PartsDoc, RestPose, Tree, hang, neutral_of_motion, places};
+use crate::anatomy::{Biped, Parts, PartsDoc, RestPose, Tree, hang, neutral_of_motion, places, world_of};
 use crate::clip::Clip;
 use crate::root::heading_of;
 use crate::rotation::yaw;
@@ -47,17 +47,11 @@ impl Figure {
         root_y_m: Option<f32>,
         doc: &PartsDoc,
     ) -> Result<Self, RetargetError> {
-        let mut pose: Vec<Quat> = Vec::with_capacity(rest.len());
-        for (joint, local) in skeleton.joints.iter().zip(rest) {
-            pose.push(
-                joint
-                    .parent
-                    .map_or(*local, |parent| (pose[parent] * *local).normalize()),
-            );
-        }
+        let pose = world_of(&skeleton, rest);
         let parts = Parts::with(&skeleton, &pose, doc).map_err(RetargetError::Parts)?;
         let turn = turn_ahead(&skeleton, &parts, &pose);
-        pose.iter_mut().for_each(|rotation| *rotation = turn * *rotation);
+        let turned = pose.into_iter().map(|rotation| (turn * rotation).normalize());
+        let pose: Vec<Quat> = turned.collect();
         let at = places(&skeleton, &pose);
         if let Some(robot) = &skeleton.robot {
             let neutral = match parts.on_fours {

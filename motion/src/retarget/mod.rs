@@ -3,8 +3,8 @@
 //! A [`Figure`] is a body in its neutral pose: upright, heading along +Z, limbs hanging down. A
 //! joint's *turn* is its rotation from there in the world. The target's joints turn as the source's
 //! do; chains of other lengths share the bend. The root moves by the ratio of the legs' lengths.
-//! Feet come to the scaled places of the source's feet by inverse kinematics, at the height of the
-//! target's own soles, so that a foot that stands in the source stands in the target.
+//! Inverse kinematics brings the feet to the scaled places of the source's feet, at the height of
+//! the target's own soles. So a foot that stands in the source stands in the target.
 
 mod certificate;
 mod clip;

@@ -167,6 +167,10 @@ fn a_robot_keeps_its_limits() {
     let g1 = Arc::new(tables.skeleton.with_robot(&tables.robot).unwrap());
     let (clip, source) = example();
     let target = Figure::of_robot(Arc::clone(&g1), &PartsDoc::default()).unwrap();
+    // The document of its parts gives the same parts again.
+    let doc = PartsDoc::of(target.parts(), &g1);
+    let again = Figure::of_robot(Arc::clone(&g1), &doc).unwrap();
+    assert_eq!(again.parts(), target.parts());
     let mut retargeter = Retargeter::new(source, target).unwrap();
     let (made, figures) = retarget(&mut retargeter, &clip).unwrap();
     assert_eq!(figures.faults(), [""; 0], "{figures:?}");

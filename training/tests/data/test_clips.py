@@ -48,7 +48,7 @@ def test_a_hard_landing_is_no_shift(source: RobotSource, tmp_path: Path):
     for frame, row in enumerate(rows):
         row[2] += max(0, 40 - frame) * 3.0 / 30  # falls at 3 m/s and stands at once
     clips, notes = cut("clip.csv", loaded(source, tmp_path, rows))
-    # A robot that stays where it is does not show the order of its quaternion.
+    # A robot that does not walk shows no order of its quaternion.
     assert [c.name for c in clips] == ["clip.csv"] and all("--quaternion decides" in note for note in notes)
 
 
