@@ -195,7 +195,8 @@ async fn bodies_that_are_held_open_take_a_bounded_share_of_memory() {
     let path = "/v1/inbetween";
     let mut greedy = begin(&server, path, 16 << 20, &body).await;
     for _ in 0..2 {
-        greedy.write_all(&body).await.unwrap();
+        // The server may have refused and closed before it has read everything.
+        let _ = greedy.write_all(&body).await;
     }
     let refused = answer(&mut greedy).await;
     assert!(refused.starts_with("HTTP/1.1 429 "), "{refused}");
