@@ -209,7 +209,7 @@ fn reach(distance: f32, now: f32, (folded, most): (f32, f32), soft: f32) -> f32 
 }
 
 /// Whether each joint is a descendant of the one before.
-fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
+pub(crate) fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
     chain[2] < skeleton.joint_count()
         && super::limbs::is_below(skeleton, chain[2], chain[1])
         && super::limbs::is_below(skeleton, chain[1], chain[0])
@@ -243,15 +243,21 @@ impl Limb {
 }
 
 /// The movement of a limb.
-struct Bend {
+pub(crate) struct Bend {
     /// Remaining distance to the goal, metres.
-    short_m: f32,
+    pub(crate) short_m: f32,
     /// Turns of the upper and the lower bone in the world. `None` if nothing has to move.
-    turns: Option<(Quat, Quat)>,
+    pub(crate) turns: Option<(Quat, Quat)>,
 }
 
-/// The turns that bring `end` to `goal`. `None` if they cannot be computed.
-fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: Vec3) -> Option<Bend> {
+/// The turns that bring `end` to `goal`, as for [`two_bone_soft`]. `None` if they cannot be computed.
+pub(crate) fn bend(
+    upper: Vec3,
+    middle: Vec3,
+    end: Vec3,
+    (goal, soft): (Vec3, f32),
+    pole: Vec3,
+) -> Option<Bend> {
     let (first, second, along) = (middle - upper, end - middle, end - upper);
     let (length_1, length_2) = (first.length(), second.length());
     let finite = goal.is_finite() && upper.is_finite() && along.is_finite() && first.is_finite();

@@ -171,7 +171,7 @@ pub(super) fn hang(robot: &Robot, parts: &Parts, pose: &[Quat], places: &[Vec3])
     for (limb, is_arm) in legs.chain(arms) {
         let (upper, elbow) = (limb.upper[0], limb.lower[0]);
         let line = |from: usize, to: usize| (places[to] - places[from]).normalize_or_zero();
-        let own = pose[upper].conjugate() * line(limb.top, elbow);
+        let own = pose[upper].conjugate() * line(if is_arm { limb.top } else { upper }, elbow);
         let bones = [pose[upper] * along(robot, upper, own), line(elbow, limb.end)];
         let [first, second] = bones.map(|bone| Quat::from_rotation_arc(bone, Vec3::NEG_Y));
         out[upper] = first * pose[upper];
