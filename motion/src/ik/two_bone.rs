@@ -251,12 +251,17 @@ pub(crate) struct Bend {
 }
 
 /// The turns that bring `end` to `goal`, as for [`two_bone_soft`]. `None` if they cannot be computed.
-pub(crate) fn bend(
-    upper: Vec3,
-    middle: Vec3,
-    end: Vec3,
+fn bend(upper: Vec3, middle: Vec3, end: Vec3, goal: (Vec3, f32), pole: Vec3) -> Option<Bend> {
+    let side = |first, line, shorter_m| side_of(first, line, pole, shorter_m);
+    bend_by([upper, middle, end], goal, &side)
+}
+
+/// As [`bend`]. `side` gives the side of the middle joint, by the first bone, the direction from the
+/// upper joint to the end, and the length of the shorter bone.
+pub(crate) fn bend_by(
+    [upper, middle, end]: [Vec3; 3],
     (goal, soft): (Vec3, f32),
-    pole: Vec3,
+    side: &dyn Fn(Vec3, Vec3, f32) -> Vec3,
 ) -> Option<Bend> {
     let (first, second, along) = (middle - upper, end - middle, end - upper);
     let (length_1, length_2) = (first.length(), second.length());
@@ -292,7 +297,7 @@ pub(crate) fn bend(
     } else {
         toward
     };
-    let side = side_of(first, line, pole, length_1.min(length_2));
+    let side = side(first, line, length_1.min(length_2));
     let turn = arc(line, toward);
     let side = turn * side;
     let side = (side - toward * side.dot(toward))
@@ -327,7 +332,7 @@ fn ease(distance: f32, from: f32, to: f32) -> f32 {
 
 /// The side of `line` on which the middle joint lies, unit length. If it hardly lies on one, the
 /// pole's side.
-fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
+pub(crate) fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
     let across = |v: Vec3| v - line * v.dot(line);
     let side = across(first);
     let flat = NEARLY_STRAIGHT * shorter_m;

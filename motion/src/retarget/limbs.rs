@@ -4,8 +4,11 @@ use glam::{Quat, Vec3};
 
 use super::figure::Figure;
 use crate::anatomy::Limb;
-use crate::ik::{bend, is_chain};
+use crate::ik::{bend_by, is_chain, side_of};
 use crate::rotation::align_sign;
+
+/// Least cosine between the side to which a limb bends and its pole that is left as it is.
+const ASIDE: f32 = 0.7;
 
 /// A limb of the target.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +25,8 @@ pub(super) struct Chain {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub(super) limb: Chain,
+    /// Ahead of the body in the neutral pose, in the hip's own frame of reference.
+    pub(super) ahead: Vec3,
     /// Length of the target's leg, metres.
     pub(super) length_m: f32,
     /// The inverse of the ankle's rotation in the neutral pose.
@@ -68,7 +73,9 @@ impl Chain {
     ) -> f32 {
         let (places, world) = to;
         let [upper, middle, end] = self.chain;
-        let Some(bend) = bend(places[upper], places[middle], places[end], goal, pole) else {
+        let side = |first, line, shorter_m| side_near(first, line, pole, shorter_m);
+        let joints = self.chain.map(|joint| places[joint]);
+        let Some(bend) = bend_by(joints, goal, &side) else {
             return f32::INFINITY;
         };
         if let Some((first, second)) = bend.turns {
@@ -85,6 +92,19 @@ impl Chain {
     }
 }
 
+/// The side of `line` to which a limb bends: where its middle joint is, but not far from the pole.
+fn side_near(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
+    let side = side_of(first, line, pole, shorter_m);
+    let Some(pole) = (pole - line * pole.dot(line)).try_normalize() else {
+        return side;
+    };
+    let lacking = ASIDE - side.dot(pole);
+    match lacking > 0.0 {
+        true => (side + pole * (3.0 * lacking)).try_normalize().unwrap_or(pole),
+        false => side,
+    }
+}
+
 /// The legs of the target beside those of the source; the fore legs of bodies on four too.
 pub(super) fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
     let mut limbs: Vec<_> = source.parts.legs.iter().zip(&target.parts.legs).collect();
@@ -97,6 +117,7 @@ pub(super) fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
         let apart = |a: usize, b: usize| target.places[b] - scale * source.places[a];
         Step {
             limb: Chain::of(target, to),
+            ahead: target.neutral[to.upper[0]].conjugate() * Vec3::Z,
             length_m: length_m(target, to.chain()),
             still: target.neutral[to.end].conjugate(),
             from: [from.end, toe],
@@ -114,7 +135,7 @@ pub(super) fn hands(source: &Figure, target: &Figure) -> Vec<Hand> {
     let hand = |(side, arm): (usize, &Limb)| Hand {
         limb: Chain::of(target, arm),
         side,
-        behind: target.neutral[arm.top].conjugate() * Vec3::NEG_Z,
+        behind: target.neutral[arm.upper[0]].conjugate() * Vec3::NEG_Z,
     };
     arms.filter(|_| !source.parts.on_fours).map(hand).collect()
 }

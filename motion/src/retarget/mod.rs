@@ -205,9 +205,9 @@ impl Retargeter {
         let root = root - drop;
         self.short = (0.0, None);
         for nth in 0..count {
-            let (limb, goal) = (self.steps[nth].limb, goals[nth]);
-            let facing = heading_of(self.to.1[limb.chain[2]] * self.steps[nth].still, Vec3::X);
-            self.place(limb, (root, drop), goal, yaw(facing) * Vec3::Z, out);
+            let Step { limb, ahead, .. } = self.steps[nth];
+            let pole = self.to.1[limb.chain[0]] * ahead;
+            self.place(limb, (root, drop), goals[nth], pole, out);
         }
         for nth in 0..self.hands.len() {
             let Hand { limb, side, behind } = self.hands[nth];

@@ -1,11 +1,16 @@
 //! World rotations of the target's joints by those of the source's.
 
+use std::f32::consts::{FRAC_PI_2, PI};
+
 use glam::{Quat, Vec3};
 
 use super::figure::Figure;
-use super::plan::{Turn, plan};
+use super::plan::{Bend, Roll, Turn, plan};
 use crate::rotation::{align_sign, slerp};
 use crate::skeleton::Skeleton;
+
+/// How far elbows and knees may bend backwards, radians.
+const BACKWARDS: f32 = 0.03;
 
 /// How a joint of the target turns, with all that does not change between poses.
 #[derive(Clone, Copy, Debug)]
@@ -14,8 +19,62 @@ enum Driven {
     As(usize, Quat),
     /// Between two joints of the source: the share of the second.
     Between([(usize, Quat); 2], f32),
+    Bent(Bent),
+    Rolled(Rolled),
     /// It keeps its rotation relative to its parent.
     Held(Quat),
+}
+
+/// An elbow or knee.
+#[derive(Clone, Copy, Debug)]
+struct Bent {
+    bend: Bend,
+    /// What the source's rotation in the world is multiplied by.
+    turn: Quat,
+    /// Inverses of the neutral rotations of the target's joint above, and of the joint.
+    still: [Quat; 2],
+}
+
+impl Bent {
+    /// Rotation in the world. `wanted` are those of the target's joints above.
+    fn rotation(&self, from: &[Quat], wanted: &[Quat]) -> Quat {
+        let rotation = from[self.bend.from] * self.turn;
+        let upper = wanted[self.bend.upper] * self.still[0];
+        let lower = upper.conjugate() * (rotation * (self.still[1] * Vec3::NEG_Y));
+        let ahead = self.bend.forward * lower.z;
+        if ahead >= -BACKWARDS * lower.y.abs() {
+            return rotation;
+        }
+        let angle = ahead.atan2(-lower.y);
+        // Beyond a right angle it is folded too far.
+        let most = if angle < -FRAC_PI_2 { -PI } else { -BACKWARDS };
+        let back = Quat::from_rotation_x(self.bend.forward * (angle - most));
+        upper * back * upper.conjugate() * rotation
+    }
+}
+
+/// A twist.
+#[derive(Clone, Copy, Debug)]
+struct Rolled {
+    roll: Roll,
+    /// Inverses of the source's neutral rotations.
+    still: [Quat; 2],
+    /// The inverse of the neutral rotation of the joint that the bone begins with, and the neutral
+    /// rotation of the twist.
+    own: [Quat; 2],
+}
+
+impl Rolled {
+    /// Rotation in the world. `wanted` are those of the target's joints above.
+    fn rotation(&self, from: &[Quat], wanted: &[Quat]) -> Quat {
+        let [bone, next] = [0, 1].map(|nth: usize| from[self.roll.from[nth]] * self.still[nth]);
+        // Bones hang in the neutral pose, so their line is the vertical.
+        let [_, y, _, w] = (bone.conjugate() * next).to_array();
+        // Opposite quaternions are the same turn: the shorter way.
+        let roll = 2.0 * (y * w.signum()).atan2(w.abs());
+        let turned = Quat::from_rotation_y(roll * self.roll.share);
+        wanted[self.roll.own] * self.own[0] * turned * self.own[1]
+    }
 }
 
 /// The joints of a pair of bodies, parents first.
@@ -47,6 +106,16 @@ impl Turns {
                 let (from, turn) = fixed(one, joint);
                 Driven::As(from, turn)
             }
+            (Turn::Bent(bend), _) => Driven::Bent(Bent {
+                bend,
+                turn: fixed(bend.from, joint).1,
+                still: [bend.upper, joint].map(|joint| target.neutral[joint].conjugate()),
+            }),
+            (Turn::Rolled(roll), _) => Driven::Rolled(Rolled {
+                roll,
+                still: roll.from.map(|joint| source.neutral[joint].conjugate()),
+                own: [target.neutral[roll.own].conjugate(), target.neutral[joint]],
+            }),
             (Turn::Along, above) => {
                 let above = above.map_or(Quat::IDENTITY, |above| target.neutral[above]);
                 Driven::Held((above.conjugate() * target.neutral[joint]).normalize())
@@ -63,6 +132,8 @@ impl Turns {
         let drivers = driven.iter().flat_map(|driven| match *driven {
             Driven::As(from, _) => vec![from],
             Driven::Between([one, other], _) => vec![one.0, other.0],
+            Driven::Bent(bent) => vec![bent.bend.from],
+            Driven::Rolled(rolled) => rolled.roll.from.to_vec(),
             Driven::Held(_) => Vec::new(),
         });
         let limbs = source.parts.legs.iter().chain(source.parts.arms.iter().flatten());
@@ -114,6 +185,8 @@ impl Turns {
                     continue;
                 }
                 Driven::As(one, turn) => from[one] * turn,
+                Driven::Bent(bent) => bent.rotation(from, wanted),
+                Driven::Rolled(rolled) => rolled.rotation(from, wanted),
                 Driven::Between([(one, turn), (other, next)], share) => {
                     slerp(from[one] * turn, from[other] * next, share)
                 }
