@@ -10,7 +10,7 @@ use super::store::{Own, Skeletons};
 use super::upload::upload;
 use super::worn::Worn;
 use crate::packs::{LoadedPack, PackTable};
-use crate::wire::{joint_message, robot_message};
+use crate::wire::{joint_message, robot_message, vector_message};
 use crate::world::UploadMemory;
 
 impl Skeletons {
@@ -90,6 +90,7 @@ fn message(own: &Own, of: (&LoadedPack, usize), table: &PackTable) -> Result<v1:
         notes: own.doc.notes.clone(),
         forced: own.doc.forced,
         fit: Some(fit(&worn, of)),
+        left_axis: Some(vector_message(skeleton.left_axis)),
     })
 }
 
@@ -111,7 +112,8 @@ fn trial(trial: &Trial) -> v1::SkeletonTrial {
         motion: trial.name.to_owned(),
         directions_deg: figures.directions_deg,
         worst_deg: figures.worst_deg,
-        worst_joint: figures.worst_joint.clone().unwrap_or_default(),
+        worst_joint: figures.joints.bone.clone(),
+        lines_deg: figures.lines_deg,
         skate: figures.skate_mps,
         source_skate: figures.source_skate_mps,
         under_ground: figures.under_m,

@@ -15,7 +15,7 @@ use troupe_proto::v1;
 
 use super::prepare::check_keyframes;
 use troupe_live::wire::keyframe::Role;
-use troupe_live::wire::{MAX_DISTANCE_M, units};
+use troupe_live::wire::{MAX_DISTANCE_M, inline_body, units};
 
 pub use strict::{path_judge, refuse_path, refuse_walk, walk_judge};
 pub use walk::{MAX_PATH_KEYFRAMES, Walking, prepare_walk};
