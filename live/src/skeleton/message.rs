@@ -103,6 +103,7 @@ fn fit(worn: &Worn, (loaded, place): (&LoadedPack, usize)) -> v1::SkeletonFit {
         scale: worn.scale(),
         trials: certificate.trials.iter().map(trial).collect(),
         faults: certificate.faults(),
+        contact_joints: worn.contact_joints(),
     }
 }
 

@@ -77,6 +77,30 @@ impl Worn {
         &self.certificate
     }
 
+    /// The user's joints for the pack's contact joints, by name: toes for toes, ankles for the rest
+    /// of a foot. Empty names for contacts that are on no leg.
+    pub(super) fn contact_joints(&self) -> Vec<String> {
+        let [pack, own] = self.onto.figures();
+        let limbs = [pack, own].map(|figure| {
+            let parts = figure.parts();
+            parts.legs.iter().chain(parts.arms.iter().flatten()).collect::<Vec<_>>()
+        });
+        let [of_pack, of_own] = limbs;
+        let limbs: Vec<_> = of_pack.into_iter().zip(of_own).collect();
+        let parents = &pack.skeleton().joints;
+        let above = |joint: usize| std::iter::successors(Some(joint), |&joint| parents[joint].parent);
+        let same = |&contact: &usize| {
+            let limb = limbs.iter().find(|(from, _)| above(contact).any(|joint| joint == from.upper[0]));
+            let joint = limb.map(|(from, to)| match contact == from.end {
+                true => to.end,
+                false => to.toe.unwrap_or(to.end),
+            });
+            joint.map_or_else(String::new, |joint| own.skeleton().joints[joint].name.clone())
+        };
+        let contacts = pack.skeleton().contacts.iter();
+        contacts.flat_map(|contacts| &contacts.joints).map(same).collect()
+    }
+
     /// Number of characters that wear the skeleton.
     pub(super) fn wearers(&self) -> usize {
         Arc::strong_count(&self.wearers) - 1
