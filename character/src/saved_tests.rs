@@ -25,6 +25,7 @@ fn around(rig: &Harness) -> Surroundings {
             scene: rig.scene.clone(),
             definitions: rig.definitions.clone(),
             holder: Holder::new("a"),
+            scale: 1.0,
         }),
     }
 }

@@ -53,6 +53,7 @@ pub(super) fn parts(
         scene: resident.cell().clone(),
         definitions: store.definitions().clone(),
         holder: Holder::new(id.clone()),
+        scale: 1.0,
     });
     let command = LocomotionCommand {
         velocity: Vec3::ZERO,

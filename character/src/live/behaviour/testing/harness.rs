@@ -115,12 +115,24 @@ impl Harness {
         name: &str,
         place: Vec3,
     ) -> Self {
+        Self::of_size(scene, definitions, name, (place, 1.0))
+    }
+
+    /// As [`Harness::in_scene`], with the place in metres of the scene, of which the character's
+    /// metre has `scale`.
+    pub(crate) fn of_size(
+        scene: Arc<SceneCell>,
+        definitions: Arc<Definitions>,
+        name: &str,
+        (place, scale): (Vec3, f32),
+    ) -> Self {
         let world = World {
             scene: Arc::clone(&scene),
             definitions: Arc::clone(&definitions),
             holder: Holder::new(name),
+            scale,
         };
-        Self::in_world(Some(world), scene, definitions, place)
+        Self::in_world(Some(world), scene, definitions, place / scale)
     }
 
     /// A character without a scene.
