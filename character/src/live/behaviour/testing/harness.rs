@@ -85,6 +85,8 @@ pub(crate) struct Harness {
     pub(crate) skills: Arc<Skills>,
     pub(crate) rig: Arc<Rig>,
     pub(crate) style: Arc<Style>,
+    /// Metres of the scene in a metre of the character.
+    pub(crate) scale: f32,
     pub(crate) clock: Clock,
     pub(crate) plans: Plans,
     /// Sub-frames of a tick.
@@ -148,6 +150,7 @@ impl Harness {
         place: Vec3,
     ) -> Self {
         let (rig, style) = (doll_rig(), doll_style());
+        let scale = world.as_ref().map_or(1.0, |world| world.scale);
         let start = Start::Standing(GlobalRoot::new(place, 0.0));
         let standing = LocomotionCommand::standing(&style);
         let skills = skills(&rig);
@@ -159,6 +162,7 @@ impl Harness {
             skills,
             rig,
             style,
+            scale,
             clock: Clock::Waits,
             plans: Plans::AtOnce,
             sub_frames: SUB_FRAMES,
