@@ -55,6 +55,7 @@ pub(super) fn parts(
         scene: resident.cell().clone(),
         definitions: store.definitions().clone(),
         holder: Holder::new(id.clone()),
+        scale: 1.0,
     });
     let dress = pack.worn().map(|worn| worn.dress());
     let command = LocomotionCommand {
