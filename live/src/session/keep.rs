@@ -258,7 +258,7 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
             scene: resident.cell().clone(),
             definitions: world.definitions().clone(),
             holder: Holder::new(id.clone()),
-            scale: 1.0,
+            scale: pack.worn().map_or(1.0, |worn| worn.scale()),
         }),
     };
     let character = saved::restore(record.character, &around).map_err(|error| text(&error))?;

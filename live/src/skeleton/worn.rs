@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use troupe_character::live::FrameOut;
+use troupe_character::live::{Character, FrameOut};
 use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::local_from_world_rotations;
@@ -145,6 +145,7 @@ impl Worn {
         onto.reset();
         Dress {
             pose: vec![Quat::IDENTITY; self.skeleton().joint_count()],
+            reaches: Vec::new(),
             onto,
             ease: None,
             _wearer: self.wearers.clone(),
@@ -157,6 +158,8 @@ impl Worn {
 pub struct Dress {
     onto: Retargeter,
     pose: Vec<Quat>,
+    /// Joints of the pack that are held at places, reused.
+    reaches: Vec<usize>,
     ease: Option<Ease>,
     _wearer: Arc<()>,
 }
@@ -172,9 +175,40 @@ struct Ease {
 }
 
 impl Dress {
-    /// Carries the next frame over. It replaces the frame.
-    pub fn put_on(&mut self, out: &mut FrameOut) {
+    /// Carries the frame at the cursor of `character` over. It replaces the frame. Hands that hold
+    /// an object or on to a place of the scene are where the character's hands are, in the user's
+    /// size.
+    pub fn put_on(&mut self, character: &Character, out: &mut FrameOut) {
+        character.reaches(&mut self.reaches);
+        self.reaches.extend(character.held().map(|held| held.joint));
+        // Feet stand on flat ground to the retargeter.
+        let lift = Vec3::Y * character.lift().root_m;
+        let hands = self.hands(out.root - lift, &out.rotations);
+        let root = (self.onto).pose_holding(out.root - lift, &out.rotations, hands, &mut self.pose);
+        out.root = root + self.onto.scale() * lift;
+        self.show(out);
+    }
+
+    /// As [`Dress::put_on`], for a frame that is not at the cursor.
+    pub fn put_on_later(&mut self, out: &mut FrameOut) {
         out.root = self.carry(out.root, &out.rotations);
+        self.show(out);
+    }
+
+    /// Places of the pack's wrists that are held.
+    fn hands(&self, root: Vec3, rotations: &[Quat]) -> [Option<Vec3>; 2] {
+        let pack = self.onto.figures()[0];
+        let Some(arms) = pack.parts().arms.as_ref().filter(|_| !self.reaches.is_empty()) else {
+            return [None; 2];
+        };
+        let joints = &pack.skeleton().joints;
+        let line = |joint: usize| std::iter::successors(Some(joint), |&joint| joints[joint].parent);
+        let held = |wrist: usize| self.reaches.iter().any(|&held| line(held).any(|joint| joint == wrist));
+        arms.each_ref().map(|arm| held(arm.end).then(|| place_of(pack.skeleton(), root, rotations, arm.end)))
+    }
+
+    /// Makes the last pose the frame.
+    fn show(&mut self, out: &mut FrameOut) {
         out.rotations.clear();
         out.rotations.extend_from_slice(&self.pose);
         self.settle(out);
@@ -222,6 +256,17 @@ impl Dress {
             *rotation = slerp(Quat::IDENTITY, turn, share) * *rotation;
         }
     }
+}
+
+/// World position of a joint.
+fn place_of(skeleton: &Skeleton, root: Vec3, rotations: &[Quat], joint: usize) -> Vec3 {
+    let (mut place, mut at) = (Vec3::ZERO, joint);
+    // From the joint up: each parent turns what is below it.
+    while let Some(parent) = skeleton.joints[at].parent {
+        place = rotations[parent] * (skeleton.joints[at].offset_m + place);
+        at = parent;
+    }
+    root + place
 }
 
 /// The share of a given pose's difference that is left after `frames` frames: 1 to 0, with level
