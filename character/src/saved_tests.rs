@@ -105,7 +105,9 @@ proptest! {
 #[test]
 fn a_restored_character_of_another_size_goes_on_unchanged() {
     let [mut one, mut other] = [(); 2].map(|()| {
-        let Harness { scene, definitions, .. } = Harness::new();
+        let Harness {
+            scene, definitions, ..
+        } = Harness::new();
         Harness::of_size(scene, definitions, "a", (Vec3::ZERO, 0.8))
     });
     for rig in [&mut one, &mut other] {
@@ -116,7 +118,11 @@ fn a_restored_character_of_another_size_goes_on_unchanged() {
     for rig in [&mut one, &mut other] {
         rig.run(160);
     }
-    let shown = |rig: &Harness| rig.frames.last().map(|frame| (frame.root, frame.rotations.clone()));
+    let shown = |rig: &Harness| {
+        rig.frames
+            .last()
+            .map(|frame| (frame.root, frame.rotations.clone()))
+    };
     assert_eq!(shown(&one), shown(&other));
     assert!((one.frames[199].root.y * 0.8 - 0.45).abs() < 0.01, "it sits");
 }

@@ -4,12 +4,13 @@
 use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 
+use proptest::prelude::*;
 use troupe_motion::{Quat, Vec3};
 
 use super::super::{Activity, CharacterEvent, EventKind, FailReason, Intent};
 use super::testing::*;
 use crate::object::{Definition, Definitions};
-use crate::scene::{Collider, Scene, SceneCell, State, Transform};
+use crate::scene::{Collider, Holder, Scene, SceneCell, State, Transform};
 
 const SIZES: [f32; 4] = [0.5, 0.8, 1.0, 2.0];
 const HIPS_M: f32 = 0.9;
@@ -329,4 +330,25 @@ fn what_is_out_of_reach_is_said_in_metres_of_the_scene() {
         .unwrap();
     // Its shoulders are at 0.42 m, its arms 0.16 m long.
     assert!((0.2..0.6).contains(&short), "{message}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Whatever happens, a character of any size has finite frames, and leaves nothing behind.
+    #[test]
+    fn any_size_goes_on(events in prop::collection::vec(event(), 1..30), scale in 0.3_f32..3.0) {
+        let Harness { scene, definitions, .. } = Harness::new();
+        let mut rig = Harness::of_size(scene, definitions, "a", (Vec3::ZERO, scale));
+        for event in &events {
+            carry_out(&mut rig, event);
+        }
+        rig.plans = Plans::AtOnce;
+        rig.run(30);
+        let unit = |turns: &[Quat]| turns.iter().all(|turn| turn.is_normalized());
+        let sound = rig.frames.iter().all(|frame| frame.root.is_finite() && unit(&frame.rotations));
+        prop_assert!(sound);
+        rig.character.leave();
+        prop_assert_eq!(rig.scene.snapshot().of_holder(&Holder::new("a")).count(), 0);
+    }
 }
