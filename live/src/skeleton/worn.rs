@@ -146,6 +146,8 @@ impl Worn {
         Dress {
             pose: vec![Quat::IDENTITY; self.skeleton().joint_count()],
             reaches: Vec::new(),
+            holds: [0.0; 2],
+            frame: 0,
             onto,
             ease: None,
             _wearer: self.wearers.clone(),
@@ -160,6 +162,10 @@ pub struct Dress {
     pose: Vec<Quat>,
     /// Joints of the pack that are held at places, reused.
     reaches: Vec<usize>,
+    /// How far each hand holds on, 0 to 1.
+    holds: [f32; 2],
+    /// The last frame.
+    frame: u64,
     ease: Option<Ease>,
     _wearer: Arc<()>,
 }
@@ -183,8 +189,7 @@ impl Dress {
         self.reaches.extend(character.held().map(|held| held.joint));
         // Feet stand on flat ground to the retargeter.
         let lift = Vec3::Y * character.lift().root_m;
-        let hands = self.hands(out.root - lift, &out.rotations);
-        let root = (self.onto).pose_holding(out.root - lift, &out.rotations, hands, &mut self.pose);
+        let root = self.carry_holding(out.frame, out.root - lift, &out.rotations);
         out.root = root + self.onto.scale() * lift;
         self.show(out);
     }
@@ -195,16 +200,42 @@ impl Dress {
         self.show(out);
     }
 
-    /// Places of the pack's wrists that are held.
-    fn hands(&self, root: Vec3, rotations: &[Quat]) -> [Option<Vec3>; 2] {
-        let pack = self.onto.figures()[0];
-        let Some(arms) = pack.parts().arms.as_ref().filter(|_| !self.reaches.is_empty()) else {
-            return [None; 2];
+    /// Carries a pose over with hands that hold on. A hand takes [`EASE_FRAMES`] to get there and to
+    /// let go.
+    fn carry_holding(&mut self, frame: u64, root: Vec3, rotations: &[Quat]) -> Vec3 {
+        let step = frame.saturating_sub(self.frame) as f32 / EASE_FRAMES;
+        self.frame = frame;
+        for (side, holds) in self.hands().into_iter().enumerate() {
+            let hold = self.holds[side] + if holds { step } else { -step };
+            self.holds[side] = hold.clamp(0.0, 1.0);
+        }
+        if self.holds == [0.0; 2] {
+            return self.carry(root, rotations);
+        }
+        let free = self.carry(root, rotations);
+        let [pack, own] = self.onto.figures();
+        let (Some(arms), Some(of_own)) = (&pack.parts().arms, &own.parts().arms) else {
+            return free;
         };
+        let goals = [0, 1].map(|side| {
+            let hold = self.holds[side];
+            (hold > 0.0).then(|| {
+                let there = place_of(pack.skeleton(), root, rotations, arms[side].end);
+                let own = place_of(own.skeleton(), free, &self.pose, of_own[side].end);
+                (own / self.onto.scale()).lerp(there, hold * hold * (3.0 - 2.0 * hold))
+            })
+        });
+        self.onto.pose_holding(root, rotations, goals, &mut self.pose)
+    }
+
+    /// Whether each hand holds on.
+    fn hands(&self) -> [bool; 2] {
+        let pack = self.onto.figures()[0];
         let joints = &pack.skeleton().joints;
         let line = |joint: usize| std::iter::successors(Some(joint), |&joint| joints[joint].parent);
-        let held = |wrist: usize| self.reaches.iter().any(|&held| line(held).any(|joint| joint == wrist));
-        arms.each_ref().map(|arm| held(arm.end).then(|| place_of(pack.skeleton(), root, rotations, arm.end)))
+        let holds = |wrist: usize| self.reaches.iter().any(|&held| line(held).any(|joint| joint == wrist));
+        let arms = pack.parts().arms.as_ref().filter(|_| !self.reaches.is_empty());
+        arms.map_or([false; 2], |arms| arms.each_ref().map(|arm| holds(arm.end)))
     }
 
     /// Makes the last pose the frame.
