@@ -204,10 +204,10 @@ impl Retargeter {
         let drop = Vec3::Y * self.drop(&goals[..count]);
         let root = root - drop;
         self.short = (0.0, None);
-        for nth in 0..count {
+        for (nth, &goal) in goals[..count].iter().enumerate() {
             let Step { limb, ahead, .. } = self.steps[nth];
             let pole = self.to.1[limb.chain[0]] * ahead;
-            self.place(limb, (root, drop), goals[nth], pole, out);
+            self.place(limb, (root, drop), goal, pole, out);
         }
         for nth in 0..self.hands.len() {
             let Hand { limb, side, behind } = self.hands[nth];

@@ -106,12 +106,12 @@ fn twists(from: &Limb, to: &Limb, target: &Figure, set: &mut dyn FnMut(usize, Tu
         let line = target.between(own, end);
         let above = |joint: usize| std::iter::successors(Some(joint), |&joint| joints[joint].parent);
         let is_on_limb = |joint: usize| [to.lower[0], to.end].contains(&joint);
-        for joint in own + 1..joints.len() {
+        for (joint, described) in joints.iter().enumerate().skip(own + 1) {
             // Twists of the next bone and of fingers are not along this one.
             let is_along = above(joint)
                 .take_while(|&at| !is_on_limb(at) || at == own)
                 .any(|at| at == own);
-            let is_twist = || Name::of(&joints[joint].name).has_any(&["twist", "roll"]);
+            let is_twist = || Name::of(&described.name).has_any(&["twist", "roll"]);
             let is_between = || {
                 above(end)
                     .skip(1)
