@@ -1,57 +1,66 @@
 """Measures how well motion is carried over: every clip of a list onto every character, as a table in Markdown.
 
-.venv/bin/python scripts/retarget-figures.py --clip CLIP ... --to CHARACTER ... [--program target/release/troupe] [-- OPTION ...]
+.venv/bin/python scripts/retarget-figures.py --clip CLIP ... --to CHARACTER ... [--urdf ROBOT]
 
-The options after `--` go to `troupe retarget`, such as `--urdf g1.urdf` for clips of a robot.
+Beside it the same figures of rotations copied by name, relative to the rest poses. `--urdf` is the robot of clips in
+.csv. Build the program first:
+
+cargo build --release --package troupe-motion --features fbx --example copied
 """
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 
 
-def figures(program: Path, clip: Path, to: Path, options: list[str]) -> dict[str, Any]:
-    """What `troupe retarget` says of a clip on a character."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "out.glb"
-        words = [program, "retarget", clip, "--to", to, "--out", out, "--json", "--force", *options]
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
+def measured(program: Path, clips: list[Path], to: Path, urdf: Path | None) -> list[dict[str, Any]]:
+    """The figures of each clip on a character."""
+    words = [str(word) for word in (program, to, *clips, *(("--urdf", urdf) if urdf else ()))]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        sys.exit(f"{clip} onto {to}: {done.stderr.strip()}")
-    answer: dict[str, Any] = json.loads(done.stdout)
-    return answer
+        sys.exit(f"{to}: {done.stderr.strip()}")
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def cells(of: list[dict[str, Any]]) -> list[str]:
+    """Bones, sliding, depth under the ground and distance of feet from their places."""
+    mean = statistics.fmean(one["directions_deg"] for one in of)
+    worst = max(one["worst_deg"] for one in of)
+    skate = sum(one["skate_mps"] for one in of) / max(sum(one["source_skate_mps"] for one in of), 1e-9)
+    under, short = (1e2 * max(one[key] for one in of) for key in ("under_m", "short_m"))
+    return [f"{mean:.1f}° ({worst:.1f}°)", f"{skate:.2f}", f"{under:.1f} cm", f"{short:.1f} cm"]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--clip", type=Path, nargs="+", required=True)
     parser.add_argument("--to", type=Path, nargs="+", required=True)
-    parser.add_argument("--program", type=Path, default=ROOT / "target/release/troupe")
-    parser.add_argument("options", nargs="*", help="options of troupe retarget, after --")
+    parser.add_argument("--urdf", type=Path)
+    parser.add_argument("--program", type=Path, default=TARGET / "release/examples/copied")
     args = parser.parse_args()
     print(
-        "| character | clips | passed | bones, mean (worst) | skate, of the clip's | under ground, worst | feet short, worst |"
+        "| onto | certificate | clips | within the bar | bones, mean (worst) | sliding, of the clip's | under ground "
+        "| feet short | copied by name: within | bones | sliding |"
     )
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     for to in args.to:
-        found = [figures(args.program, clip, to, args.options) for clip in args.clip]
-        of = [one["figures"] for one in found]
-        mean = statistics.fmean(one["directions_deg"] for one in of)
-        worst = max(one["worst_deg"] for one in of)
-        skate = sum(one["skate_mps"] for one in of) / max(sum(one["source_skate_mps"] for one in of), 1e-9)
-        under, short = (1e2 * max(one[key] for one in of) for key in ("under_m", "short_m"))
-        passed = sum(not one["faults"] for one in found)
-        print(
-            f"| {to.stem} | {len(found)} | {passed} | {mean:.1f}° ({worst:.1f}°) | {skate:.2f} "
-            f"| {under:.1f} cm | {short:.1f} cm |"
-        )
+        found = measured(args.program, args.clip, to, args.urdf)
+        faults = found[0]["certificate"]
+        passed, copied = (sum(not one[key] for one in found) for key in ("faults", "copied_faults"))
+        bare = cells([one["copied"] for one in found])[:2]
+        row = [to.stem, "passes" if not faults else f"{len(faults)} faults", str(len(found)), str(passed)]
+        print("| " + " | ".join([*row, *cells([one["figures"] for one in found]), str(copied), *bare]) + " |")
+        for one in found:
+            if one["faults"]:
+                print(f"{one['clip']}: {'; '.join(one['faults'])}", file=sys.stderr)
 
 
 if __name__ == "__main__":

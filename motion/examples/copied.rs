@@ -33,11 +33,18 @@ fn main() -> Result<(), Failure> {
     let (target, target_rest) = body(to)?;
     let mut certificate = None;
     for file in clips {
+        // fox.glb#Walk names one animation of several.
+        let name = file.to_string_lossy();
+        let (path, animation) = match name.rsplit_once('#') {
+            Some((path, animation)) => (Path::new(path), Some(animation.to_owned())),
+            None => (&**file, None),
+        };
         let options = Options {
             skeleton: robot.clone(),
+            animation,
             ..Options::default()
         };
-        let found = open(file, |source| read(source, &options))?;
+        let found = open(path, |source| read(source, &options))?;
         let source = found.figure(&PartsDoc::default())?;
         let rest = rest(&found);
         let mut retargeter = Retargeter::new(source.clone(), target.clone())?;

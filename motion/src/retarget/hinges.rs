@@ -62,12 +62,15 @@ impl Hinges {
             groups.push((leg.lower[0], leg.lower[0]));
         }
         let arms = parts.arms.iter().flatten().enumerate();
+        // A first fit takes the memory of all later ones.
+        let mut fitted = Fitted::default();
+        robot.fit(&mut figure.neutral.clone(), &mut fitted);
         Some(Self {
             groups,
             arms: arms
                 .filter_map(|(side, arm)| Arm::of(figure, robot, side, arm))
                 .collect(),
-            fitted: Fitted::default(),
+            fitted,
             is_warm: false,
         })
     }
