@@ -2,8 +2,7 @@
 
 use glam::{Quat, Vec3};
 use serde::Serialize;
-use troupe_motion::Clip;
-use troupe_motion::retarget::{Figures, Retargeter as Inner, retarget};
+use troupe_motion::retarget::{Certificate, Retargeter as Inner};
 use wasm_bindgen::prelude::*;
 
 use crate::body::{Body, quaternions, vectors};
@@ -14,16 +13,12 @@ pub struct Retargeter {
     inner: Inner,
 }
 
+/// A certificate, as the viewer shows it.
 #[derive(Serialize)]
-struct Certificate {
-    trials: [Trial; 1],
+struct Shown {
+    #[serde(flatten)]
+    certificate: Certificate,
     faults: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct Trial {
-    name: &'static str,
-    figures: Figures,
 }
 
 /// A motion on the target's joints.
@@ -95,23 +90,18 @@ impl Retargeter {
         Ok(carried)
     }
 
-    /// Figures of a motion of the source, as JSON: `trials`, each with its name and figures, and
-    /// `faults`, which are sentences. No fault: motion may be carried over.
+    /// What is kept of built-in motions, as JSON: `trials`, each with its name and figures, and
+    /// `faults`, which are sentences. Without faults motion may be carried over.
     ///
     /// # Errors
-    /// If the numbers are not a motion of the source.
-    pub fn certificate(&mut self, fps: f32, roots: &[f32], rotations: &[f32]) -> Result<String, JsError> {
-        let skeleton = self.inner.figures()[0].skeleton().clone();
-        let clip = Clip::new(skeleton, fps, vectors(roots), quaternions(rotations))?;
-        let (_, figures) = retarget(&mut self.inner, &clip)?;
-        let certificate = Certificate {
-            faults: figures.faults(),
-            trials: [Trial {
-                name: "walk",
-                figures,
-            }],
+    /// None that is known: figures are numbers.
+    pub fn certificate(&self) -> Result<String, JsError> {
+        let certificate = Certificate::of(&self.inner);
+        let shown = Shown {
+            faults: certificate.faults(),
+            certificate,
         };
-        Ok(serde_json::to_string(&certificate)?)
+        Ok(serde_json::to_string(&shown)?)
     }
 
     /// A crowd without members that carries poses as this one does.

@@ -1,10 +1,7 @@
-// Files of motion, read by the reader of the server and the command line (bindings/web). It is
-// loaded with the first file. `scripts/web.sh reader` builds it into src/reader.
+// Files of motion, read by the reader of the server and the command line.
 import type { Read } from '../reader/troupe_reader_web';
-import wasm from '../reader/troupe_reader_web_bg.wasm?url';
+import { loadReader } from '../retarget/reader';
 import { MOST_FRAMES, type Clip, type Rig } from './clip';
-
-type Reader = typeof import('../reader/troupe_reader_web');
 
 /** What was understood of a file: what, its value, and one line of evidence. */
 export type Row = readonly [what: string, value: string, evidence: string];
@@ -38,6 +35,8 @@ export interface Understood {
 export class Misread extends Error {
   /** The options that decide. */
   readonly options: readonly Choice[];
+  /** Whether the file has another skeleton than the pack. */
+  readonly isOtherBody: boolean;
 
   constructor(
     cause: unknown,
@@ -45,29 +44,14 @@ export class Misread extends Error {
     readonly animations: readonly string[],
   ) {
     super(cause instanceof Error ? cause.message : String(cause), { cause });
-    const { options = '[]' } = Object(cause) as { options?: string };
+    const { options = '[]', is_other_body = false } = Object(cause) as { options?: string; is_other_body?: boolean };
     this.options = JSON.parse(options) as Choice[];
+    this.isOtherBody = is_other_body;
   }
 }
 
 /** Speed of hinges for the reader, which only plays them, rad/s. */
 const ANY_SPEED = 1000;
-
-let loading: Promise<Reader> | undefined;
-
-/** The reader, from its address or its bytes. A failed try does not stay. */
-export function loadReader(source: string | BufferSource = wasm): Promise<Reader> {
-  loading ??= import('../reader/troupe_reader_web')
-    .then(async (reader) => {
-      await reader.default({ module_or_path: source });
-      return reader;
-    })
-    .catch((error: unknown) => {
-      loading = undefined;
-      throw error;
-    });
-  return loading;
-}
 
 /** The reader's options for a body: those of robots' files for robots alone. */
 export async function optionsFor(rig: Rig): Promise<Option[]> {
@@ -119,7 +103,7 @@ function taken(read: Read): Omit<Understood, 'animations'> {
 }
 
 /** A rig as the tables of a pack's manifest. */
-function tablesOf({ pack, skeleton, leftAxis, hinges, mimics }: Rig): object {
+export function tablesOf({ pack, skeleton, leftAxis, hinges, mimics }: Rig): { skeleton: object; robot?: object } {
   const { names, parents, offsets } = skeleton;
   const joints = names.map((name, j) => ({
     name,

@@ -156,13 +156,13 @@ export class Retargeter {
      */
     carry(roots: Float32Array | number[], rotations: Float32Array | number[]): Carried;
     /**
-     * Figures of a motion of the source, as JSON: `trials`, each with its name and figures, and
-     * `faults`, which are sentences. No fault: motion may be carried over.
+     * What is kept of built-in motions, as JSON: `trials`, each with its name and figures, and
+     * `faults`, which are sentences. Without faults motion may be carried over.
      *
      * # Errors
-     * If the numbers are not a motion of the source.
+     * None that is known: figures are numbers.
      */
-    certificate(fps: number, roots: Float32Array | number[], rotations: Float32Array | number[]): string;
+    certificate(): string;
     /**
      * A crowd without members that carries poses as this one does.
      */
@@ -262,7 +262,7 @@ export interface InitOutput {
     readonly read_rotations: (a: number) => [number, number];
     readonly read_table: (a: number) => [number, number, number, number];
     readonly retargeter_carry: (a: number, b: number, c: number, d: number, e: number) => [number, number, number];
-    readonly retargeter_certificate: (a: number, b: number, c: number, d: number, e: number, f: number) => [number, number, number, number];
+    readonly retargeter_certificate: (a: number) => [number, number, number, number];
     readonly retargeter_crowd: (a: number) => number;
     readonly retargeter_new: (a: number, b: number) => [number, number, number];
     readonly retargeter_scale: (a: number) => number;

@@ -401,44 +401,29 @@ export class Retargeter {
         return Carried.__wrap(ret[0]);
     }
     /**
-     * Figures of a motion of the source, as JSON: `trials`, each with its name and figures, and
-     * `faults`, which are sentences. No fault: motion may be carried over.
+     * What is kept of built-in motions, as JSON: `trials`, each with its name and figures, and
+     * `faults`, which are sentences. Without faults motion may be carried over.
      *
      * # Errors
-     * If the numbers are not a motion of the source.
-     * @param {number} fps
-     * @param {Float32Array | number[]} roots
-     * @param {Float32Array | number[]} rotations
+     * None that is known: figures are numbers.
      * @returns {string}
      */
-    certificate(fps, roots, rotations) {
-        let deferred5_0;
-        let deferred5_1;
+    certificate() {
+        let deferred2_0;
+        let deferred2_1;
         try {
-            const val3 = +fps;
-            let ptr0, len0, ptr1, len1;
-            try {
-                ptr0 = passArrayF32ToWasm0(roots, wasm.__wbindgen_malloc);
-                len0 = WASM_VECTOR_LEN;
-                ptr1 = passArrayF32ToWasm0(rotations, wasm.__wbindgen_malloc);
-                len1 = WASM_VECTOR_LEN;
-            } catch (e) {
-                if (ptr1) { wasm.__wbindgen_free(ptr1, len1 * 4, 4); }
-                if (ptr0) { wasm.__wbindgen_free(ptr0, len0 * 4, 4); }
-                throw e;
-            }
-            const ret = wasm.retargeter_certificate(this.__wbg_ptr, val3, ptr0, len0, ptr1, len1);
-            var ptr4 = ret[0];
-            var len4 = ret[1];
+            const ret = wasm.retargeter_certificate(this.__wbg_ptr);
+            var ptr1 = ret[0];
+            var len1 = ret[1];
             if (ret[3]) {
-                ptr4 = 0; len4 = 0;
+                ptr1 = 0; len1 = 0;
                 throw takeFromExternrefTable0(ret[2]);
             }
-            deferred5_0 = ptr4;
-            deferred5_1 = len4;
-            return getStringFromWasm0(ptr4, len4);
+            deferred2_0 = ptr1;
+            deferred2_1 = len1;
+            return getStringFromWasm0(ptr1, len1);
         } finally {
-            wasm.__wbindgen_free(deferred5_0, deferred5_1, 1);
+            wasm.__wbindgen_free(deferred2_0, deferred2_1, 1);
         }
     }
     /**

@@ -5,7 +5,7 @@ import { tablesOf } from '../editor/reading';
 import { motionOf, type Leg } from '../editor/walk';
 import type { Body } from '../reader/troupe_reader_web';
 import type { Api } from '../wire/api';
-import type { Pack } from '../wire/types';
+import type { Body as PackBody, Pack } from '../wire/types';
 import { loadReader } from './reader';
 
 /** A pack's body. A short motion of its own shows how it stands. */
@@ -45,17 +45,16 @@ async function make(api: Api, name: string, bodyName: string): Promise<Source> {
 }
 
 /** The tables of a pack's manifest, with the heights of joints that stand. */
-function packTables(pack: Pack, body: NonNullable<Pack['bodies']>[number] | undefined): object {
-  const { joints, contact_joints, left_axis, robot } = body ?? pack;
-  const { skeleton, ...tables } = tablesOf(rigOf({ ...pack, joints, contact_joints, left_axis, robot }));
-  const { max_height, max_speed, clearance } = pack.contact_rules ?? { max_height: [], max_speed: 0, clearance: [] };
-  const contacts = {
-    joints: contact_joints,
-    max_height_m: max_height,
-    max_speed_mps: max_speed,
-    clearance_m: clearance,
-  };
+function packTables(pack: Pack, body: PackBody | undefined): object {
+  const { skeleton, ...tables } = tablesOf(rigOf(pack, body));
+  const { contact_joints, contact_rules, ground_y } = pack;
   // Heights are those of the pack's own skeleton.
-  const isKnown = !body && contact_joints.length > 0 && clearance.length === contact_joints.length;
-  return { ...tables, skeleton: { ...skeleton, ground_y_m: pack.ground_y, ...(isKnown ? { contacts } : {}) } };
+  const isKnown = !body && contact_rules !== undefined && contact_rules.clearance.length === contact_joints.length;
+  const contacts = isKnown && {
+    joints: contact_joints,
+    max_height_m: contact_rules.max_height,
+    max_speed_mps: contact_rules.max_speed,
+    clearance_m: contact_rules.clearance,
+  };
+  return { ...tables, skeleton: { ...skeleton, ground_y_m: ground_y, ...(contacts ? { contacts } : {}) } };
 }

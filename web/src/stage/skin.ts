@@ -20,7 +20,7 @@ import {
 } from 'three';
 import { GLTFLoader } from 'three/examples/jsm/loaders/GLTFLoader.js';
 import type { BodyView } from './body';
-import { forward, type Joints } from './kinematics';
+import { forward } from './kinematics';
 import { bodyMaterials, type BodyMaterials, type EdgeUniform } from './material';
 import { fitBones, type Fit, type RestBone } from './skin-fit';
 import type { Carrier, Pose, Skeleton, SkinReport } from './types';
