@@ -4,7 +4,13 @@ import { COLUMNS, type Certificate } from '../retarget/certificate';
 /** What is kept of each motion. The worst joint shows when the pointer rests on a figure. */
 export function FiguresTable({ certificate }: { certificate: Certificate }) {
   return (
-    <Table fz="xs" verticalSpacing={2} horizontalSpacing={4} aria-label="What is kept of the motion">
+    <Table
+      className="figures"
+      fz={11}
+      verticalSpacing={1}
+      horizontalSpacing={3}
+      aria-label="What is kept of the motion"
+    >
       <Table.Thead>
         <Table.Tr>
           <Table.Th>motion</Table.Th>
@@ -18,7 +24,7 @@ export function FiguresTable({ certificate }: { certificate: Certificate }) {
       <Table.Tbody>
         {certificate.trials.map(({ name, figures }) => (
           <Table.Tr key={name}>
-            <Table.Td c="dimmed">{name}</Table.Td>
+            <Table.Th scope="row">{name}</Table.Th>
             {COLUMNS.map(({ head, of, joint }) => (
               <Table.Td key={head} title={joint(figures)}>
                 {of(figures)}

@@ -13,7 +13,9 @@ export function WearTool({ onFile }: { onFile: (file: File) => void }) {
         if (file) onFile(file);
       }}
     >
-      {({ onClick }) => <Tool label="Wear a character of your own: glb or vrm" icon={Shirt} isOn={isOn} onClick={onClick} />}
+      {({ onClick }) => (
+        <Tool label="Wear a character of your own: glb or vrm" icon={Shirt} isOn={isOn} onClick={onClick} />
+      )}
     </FileButton>
   );
 }

@@ -108,8 +108,7 @@ async function fitted(
     try {
       const fit = { certificate, scale: retargeter.scale, parts: hero.body.parts() };
       const joints = hero.skeleton.names.length;
-      if (certificate.faults.length > 0 && !anyway)
-        return { ...common, state: 'refused', joints, triangles: 0, fit };
+      if (certificate.faults.length > 0 && !anyway) return { ...common, state: 'refused', joints, triangles: 0, fit };
       const carrier = new WasmCarrier(retargeter, hero.skeleton, skeleton.names.length, source.ground_m);
       const report = await stage.setSkin(skeleton, glb, carrier);
       return { ...common, state: 'worn', joints, triangles: report!.triangles, fit };

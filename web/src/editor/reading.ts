@@ -1,6 +1,8 @@
 // Files of motion, read by the reader of the server and the command line.
-import type { Read } from '../reader/troupe_reader_web';
-import { loadReader } from '../retarget/reader';
+import { Vector3 } from 'three';
+import type { Body, Read } from '../reader/troupe_reader_web';
+import type { Skeleton } from '../stage/types';
+import { loadReader, type Reader } from '../retarget/reader';
 import { MOST_FRAMES, type Clip, type Rig } from './clip';
 
 /** What was understood of a file: what, its value, and one line of evidence. */
@@ -50,6 +52,11 @@ export class Misread extends Error {
   }
 }
 
+/** Whether a file that was refused has another skeleton than the pack, or a character without a motion. */
+export function needsOwnRig(error: unknown, name: string): error is Misread {
+  return error instanceof Misread && (error.isOtherBody || (isScene(name) && error.animations.length === 0));
+}
+
 /** Speed of hinges for the reader, which only plays them, rad/s. */
 const ANY_SPEED = 1000;
 
@@ -63,21 +70,75 @@ export async function optionsFor(rig: Rig): Promise<Option[]> {
 /** A file on a pack's skeleton, at the pack's rate. Of several animations it is the longest, unless one is given. */
 export async function understand(name: string, bytes: Uint8Array, rig: Rig, given: Given = {}): Promise<Understood> {
   const reader = await loadReader();
-  const animations = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
+  const animations = animationsOf(reader, name, bytes);
   const options = { ...tablesOf(rig), resample_fps: rig.fps, ...valuesOf(given, await optionsFor(rig)) };
-  const read = (more: object) => {
+  const longest = longestOf(name, animations, given, (more) =>
+    taken(reader.read(name, bytes, JSON.stringify({ ...options, ...more }))),
+  );
+  return { ...longest, animations };
+}
+
+/** A file on its own skeleton. */
+export interface OwnUnderstood {
+  /** None for a character's file without a motion. */
+  clip: Clip | undefined;
+  rows: readonly Row[];
+  animations: readonly string[];
+  skeleton: Skeleton;
+  /** The body's left in the first joint's own frame, unit length. */
+  leftAxis: Vector3;
+  body: Body;
+}
+
+/** A file on its own skeleton, at a pack's rate. A character's file without animations has no clip. */
+export async function understandOwn(
+  name: string,
+  bytes: Uint8Array,
+  pack: Rig,
+  given: Given = {},
+): Promise<OwnUnderstood> {
+  const reader = await loadReader();
+  const animations = animationsOf(reader, name, bytes);
+  if (isScene(name) && animations.length === 0) {
+    const found = ownOf(name, reader.character(name, bytes));
+    return { ...found, animations, clip: undefined };
+  }
+  const options = { resample_fps: pack.fps, ...valuesOf(given, await optionsFor(pack)) };
+  const longest = longestOf(name, animations, given, (more) =>
+    ownOf(name, reader.read(name, bytes, JSON.stringify({ ...options, ...more }))),
+  );
+  return { ...longest, animations };
+}
+
+/** Whether a file is one of a scene, whose animations have names. */
+function isScene(name: string): boolean {
+  return /\.(gl(b|tf)|vrm)$/i.test(name);
+}
+
+function animationsOf(reader: Reader, name: string, bytes: Uint8Array): string[] {
+  return isScene(name) ? reader.animations(bytes) : [];
+}
+
+/** Reads a file: of several animations the longest, unless one is given. */
+function longestOf<T extends { clip: Clip }>(
+  name: string,
+  animations: readonly string[],
+  given: Given,
+  read: (more: object) => T,
+): T {
+  const tried = (more: object): T => {
     try {
-      return taken(reader.read(name, bytes, JSON.stringify({ ...options, ...more })));
+      return read(more);
     } catch (error) {
       throw new Misread(error, animations);
     }
   };
   const isOpen = animations.length > 1 && given['animation'] === undefined;
-  const found = isOpen ? animations.map((animation) => read({ animation })) : [read({})];
+  const found = isOpen ? animations.map((animation) => tried({ animation })) : [tried({})];
   const longest = found.reduce((best, one) => (one.clip.frames > best.clip.frames ? one : best));
   const { frames } = longest.clip;
   if (frames > MOST_FRAMES) throw new Error(`${name}: has ${frames} frames; at most ${MOST_FRAMES} are read`);
-  return { ...longest, animations };
+  return longest;
 }
 
 /** What is given, as the reader takes it. Options that the body does not have are left out. */
@@ -100,6 +161,19 @@ function taken(read: Read): Omit<Understood, 'animations'> {
   const rows = JSON.parse(read.table) as Row[];
   read.free();
   return { clip, rows };
+}
+
+/** Copies what was read on its own skeleton, and frees it. */
+function ownOf(name: string, read: Read): Omit<OwnUnderstood, 'animations' | 'clip'> & { clip: Clip } {
+  const { names, parents, offsets } = read;
+  const leftAxis = new Vector3().fromArray(read.left_axis);
+  try {
+    const body = read.body('');
+    return { ...taken(read), skeleton: { names, parents, offsets }, leftAxis, body };
+  } catch (error) {
+    read.free();
+    throw new Error(`${name}: ${error instanceof Error ? error.message : String(error)}`, { cause: error });
+  }
 }
 
 /** A rig as the tables of a pack's manifest. */

@@ -243,7 +243,11 @@ export class Skin {
     const size = new Matrix4();
     if (this.carrier) size.makeScale(1 / this.carrier.scale, 1 / this.carrier.scale, 1 / this.carrier.scale);
     bones.forEach((bone, b) => {
-      matrix.copy(size).multiply(this.fit.relative[bone]!).multiply(mesh.skeleton.boneInverses[b]!).multiply(mesh.bindMatrix);
+      matrix
+        .copy(size)
+        .multiply(this.fit.relative[bone]!)
+        .multiply(mesh.skeleton.boneInverses[b]!)
+        .multiply(mesh.bindMatrix);
       toRows(matrix, constants, b * 12);
     });
     const material = (Array.isArray(mesh.material) ? mesh.material[0] : mesh.material) as unknown;
