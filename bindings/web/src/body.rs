@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 use troupe_motion::Clip;
-use troupe_motion::anatomy::PartsDoc;
+use troupe_motion::anatomy::{Biped, PartsDoc, Tree};
 use troupe_motion::glb::add_animation;
 use troupe_motion::retarget::Figure;
 use wasm_bindgen::prelude::*;
@@ -42,11 +42,18 @@ pub fn body_of_pack(tables: &str, fps: f32, roots: &[f32], rotations: &[f32]) ->
         return Err(JsError::new("tables: have no skeleton"));
     };
     let doc = PartsDoc::default();
-    let figure = match skeleton.robot.is_some() {
-        true => Figure::of_robot(skeleton, &doc)?,
-        false => {
-            let clip = Clip::new(skeleton, fps, vectors(roots), quaternions(rotations))?;
-            Figure::of_clip(&clip, Some(clip.rotations_at(0)), &doc)?
+    if skeleton.robot.is_some() {
+        let figure = Figure::of_robot(skeleton, &doc)?;
+        return Ok(Body { figure });
+    }
+    let clip = Clip::new(skeleton, fps, vectors(roots), quaternions(rotations))?;
+    let skeleton = &clip.skeleton;
+    let figure = match Biped::find(&Tree::of(skeleton)) {
+        Some(_) => Figure::of_clip(&clip, None, &doc)?,
+        // Bodies that are found by their shape have no neutral pose but the one in which they stand.
+        None => {
+            let root_y_m = clip.root_positions[0].y - skeleton.ground_y_m;
+            Figure::new(skeleton.clone(), clip.rotations_at(0), Some(root_y_m), &doc)?
         }
     };
     Ok(Body { figure })
