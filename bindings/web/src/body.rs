@@ -50,7 +50,8 @@ pub fn body_of_pack(tables: &str, fps: f32, roots: &[f32], rotations: &[f32]) ->
     let skeleton = &clip.skeleton;
     let figure = match Biped::find(&Tree::of(skeleton)) {
         Some(_) => Figure::of_clip(&clip, None, &doc)?,
-        // Bodies that are found by their shape have no neutral pose but the one in which they stand.
+        // Bodies that are found by their shape have no neutral pose but the one in which they
+        // stand.
         None => {
             let root_y_m = clip.root_positions[0].y - skeleton.ground_y_m;
             Figure::new(skeleton.clone(), clip.rotations_at(0), Some(root_y_m), &doc)?

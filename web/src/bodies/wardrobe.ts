@@ -1,4 +1,5 @@
-// Characters of the user's own on the bodies of the server's packs: files become skins, and motion is carried over.
+// Characters of the user's own on the bodies of the server's packs: files become skins, and motion
+// is carried over.
 import { create } from 'zustand';
 import type { BodyKind } from '../live/bodies';
 import { WasmCarrier } from '../retarget/carrier';

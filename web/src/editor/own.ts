@@ -1,4 +1,5 @@
-// Clips on a rig of the user's own: read on their own joints, carried to the pack's body for the server, and back.
+// Clips on a rig of the user's own: read on their own joints, carried to the pack's body for the
+// server, and back.
 import type { Body, Retargeter } from '../reader/troupe_reader_web';
 import type { Certificate } from '../retarget/certificate';
 import { loadReader } from '../retarget/reader';

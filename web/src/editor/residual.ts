@@ -1,5 +1,5 @@
-// Keyframes that hold exactly in motion that was carried there and back. What the way lost at the keyframes is given
-// back, and eases from those before the gap to those after it. Pure.
+// Keyframes that hold exactly in motion that was carried there and back. What the way lost at the
+// keyframes is given back, and eases from those before the gap to those after it. Pure.
 import { Quaternion, Vector3 } from 'three';
 import type { Pose } from '../stage/types';
 import { headingOf, poseAt, type Clip } from './clip';

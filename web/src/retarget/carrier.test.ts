@@ -39,7 +39,7 @@ test('members of a crowd are carried as clips are, each with a state of its own'
     expect(farthest(made.root, poseAt(wanted, f).root)).toBeLessThan(1e-6);
     expect(farthestTurn(made.rotations, poseAt(wanted, f).rotations)).toBeLessThan(1e-4);
   }
-  // The other one rests where it was left.
+  // The other one keeps its last pose.
   expect(farthest(carrier.pose(1).root, poseAt(wanted, 59).root)).toBeLessThan(0.02);
   carrier.reset(0);
   const { root, rotations } = poseAt(clip, 0);

@@ -1,5 +1,5 @@
-// A crowd of characters on the stage, carried over in WebAssembly. Poses go through its memory: nothing is allocated for
-// a frame.
+// A crowd of characters on the stage, carried over in WebAssembly. Poses go through its memory:
+// nothing is allocated for a frame.
 import type { Crowd, Retargeter } from '../reader/troupe_reader_web';
 import type { Carrier, Pose, Skeleton } from '../stage/types';
 import { readerMemory } from './reader';

@@ -1,5 +1,5 @@
-// The reader and the retargeter of the server and the command line (bindings/web), as WebAssembly. It is loaded when it
-// is first wanted. `scripts/web.sh reader` builds it into src/reader.
+// The reader and the retargeter of the server and the command line (bindings/web), as WebAssembly.
+// It is loaded when it is first wanted. `scripts/web.sh reader` builds it into src/reader.
 import wasm from '../reader/troupe_reader_web_bg.wasm?url';
 
 export type Reader = typeof import('../reader/troupe_reader_web');
