@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use glam::Quat;
 use pyo3::prelude::*;
 use serde_json::Value;
 use troupe_motion::anatomy::PartsDoc;
@@ -13,7 +14,7 @@ use troupe_motion::retarget;
 use crate::arrays::{of_python, to_python};
 use crate::clip::Clip;
 use crate::errors::{misread, unmapped, wrong};
-use crate::files::File;
+use crate::files::{File, at};
 use crate::robot::{RobotDescription, built};
 use crate::skeleton::Skeleton;
 
@@ -86,7 +87,7 @@ pub(crate) fn parts_of(parts: Option<&Bound<'_, PyAny>>) -> PyResult<PartsDoc> {
         return of_python(parts);
     };
     let toml = parts.py().import("tomllib")?;
-    let text = fs::read_to_string(&path).map_err(|error| crate::files::at(&path, error))?;
+    let text = fs::read_to_string(&path).map_err(|error| at(&path, error))?;
     let tables = toml.call_method1("loads", (text,));
     let tables = tables.map_err(|error| wrong(format!("{}: {error}", path.display())))?;
     of_python(&tables).map_err(|error| wrong(format!("{}: {error}", path.display())))
@@ -100,7 +101,7 @@ fn of_skeleton(
     if skeleton.robot.is_some() {
         return retarget::Figure::of_robot(skeleton, doc);
     }
-    let rest = vec![glam::Quat::IDENTITY; skeleton.joint_count()];
+    let rest = vec![Quat::IDENTITY; skeleton.joint_count()];
     retarget::Figure::new(skeleton, &rest, None, doc)
 }
 
@@ -109,7 +110,7 @@ fn of_file(py: Python<'_>, path: &Path, doc: &PartsDoc) -> PyResult<retarget::Fi
     let made = if DESCRIPTIONS.iter().any(|one| ending == *one) {
         of_skeleton(built(py, path, vec![], vec![])?.inner(), doc)
     } else {
-        let file = File::open(path).map_err(|error| crate::files::at(path, error))?;
+        let file = File::open(path).map_err(|error| at(path, error))?;
         let found = py.detach(|| file.with_source(|source| read::character(source, &Options::default())));
         found.map_err(|error| misread(py, &error))?.figure(doc)
     };
