@@ -1,12 +1,16 @@
 //! Clips: what a file gave, or arrays.
 
+use std::fs;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::Quat;
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use troupe_motion::anatomy::PartsDoc;
+use troupe_motion::bvh::{self, BvhFile, BvhWriteOptions};
 use troupe_motion::fk::WorldMotion;
+use troupe_motion::glb::write_glb;
 use troupe_motion::read::{Report, Understood};
 use troupe_motion::retarget::{self, RetargetError, Retargeter};
 
@@ -16,6 +20,7 @@ use crate::arrays::{
 };
 use crate::errors::{unmapped, wrong};
 use crate::figure::{Figure, figures, parts_of};
+use crate::files::at;
 use crate::skeleton::Skeleton;
 
 /// World places and rotations of every joint, as arrays.
@@ -164,6 +169,22 @@ impl Clip {
             report: None,
         };
         Ok((made, figures(py, &found)?))
+    }
+
+    /// Writes the clip as BVH (centimetres) or glTF, by the path's ending.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let bytes = py.detach(|| match ending.to_str() {
+            Some("bvh") => {
+                let file = BvhFile::from_clip(&self.clip, &BvhWriteOptions::default());
+                let text = file.map(|file| bvh::write(&file).into_bytes());
+                text.map_err(|error| error.to_string())
+            }
+            Some("glb") => write_glb(&self.clip).map_err(|error| error.to_string()),
+            _ => Err("its ending is of no format that is written; allowed: .bvh, .glb".to_owned()),
+        });
+        let bytes = bytes.map_err(|error| wrong(format!("{}: {error}", path.display())))?;
+        fs::write(&path, bytes).map_err(|error| at(&path, error))
     }
 
     fn __len__(&self) -> usize {

@@ -216,6 +216,17 @@ def test_a_clip_is_carried_over_to_another_body():
     assert len(at_rest) == len(clip)
 
 
+def test_a_clip_is_written_and_read(tmp_path: Path):
+    clip = walker()
+    clip.write(tmp_path / "walk.bvh")
+    again = troupe_reader.read(tmp_path / "walk.bvh", **OPTIONS)
+    np.testing.assert_allclose(again.world()[0], clip.world()[0], atol=1e-4)
+    with pytest.raises(ValueError, match=r"walk\.fbx: .*allowed: \.bvh, \.glb"):
+        clip.write(tmp_path / "walk.fbx")
+    with pytest.raises(FileNotFoundError, match="missing"):
+        clip.write(tmp_path / "missing" / "walk.bvh")
+
+
 def test_parts_of_bodies_can_be_corrected(tmp_path: Path):
     clip, other = walker(), walker(1.5)
     parts = troupe_reader.Figure(clip).parts

@@ -137,6 +137,9 @@ class Clip:
         `ReadError` if `to` is a file that cannot be read.
         """
 
+    def write(self, path: str | PathLike[str]) -> None:
+        """Writes the clip as `.bvh` (centimetres) or `.glb`. Raises `ValueError` for other endings, or `OSError`."""
+
     def __len__(self) -> int:
         """Number of frames."""
 

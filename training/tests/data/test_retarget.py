@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import troupe_reader
 from robot_support import biped as robot_urdf
 from robot_support import walk_rows, write_rows
 from troupe_training.cli.main import main
@@ -116,7 +117,8 @@ def test_clips_of_other_skeletons_are_brought_onto_one(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     arguments = ["prepare", str(folder), "--cache", str(tmp_path / "cache"), "--unit", "cm", "--up", "y"]
-    assert main([*arguments, "--retarget", "own_1.bvh", "--fit-ground"]) == 0
+    carried = tmp_path / "carried"
+    assert main([*arguments, "--retarget", "own_1.bvh", "--fit-ground", "--carried", str(carried)]) == 0
     printed = capsys.readouterr().out
     assert "carried over large_1.bvh (18 joints, as in large_1.bvh" in printed
     assert "dropped crate.bvh: no body is found among the joints" in printed
@@ -135,6 +137,9 @@ def test_clips_of_other_skeletons_are_brought_onto_one(
     assert names == [MIXAMO[part] for part in _depth_first("pelvis")]
     for name in ("own_1.bvh", "own_2.bvh"):
         np.testing.assert_array_equal(mixed[name], own[name])
+    assert sorted(path.name for path in carried.iterdir()) == ["large_1.bvh", "large_2.bvh"]
+    written = troupe_reader.read(carried / "large_2.bvh", unit="cm", up="y").world()[0]
+    np.testing.assert_allclose(written, mixed["large_2.bvh"], atol=1e-4)
     # The squat is the same, at the smaller body's size.
     np.testing.assert_allclose(mixed["large_2.bvh"][:, 0, 1], own["own_1.bvh"][:, 0, 1], atol=0.02)
 

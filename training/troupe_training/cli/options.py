@@ -128,6 +128,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "help": "bring clips of other skeletons onto this one: the name of a file in the folder, or a file of motion, a "
         "character, a robot's URDF or MJCF, or a pack.toml",
     },
+    "--carried": {
+        "type": Path,
+        "metavar": "FOLDER",
+        "help": "with --retarget: also write the clips that were carried over here, as BVH at 30 frames a second",
+    },
     "--force": {"action": "store_true", "help": "take clips whose figures are beyond the bar of --retarget"},
     "--fit-ground": {
         "action": "store_true",

@@ -66,7 +66,18 @@ FILES = (
     "--include",
     "--test-name",
 )
-DATA = (*FILES, "--retarget", "--force", "--fit-ground", "--split-list", "--cells", "--mirror", "--workers", "--cache")
+DATA = (
+    *FILES,
+    "--retarget",
+    "--force",
+    "--fit-ground",
+    "--carried",
+    "--split-list",
+    "--cells",
+    "--mirror",
+    "--workers",
+    "--cache",
+)
 COMPUTING = ("--minutes", "--steps", "--frames-per-step", "--seed", "--device", "--threads")
 TRAINING = ("--run", "--preset", "--balance", *COMPUTING)
 ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
@@ -90,8 +101,10 @@ def _choice(args: argparse.Namespace) -> Choice:
 def _source(args: argparse.Namespace) -> MotionSource:
     """The reader of the data: of a robot's files if a URDF is given, else of files of joints, onto one skeleton if wanted."""
     if args.retarget is None:
-        if args.force or args.fit_ground:
-            raise SystemExit("--force and --fit-ground are for clips of other skeletons: they need --retarget")
+        if args.force or args.fit_ground or args.carried:
+            raise SystemExit(
+                "--force, --fit-ground and --carried are for clips of other skeletons: they need --retarget"
+            )
         return robot_of(args) or JointSource(args.contact_joints, args.scale, reading(args))
     if args.urdf is not None:
         raise SystemExit(
@@ -102,7 +115,7 @@ def _source(args: argparse.Namespace) -> MotionSource:
         joints, own = _apart(args)
         robots = robot_of(own)
     inner = JointSource(joints.contact_joints, joints.scale, reading(joints))
-    return RetargetSource(inner, args.retarget, args.force, args.fit_ground, robots)
+    return RetargetSource(inner, args.retarget, args.force, args.fit_ground, robots, args.carried)
 
 
 def _apart(args: argparse.Namespace) -> tuple[argparse.Namespace, argparse.Namespace]:

@@ -60,7 +60,8 @@ class RetargetSource:
 
     ``to`` is the name of a file in the folder, or the path of a file of motion, of a character or of a ``pack.toml``; with
     a ``robot`` it is that robot, whose own files are read too. Clips beyond the retargeter's bar are refused unless ``force``
-    is set. ``fit_ground`` puts each clip on the ground, as far as its feet stand.
+    is set. ``fit_ground`` puts each clip on the ground, as far as its feet stand. What was carried over is also written as
+    BVH into the folder ``carried``.
     """
 
     def __init__(
@@ -70,10 +71,11 @@ class RetargetSource:
         force: bool = False,
         fit_ground: bool = False,
         robot: RobotReader | None = None,
+        carried: Path | None = None,
     ):
         self.endings = (*inner.endings, *(ROBOTS_OWN if robot else ()))
         self._inner, self._to, self._force, self._fit_ground = inner, to, force, fit_ground
-        self._robot = robot
+        self._robot, self._carried = robot, carried
         self._groups: list[Group] = []
         self._target: Figure | None = None
         self._own: Group | None = None  # clips that have the target's skeleton
@@ -88,6 +90,8 @@ class RetargetSource:
         """Reads all files and finds their skeletons and figures. Raises `ValueError` if the target has none."""
         files = [path for path in files if not self._is_robots(path)]
         self._inner.survey(files)
+        if self._carried is not None:
+            self._carried.mkdir(parents=True, exist_ok=True)
         for path in files:
             self._add(path)
         to = next((path for path in files if self._to in (path.name, path.stem)), Path(self._to))
@@ -124,6 +128,9 @@ class RetargetSource:
             made = _lifted(made, self._own.standing_y_m - _standing_y_m(made, self._own.feet))
         if figures["faults"] and not self._force:
             raise ClipError(f"beyond the bar: {'; '.join(figures['faults'])}; --force takes it all the same")
+        if self._carried is not None:
+            name = path.stem if animation is None else f"{path.stem}_{animation}"
+            made.write(self._carried / f"{name}.bvh")
         motion = file_motion(made)
         motion.report = report
         motion.carried = {"skeleton": group.name, "lift_m": round(lift_m, 4), **figures}
