@@ -8,7 +8,7 @@ use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::clip::Clip;
 use troupe_motion::glb;
 use troupe_motion::read::Understood;
-use troupe_motion::retarget::{Figure, Figures, Retargeter, retarget};
+use troupe_motion::retarget::{Certificate, Figure, Figures, Retargeter, retarget};
 
 use crate::clip::Onto;
 use crate::context::Context;
@@ -17,6 +17,9 @@ use crate::files::{Format, note, understand, understand_character};
 use crate::output::{print, table, to_json};
 use crate::reading::Reading;
 
+/// Faults of the certificate that a message has at most.
+const MOST_FAULTS: usize = 4;
+
 /// Carry the motion of a clip over to another character.
 ///
 /// Bodies are found by the names of their joints, and otherwise by how they stand at rest. Both
@@ -24,7 +27,8 @@ use crate::reading::Reading;
 /// the clip, in the character's size. Fingers keep the character's rest pose.
 ///
 /// The figures say what was kept of the motion: angles between the bones of limbs, sliding of
-/// standing feet, feet under the ground, and feet that do not reach their places. Beyond the bar
+/// standing feet, feet under the ground, and feet that do not reach their places. The same figures
+/// of walks, turns, a crouch and reaches say whether the two bodies go together. Beyond the bar
 /// nothing is written, unless --force is given. No server is needed.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
@@ -91,10 +95,12 @@ pub(super) async fn run(context: &Context, command: &Retarget) -> Result<(), Fai
         return Err(Failure::file(&command.out, why));
     }
     let mut retargeter = Retargeter::new(source, target).map_err(|e| Failure::file(&command.to, e))?;
+    let certificate = Certificate::of(&retargeter);
     let carried = retarget(&mut retargeter, &clip.clip);
     let (made, figures) = carried.map_err(|e| Failure::file(&command.clip, e))?;
-    show(&figures, command.json)?;
-    let faults = figures.faults();
+    show(&figures, &certificate, command.json)?;
+    let mut faults = figures.faults();
+    faults.extend(shortened(certificate.faults()));
     if !faults.is_empty() && !command.force {
         return Err(Failure::file(
             &command.to,
@@ -166,17 +172,36 @@ fn dress(command: &Retarget, clip: &Clip) -> Result<(), Failure> {
     std::fs::write(&command.out, made).map_err(|e| Failure::output(&command.out, e))
 }
 
+/// The first faults of a certificate, and how many more it has.
+fn shortened(mut faults: Vec<String>) -> Vec<String> {
+    let more = faults.len().saturating_sub(MOST_FAULTS);
+    faults.truncate(MOST_FAULTS);
+    if more > 0 {
+        faults.push(format!("{more} more faults of the built-in motions"));
+    }
+    faults
+}
+
 /// Prints the figures.
-fn show(figures: &Figures, as_json: bool) -> Result<(), Failure> {
+fn show(figures: &Figures, certificate: &Certificate, as_json: bool) -> Result<(), Failure> {
     if as_json {
-        return print(&to_json(
-            &json!({ "figures": figures, "faults": figures.faults() }),
-        )?);
+        return print(&to_json(&json!({
+            "figures": figures,
+            "faults": figures.faults(),
+            "certificate": { "trials": certificate.trials, "faults": certificate.faults() },
+        }))?);
     }
     let mut table = table();
     table.set_header(["what is kept", "value"]);
     for (what, value) in figures.rows() {
         table.add_row([what, &value]);
     }
+    let trials = &certificate.trials;
+    let passed = trials
+        .iter()
+        .filter(|trial| trial.figures.faults().is_empty())
+        .count();
+    let share = format!("{passed} of {}", trials.len());
+    table.add_row(["built-in motions within the bar", &share]);
     print(&table.to_string())
 }

@@ -119,6 +119,7 @@ impl Setup {
             seed: 0,
             ttl: TTL,
             character: Character::in_world(self.pack.rig().clone(), options, start, command, world),
+            dress: None,
             style,
             priority: 0.5,
             resident,

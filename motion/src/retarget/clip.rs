@@ -16,15 +16,17 @@ pub fn retarget(retargeter: &mut Retargeter, clip: &Clip) -> Result<(Clip, Figur
     let joints = skeleton.joint_count();
     let mut rotations = Vec::with_capacity(clip.frames() * joints);
     let mut roots = Vec::with_capacity(clip.frames());
-    let mut short_m = 0.0_f32;
+    let mut short = (0.0, None);
     let mut pose = vec![Quat::IDENTITY; joints];
     retargeter.reset();
     for frame in 0..clip.frames() {
         roots.push(retargeter.pose(clip.root_positions[frame], clip.rotations_at(frame), &mut pose));
         rotations.extend_from_slice(&pose);
-        short_m = short_m.max(retargeter.short_m());
+        if retargeter.short_m() > short.0 {
+            short = (retargeter.short_m(), retargeter.short_joint());
+        }
     }
     let made = Clip::new(skeleton, clip.fps, roots, rotations)?;
-    let figures = Figures::of(retargeter.figures(), [clip, &made], short_m);
+    let figures = Figures::of(retargeter.figures(), [clip, &made], short);
     Ok((made, figures))
 }

@@ -7,10 +7,16 @@
 //! the target's own soles. So a foot that stands in the source stands in the target.
 
 mod certificate;
+#[cfg(feature = "files")]
+#[cfg(test)]
+mod certificate_tests;
 mod clip;
+mod dolls;
 mod feet;
 mod figure;
+mod figures;
 mod hinges;
+mod motions;
 mod plan;
 #[cfg(feature = "files")]
 #[cfg(test)]
@@ -26,9 +32,10 @@ use crate::ik::place_end;
 use crate::root::{heading_of, wrap_angle};
 use crate::rotation::{align_sign, slerp, yaw};
 
-pub use certificate::Figures;
+pub use certificate::{Certificate, Trial};
 pub use clip::retarget;
 pub use figure::Figure;
+pub use figures::{Figures, WorstJoints};
 
 /// Share of a leg's length over which it eases towards full reach.
 const SOFT_SHARE: f32 = 0.02;
@@ -95,8 +102,8 @@ pub struct Retargeter {
     /// World rotations that the target's joints should have.
     wanted: Vec<Quat>,
     hinges: Option<Hinges>,
-    /// Farthest that a leg of the last pose remained from its foot's place, metres.
-    short_m: f32,
+    /// Farthest that a leg of the last pose remained from its foot's place, metres, and its ankle.
+    short: (f32, Option<usize>),
 }
 
 impl Retargeter {
@@ -120,7 +127,7 @@ impl Retargeter {
             wanted: to.1.clone(),
             hinges: Hinges::of(&target),
             to,
-            short_m: 0.0,
+            short: (0.0, None),
             source,
             target,
         })
@@ -138,7 +145,12 @@ impl Retargeter {
 
     /// Farthest that a leg of the last pose remained from its foot's place, metres.
     pub fn short_m(&self) -> f32 {
-        self.short_m
+        self.short.0
+    }
+
+    /// The ankle of that leg; none if all legs reach.
+    pub fn short_joint(&self) -> Option<usize> {
+        self.short.1
     }
 
     /// Forgets the poses before: the next one begins a motion.
@@ -177,7 +189,7 @@ impl Retargeter {
             *goal = self.goal(nth);
         }
         let root = root - Vec3::Y * self.drop(&goals[..count]);
-        self.short_m = 0.0;
+        self.short = (0.0, None);
         for (step, &goal) in self.steps.iter().zip(&goals) {
             let rotation = self.wanted[step.chain[2]];
             let pole = yaw(heading_of(rotation * step.still, Vec3::X)) * Vec3::Z;
@@ -191,7 +203,9 @@ impl Retargeter {
                 pole,
                 rotation,
             );
-            self.short_m = self.short_m.max(short);
+            if short > self.short.0 {
+                self.short = (short, Some(step.chain[2]));
+            }
         }
         if let (Some(hinges), Some(robot)) = (&mut self.hinges, &self.target.skeleton.robot) {
             hinges.fit(robot, out);

@@ -15,9 +15,9 @@ use crate::skeleton::Skeleton;
 
 const NUMBERS: [f32; 7] = [0.3, 0.8, 0.1, 0.6, 0.9, 0.2, 0.45];
 /// Height of the hips of [`Person`] over its soles, by its size, metres.
-const HIPS_M: f32 = 0.93;
+pub(super) const HIPS_M: f32 = 0.93;
 
-fn person(words: usize, size: f32, spine: usize, rest: RestPose) -> Person {
+pub(super) fn person(words: usize, size: f32, spine: usize, rest: RestPose) -> Person {
     Person {
         words,
         size,
@@ -26,14 +26,14 @@ fn person(words: usize, size: f32, spine: usize, rest: RestPose) -> Person {
     }
 }
 
-fn figure(skeleton: &Arc<Skeleton>, size: f32) -> Figure {
+pub(super) fn figure(skeleton: &Arc<Skeleton>, size: f32) -> Figure {
     let rest = vec![Quat::IDENTITY; skeleton.joint_count()];
     let skeleton = Arc::clone(skeleton);
     Figure::new(skeleton, &rest, Some(HIPS_M * size), &PartsDoc::default()).unwrap()
 }
 
 /// The example of the repository: a walk with its own skeleton.
-fn example() -> (Clip, Figure) {
+pub(super) fn example() -> (Clip, Figure) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/walk.bvh");
     let bytes = std::fs::read(path).unwrap();
     let found = read(&Source::new("walk.bvh", &bytes), &Options::default()).unwrap();
@@ -155,8 +155,8 @@ fn what_is_no_body_is_refused() {
     assert!(error.contains("87° away from upwards"), "{error}");
 }
 
-#[test]
-fn a_robot_keeps_its_limits() {
+/// The G1 of the repository's pack.
+pub(super) fn g1() -> Arc<Skeleton> {
     #[derive(serde::Deserialize)]
     struct Tables {
         skeleton: Skeleton,
@@ -164,7 +164,12 @@ fn a_robot_keeps_its_limits() {
     }
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/g1/pack.toml");
     let tables: Tables = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-    let g1 = Arc::new(tables.skeleton.with_robot(&tables.robot).unwrap());
+    Arc::new(tables.skeleton.with_robot(&tables.robot).unwrap())
+}
+
+#[test]
+fn a_robot_keeps_its_limits() {
+    let g1 = g1();
     let (clip, source) = example();
     let target = Figure::of_robot(Arc::clone(&g1), &PartsDoc::default()).unwrap();
     // The document of its parts gives the same parts again.

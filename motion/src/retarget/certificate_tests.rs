@@ -1,0 +1,116 @@
+//! Which pairs of bodies get a certificate.
+
+use std::sync::Arc;
+
+use glam::Quat;
+
+use super::dolls::doll;
+use super::tests::{HIPS_M, example, figure, g1, person};
+use super::*;
+use crate::anatomy::{LimbDoc, PartsDoc};
+use crate::read::RestPose;
+
+fn certificate(source: &Figure, target: &Figure) -> Certificate {
+    Certificate::of(&Retargeter::new(source.clone(), target.clone()).unwrap())
+}
+
+/// A person whose parts a document corrects.
+fn corrected(correct: impl Fn(&mut PartsDoc)) -> Figure {
+    let skeleton = person(0, 1.0, 3, RestPose::T).skeleton();
+    let found = figure(&skeleton, 1.0);
+    let mut doc = PartsDoc::of(found.parts(), &skeleton);
+    correct(&mut doc);
+    let rest = vec![Quat::IDENTITY; skeleton.joint_count()];
+    Figure::new(skeleton, &rest, Some(HIPS_M), &doc).unwrap()
+}
+
+#[test]
+fn people_of_many_shapes_and_robots_go_together() {
+    let (_, source) = example();
+    for (words, size, spine, rest) in [
+        (0, 1.0, 3, RestPose::T),
+        (1, 0.5, 1, RestPose::A),
+        (2, 1.6, 4, RestPose::Standing),
+    ] {
+        let target = figure(&person(words, size, spine, rest).skeleton(), size);
+        for pair in [[&source, &target], [&target, &source]] {
+            let certificate = certificate(pair[0], pair[1]);
+            assert_eq!(certificate.faults(), [""; 0], "{words}");
+            assert!(certificate.passes() && certificate.trials.len() == 10);
+        }
+    }
+    let robot = Figure::of_robot(g1(), &PartsDoc::default()).unwrap();
+    for pair in [[&source, &robot], [&robot, &source]] {
+        assert_eq!(certificate(pair[0], pair[1]).faults(), [""; 0]);
+    }
+}
+
+#[test]
+fn animals_go_together() {
+    let [of, mut larger] = [true, true].map(doll);
+    assert_eq!(certificate(&of, &of).faults(), [""; 0]);
+    let mut skeleton = (*larger.skeleton).clone();
+    for joint in &mut skeleton.joints {
+        joint.offset_m *= 1.7;
+    }
+    larger.skeleton = Arc::new(skeleton);
+    larger.places.iter_mut().for_each(|place| *place *= 1.7);
+    larger.leg_m *= 1.7;
+    let certificate = certificate(&of, &larger);
+    assert_eq!(certificate.faults(), [""; 0]);
+    assert_eq!(certificate.trials.len(), 4);
+}
+
+#[test]
+fn arms_on_the_wrong_side_are_refused_with_the_shoulder() {
+    let (_, source) = example();
+    let target = corrected(|doc| std::mem::swap(&mut doc.left_arm, &mut doc.right_arm));
+    for (pair, joint) in [
+        ([&source, &target], "mixamorig:RightArm"),
+        ([&target, &source], "UpperArm_L"),
+    ] {
+        let faults = certificate(pair[0], pair[1]).faults();
+        let wanted = format!("walk: the difference of a line across the body at {joint} is");
+        assert!(
+            faults.iter().any(|fault| fault.starts_with(&wanted)),
+            "{faults:#?}"
+        );
+    }
+}
+
+#[test]
+fn legs_of_the_other_side_are_refused_with_the_foot() {
+    let (_, source) = example();
+    let target = corrected(|doc| std::mem::swap(&mut doc.left_leg, &mut doc.right_leg));
+    let faults = certificate(&source, &target).faults();
+    let wanted = "the difference of a line across the body at mixamorig:RightFoot is";
+    assert!(faults.iter().any(|fault| fault.contains(wanted)), "{faults:#?}");
+}
+
+#[test]
+fn crossed_legs_are_refused_with_the_foot() {
+    let (_, source) = example();
+    let target = corrected(|doc| {
+        let (Some(left), Some(right)) = (&mut doc.left_leg, &mut doc.right_leg) else {
+            unreachable!()
+        };
+        let swap = |a: &mut LimbDoc, b: &mut LimbDoc| {
+            std::mem::swap(&mut a.lower, &mut b.lower);
+            std::mem::swap(&mut a.end, &mut b.end);
+        };
+        swap(left, right);
+    });
+    let faults = certificate(&source, &target).faults();
+    let wanted = "distance of feet from their places at mixamorig:RightFoot is inf";
+    assert!(faults.iter().any(|fault| fault.contains(wanted)), "{faults:#?}");
+}
+
+#[test]
+fn a_certificate_is_always_the_same() {
+    let (clip, source) = example();
+    let target = figure(&person(0, 0.8, 3, RestPose::T).skeleton(), 0.8);
+    let mut retargeter = Retargeter::new(source, target).unwrap();
+    let first = Certificate::of(&retargeter);
+    retarget(&mut retargeter, &clip).unwrap();
+    assert_eq!(Certificate::of(&retargeter), first);
+}
