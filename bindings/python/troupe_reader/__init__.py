@@ -24,7 +24,7 @@ from troupe_reader._native import (
     read,
     read_robot,
 )
-from troupe_reader.options import Choice, FileOptions, LimbParts, Parts, RetargetFigures
+from troupe_reader.options import Choice, FileOptions, LimbParts, Parts, RetargetFigures, WorstJoints
 
 __all__ = [
     "ENDINGS",
@@ -40,6 +40,7 @@ __all__ = [
     "RetargetFigures",
     "RobotDescription",
     "Skeleton",
+    "WorstJoints",
     "animations",
     "read",
     "read_robot",

@@ -85,6 +85,21 @@ class Parts(TypedDict, total=False):
     right_arm: LimbParts
 
 
+class WorstJoints(TypedDict):
+    """The joints of the body whose figures are worst, by name. Empty if no joint has the figure."""
+
+    bone: str
+    """Of `worst_deg`: where the bone begins."""
+    line: str
+    """Of `lines_deg`: the left end of a line across the body, or its beginning."""
+    skate: str
+    """The point of a foot that slides most beyond the clip's."""
+    under: str
+    """Of `under_m`."""
+    short: str
+    """Of `short_m`."""
+
+
 class RetargetFigures(TypedDict):
     """What a clip keeps of its motion on another body."""
 
@@ -92,6 +107,8 @@ class RetargetFigures(TypedDict):
     """Mean angle between the bones of limbs in the clip and on the body, degrees."""
     worst_deg: float
     """The largest mean of a single bone, degrees."""
+    lines_deg: float
+    """Angle between the lines across the body, such as from hip to hip, of the worst line, degrees."""
     skate_mps: float
     """Mean speed of the body's feet over the ground while the clip's stand, m/s."""
     source_skate_mps: float
@@ -100,5 +117,7 @@ class RetargetFigures(TypedDict):
     """Farthest that a foot is under the ground, deeper than in the clip, metres."""
     short_m: float
     """Farthest that a foot remains from its place, metres."""
+    joints: WorstJoints
+    """Which joints these are."""
     faults: list[str]
     """What is beyond the bar, each as a sentence. Empty if all is well."""

@@ -162,11 +162,12 @@ def carried_line(file: str, carried: dict[str, Any]) -> str:
     """What a report says of a clip that was carried over."""
     lift = f", lifted by {100 * carried['lift_m']:+.0f} cm" if carried["lift_m"] else ""
     beyond = "".join(f"; beyond the bar: {fault}" for fault in carried["faults"])
+    bone = carried["joints"]["bone"]
     return (
         f"carried over {file} ({carried['skeleton']}{lift}): bones off by {carried['directions_deg']:.1f}° (worst "
-        f"{carried['worst_deg']:.1f}°), standing feet slide {100 * carried['skate_mps']:.1f} cm/s (in the clip, scaled: "
-        f"{100 * carried['source_skate_mps']:.1f}), feet {100 * carried['under_m']:.1f} cm under the ground and "
-        f"{100 * carried['short_m']:.1f} cm short{beyond}"
+        f"{carried['worst_deg']:.1f}°{f' at {bone}' if bone else ''}), standing feet slide {100 * carried['skate_mps']:.1f} cm/s "
+        f"(in the clip, scaled: {100 * carried['source_skate_mps']:.1f}), feet {100 * carried['under_m']:.1f} cm under the "
+        f"ground and {100 * carried['short_m']:.1f} cm short{beyond}"
     )
 
 
