@@ -22,8 +22,8 @@ from troupe_training.data.skeleton import Skeleton
 SAME_BONES_M = 1e-3  # most that the bones of one skeleton differ between files
 FIGURE_FRAMES = 9000  # most that a figure is found by, spread evenly over the clips of its skeleton
 STANDING_PERCENTILE = 5.0  # of the heights of the lowest joint of the feet: it stands there
-# Height of toes over the ground, and of ankles of feet without toes, by the length of the legs. The figure of a skeleton
-# takes up what is off, because it is measured on the same clips.
+# Height of toes over the ground, and of ankles of feet without toes, by the length of the legs. The
+# figure of a skeleton takes up what is off, because it is measured on the same clips.
 TOE_SHARE, ANKLE_SHARE = 0.03, 0.09
 PACK_FILE = "pack.toml"
 ROBOTS_OWN = (".csv", ".npy")  # endings of files that hold a robot's angles and nothing else
