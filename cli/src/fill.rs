@@ -9,6 +9,7 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::read_clip;
+use crate::hero::Hero;
 use crate::reading::Reading;
 use crate::roots::read_roots;
 use crate::splice::gap_of;
@@ -102,11 +103,13 @@ pub(super) struct Filled {
     pub(super) answers: InBetweenAnswers,
 }
 
-/// Reads the clip and has the server fill its gap. Without `length` the gap keeps its length.
+/// Reads the clip and has the server fill its gap. Without `length` the gap keeps its length. Roots
+/// are in the size of the character that wears the motion.
 pub(super) async fn fill(
     context: &Context,
     gap: &Gap,
     length: Option<SegmentLength>,
+    hero: Option<&Hero<'_>>,
 ) -> Result<Filled, Failure> {
     // Checked first, so that no work is lost.
     let roots = gap
@@ -121,6 +124,13 @@ pub(super) async fn fill(
         &gap.reading.of_input(&gap.clip, &pack),
         &context.term,
     )?;
+    let roots = match (roots, hero) {
+        (None, _) => Vec::new(),
+        (Some(roots), hero) => {
+            let scale = hero.map_or(Ok(1.0), |hero| hero.scale(pack.skeleton()))?;
+            roots.into_iter().map(|root| root.key(scale)).collect()
+        }
+    };
     let targets = usize::from(gap.target_frames);
     let last_target = gap.to + targets - 1;
     let task = InBetween::from_clip_range(&clip, gap.from, gap.to..=last_target)?
@@ -129,7 +139,7 @@ pub(super) async fn fill(
         .pose_steps(gap.sampling.pose_steps)
         .hold_feet(!gap.sampling.free_feet)
         .strict(gap.strict)
-        .root(roots.unwrap_or_default());
+        .root(roots);
     let task = match length {
         Some(length) => task.length(length),
         None => {

@@ -12,8 +12,9 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::feasibility::verdict;
-use crate::files::{Format, Layout, close};
+use crate::files::{Layout, close};
 use crate::film::draw_motion;
+use crate::hero::{OntoHero, Writer};
 use crate::output::print;
 use crate::own_body::OwnBody;
 use crate::path::Path;
@@ -33,7 +34,8 @@ Examples:
   troupe generate --skeleton human --path examples/paths/square.toml --style walk=0.6 --style old=0.4 --out old.glb
   troupe generate --pack g1 --path examples/paths/square.toml --style march --out march.csv
   troupe generate --skeleton my-character.fbx --path examples/paths/square.toml --out mine.glb --loop
-  troupe generate --skeleton horse --path examples/paths/square.toml --speed 3 --style trot --out trot.glb")]
+  troupe generate --skeleton horse --path examples/paths/square.toml --speed 3 --style trot --out trot.glb
+  troupe generate --path examples/paths/square.toml --style walk --onto hero.glb --out hero-walk.glb")]
 pub(crate) struct Generate {
     /// Path to follow (TOML).
     #[arg(long, value_name = "FILE")]
@@ -87,6 +89,9 @@ pub(crate) struct Generate {
     #[arg(long = "loop")]
     pub(crate) loops: bool,
 
+    #[command(flatten)]
+    pub(crate) onto: OntoHero,
+
     /// Print what was done as JSON.
     #[arg(long)]
     pub(crate) json: bool,
@@ -121,7 +126,9 @@ impl FromStr for Word {
 }
 
 pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Failure> {
-    let format = Format::of_layout(&command.out, command.layout)?;
+    let hero = command.onto.read(&context.term)?;
+    let hero = hero.as_ref();
+    let writer = Writer::of(&command.out, command.layout, hero)?;
     let path = Path::read(&command.path)?;
     let own = OwnBody::read(&command.skeleton, &context.term)?;
     let (client, pack) = connect(context, command, own.is_some()).await?;
@@ -129,9 +136,10 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
         Some(own) => own.on(&pack),
         None => pack.of_body(&command.skeleton)?,
     };
-    format.fits(&pack, &command.out)?;
+    writer.fits(&pack, (&command.out, hero))?;
+    let scale = hero.map_or(Ok(1.0), |hero| hero.scale(pack.skeleton()))?;
     let asked = std::time::Instant::now();
-    let mut request = request(&path, command);
+    let mut request = request(&path.sized(1.0 / scale), command, scale);
     if let Some(own) = &own {
         request = request.skeleton(own.message());
     }
@@ -140,7 +148,10 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
     if command.loops {
         made.clip = close(&made.clip, &context.term).map_err(|e| Failure::Other(e.to_string()))?;
     }
-    format.write(&made.clip, &command.out, &Reading::default())?;
+    if let Some(hero) = hero {
+        made.clip = hero.wear(&made.clip, &made.clip, &context.term)?;
+    }
+    writer.write(&made.clip, &command.out, "generated", &Reading::default())?;
     if let Some(file) = &command.picture {
         let png = draw(&path, &pack, &made.clip, command).map_err(Failure::Other)?;
         std::fs::write(file, png).map_err(|e| Failure::output(file, e))?;
@@ -234,15 +245,15 @@ fn draw(path: &Path, pack: &Pack, clip: &Clip, command: &Generate) -> Result<Vec
     draw_motion(clip, &way, &words.join(" "), (title, about))
 }
 
-/// The request for the path with the options.
-fn request(path: &Path, command: &Generate) -> FollowPath {
+/// The request for the path with the options, whose speed is divided by `scale`.
+fn request(path: &Path, command: &Generate, scale: f32) -> FollowPath {
     let place = |at: Vec2| Vec3::new(at.x, 0.0, at.y);
     let (mut time_s, mut from, mut facing) = (0.0, path.start, None);
     let mut points = vec![(place(path.start), Some(path.heading), Some(0.0))];
     // Headings count only if a waypoint has one. Else the body heads along its way.
     let says = path.waypoints.iter().any(|point| point.manner.facing.is_some());
     for point in &path.waypoints {
-        let speed = command.speed.unwrap_or(point.speed_mps);
+        let speed = command.speed.map_or(point.speed_mps, |speed| speed / scale);
         time_s += (from.distance(point.at) / speed.max(0.01)).max(0.01);
         facing = point.manner.facing.or(facing);
         points.push((place(point.at), facing, Some(time_s)));

@@ -9,8 +9,9 @@ use troupe_client::SegmentLength;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::feasibility::verdict;
-use crate::files::{Format, Layout};
+use crate::files::Layout;
 use crate::fill::{Gap, fill};
+use crate::hero::{OntoHero, Writer};
 use crate::output::print;
 use crate::splice::splice;
 
@@ -26,7 +27,8 @@ Examples:
   troupe inbetween --clip walk.bvh --from 60 --to 95 --out filled.bvh
   troupe inbetween --clip walk.bvh --from 60 --to 95 --out filled.glb --temperature 0.8 --seed 3
   troupe inbetween --clip walk.bvh --from 60 --to 95 --out gap.bvh --free-timing --only-gap
-  troupe inbetween --clip examples/walk.bvh --from 30 --to 65 --roots examples/roots/bend.toml --out bent.glb")]
+  troupe inbetween --clip examples/walk.bvh --from 30 --to 65 --roots examples/roots/bend.toml --out bent.glb
+  troupe inbetween --clip examples/walk.bvh --from 30 --to 65 --onto hero.glb --out hero-walk.glb")]
 pub(crate) struct Inbetween {
     #[command(flatten)]
     pub(crate) gap: Gap,
@@ -53,6 +55,9 @@ pub(crate) struct Inbetween {
     #[arg(long)]
     pub(crate) only_gap: bool,
 
+    #[command(flatten)]
+    pub(crate) onto: OntoHero,
+
     /// Print what was done as JSON.
     #[arg(long)]
     pub(crate) json: bool,
@@ -60,14 +65,17 @@ pub(crate) struct Inbetween {
 
 pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Failure> {
     // Checked first, so that no work is lost.
-    let format = Format::of_layout(&command.out, command.layout)?;
-    (format.check(context, &command.gap.sampling.pack, &command.out)).await?;
+    let hero = command.onto.read(&context.term)?;
+    let hero = hero.as_ref();
+    let writer = Writer::of(&command.out, command.layout, hero)?;
+    let pack = &command.gap.sampling.pack;
+    writer.check(context, pack, (&command.out, hero)).await?;
     let length = if command.free_timing {
         Some(SegmentLength::Predicted)
     } else {
         command.frame_count.map(SegmentLength::Frames)
     };
-    let filled = fill(context, &command.gap, length).await?;
+    let filled = fill(context, &command.gap, length, hero).await?;
     let (from, to) = (command.gap.from, command.gap.to);
 
     let clip = if command.only_gap {
@@ -75,7 +83,11 @@ pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Fa
     } else {
         splice(&filled.clip, from, to, &filled.generated).map_err(|e| Failure::Other(e.to_string()))?
     };
-    format.write(&clip, &command.out, &command.gap.reading)?;
+    let clip = match hero {
+        Some(hero) => hero.wear(&clip, &filled.clip, &context.term)?,
+        None => clip,
+    };
+    writer.write(&clip, &command.out, "inbetween", &command.gap.reading)?;
 
     let out = command.out.display();
     let (frames, generated) = (clip.frames(), filled.generated.frames());

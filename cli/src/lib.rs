@@ -14,6 +14,7 @@ mod fill;
 mod film;
 mod generate;
 mod graphics;
+mod hero;
 mod inbetween;
 mod object;
 mod output;

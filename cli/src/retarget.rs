@@ -16,6 +16,7 @@ use crate::failure::Failure;
 use crate::files::{Format, note, understand, understand_character};
 use crate::output::{print, table, to_json};
 use crate::reading::Reading;
+use crate::term::Term;
 
 /// Faults of the certificate that a message has at most.
 const MOST_FAULTS: usize = 4;
@@ -78,9 +79,8 @@ pub(super) struct Retarget {
 }
 
 pub(super) async fn run(context: &Context, command: &Retarget) -> Result<(), Failure> {
-    let dresses = dresses(&command.to, &command.out);
     // Checked first, so that no work is lost.
-    let format = match dresses {
+    let format = match is_whole(&command.to) && is_whole(&command.out) {
         true => None,
         false => Some(Format::of(&command.out)?),
     };
@@ -88,7 +88,7 @@ pub(super) async fn run(context: &Context, command: &Retarget) -> Result<(), Fai
     let clip = understand(&command.clip, options, None).map_err(|why| Failure::file(&command.clip, why))?;
     note(&command.clip, &clip.report, &context.term);
     let source = figure(&command.clip, &clip, command.clip_parts.as_deref())?;
-    let target = character(&command.to, command.to_parts.as_deref(), context)?;
+    let target = character(&command.to, command.to_parts.as_deref(), &context.term)?;
     let is_robot = target.skeleton().robot.is_some();
     if format.is_some_and(Format::is_for_robots) && !is_robot {
         let why = "it would hold a robot's angles, but the character is no robot";
@@ -124,13 +124,10 @@ pub(super) async fn run(context: &Context, command: &Retarget) -> Result<(), Fai
     Ok(())
 }
 
-/// Whether the character's own file gets the motion.
-fn dresses(to: &Path, out: &Path) -> bool {
-    let is_whole = |path: &Path| {
-        let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
-        ending.is_some_and(|ending| ending == "glb" || ending == "vrm")
-    };
-    is_whole(to) && is_whole(out)
+/// Whether a file can hold a character with its mesh and skin.
+pub(crate) fn is_whole(path: &Path) -> bool {
+    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    ending.is_some_and(|ending| ending == "glb" || ending == "vrm")
 }
 
 /// The body of a file.
@@ -142,7 +139,7 @@ fn figure(path: &Path, found: &Understood, parts: Option<&Path>) -> Result<Figur
 }
 
 /// The body of a character's file.
-fn character(path: &Path, parts: Option<&Path>, context: &Context) -> Result<Figure, Failure> {
+pub(crate) fn character(path: &Path, parts: Option<&Path>, term: &Term) -> Result<Figure, Failure> {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     if ending.is_some_and(|ending| ending == "urdf" || ending == "xml") {
         let skeleton = Onto::robot_of(path, &[], &[])?;
@@ -150,7 +147,7 @@ fn character(path: &Path, parts: Option<&Path>, context: &Context) -> Result<Fig
         return Figure::of_robot(skeleton.into(), &doc).map_err(|why| Failure::file(path, why));
     }
     let found = understand_character(path).map_err(|why| Failure::file(path, why))?;
-    note(path, &found.report, &context.term);
+    note(path, &found.report, term);
     figure(path, &found, parts)
 }
 
@@ -173,7 +170,7 @@ fn dress(command: &Retarget, clip: &Clip) -> Result<(), Failure> {
 }
 
 /// The first faults of a certificate, and how many more it has.
-fn shortened(mut faults: Vec<String>) -> Vec<String> {
+pub(crate) fn shortened(mut faults: Vec<String>) -> Vec<String> {
     let more = faults.len().saturating_sub(MOST_FAULTS);
     faults.truncate(MOST_FAULTS);
     if more > 0 {

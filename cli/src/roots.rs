@@ -25,13 +25,40 @@ struct Entry {
     heading_deg: Option<f32>,
 }
 
+/// A root of a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Root {
+    /// Counted from the first context frame.
+    frame: u32,
+    at: Option<Vec2>,
+    height_m: Option<f32>,
+    heading: Option<f32>,
+}
+
+impl Root {
+    /// The key in a request, with lengths divided by `scale`.
+    pub(super) fn key(self, scale: f32) -> RootKey {
+        let mut key = RootKey::new(self.frame);
+        if let Some(at) = self.at {
+            key = key.ground(at / scale);
+        }
+        if let Some(height_m) = self.height_m {
+            key = key.height(height_m / scale);
+        }
+        if let Some(heading) = self.heading {
+            key = key.heading(heading);
+        }
+        key
+    }
+}
+
 /// Reads the roots of a file, whose frames count as `from` does, the last context frame.
-pub(super) fn read_roots(path: &Path, from: usize) -> Result<Vec<RootKey>, Failure> {
+pub(super) fn read_roots(path: &Path, from: usize) -> Result<Vec<Root>, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| Failure::file(path, e))?;
     parse(&text, from).map_err(|why| Failure::file(path, why))
 }
 
-fn parse(text: &str, from: usize) -> Result<Vec<RootKey>, String> {
+fn parse(text: &str, from: usize) -> Result<Vec<Root>, String> {
     let file: File = toml::from_str(text).map_err(|e| e.to_string())?;
     let start = (from + 1).saturating_sub(CONTEXT_FRAMES);
     let line = |at: usize| text[..at].matches('\n').count() + 1;
@@ -46,23 +73,22 @@ fn parse(text: &str, from: usize) -> Result<Vec<RootKey>, String> {
                 "line {line}: frame {frame} is before the segment; allowed: {start} and more"
             ));
         };
-        let mut key = RootKey::new(inside);
-        if let Some(at) = &entry.at {
-            let &[x, z] = &**at.get_ref() else {
-                let line = line(at.span().start);
+        let at = match entry.at.as_ref().map(|at| (&**at.get_ref(), at.span())) {
+            None => None,
+            Some((&[x, z], _)) => Some(Vec2::new(x, z)),
+            Some((_, span)) => {
+                let line = line(span.start);
                 return Err(format!(
                     "line {line}: `at` is not a place; allowed: [x, z] in metres"
                 ));
-            };
-            key = key.ground(Vec2::new(x, z));
-        }
-        if let Some(height_m) = entry.height_m {
-            key = key.height(height_m);
-        }
-        if let Some(degrees) = entry.heading_deg {
-            key = key.heading(degrees.to_radians());
-        }
-        Ok(key)
+            }
+        };
+        Ok(Root {
+            frame: inside,
+            at,
+            height_m: entry.height_m,
+            heading: entry.heading_deg.map(f32::to_radians),
+        })
     };
     file.root.iter().map(key).collect()
 }
@@ -91,7 +117,13 @@ mod tests {
                 .height(0.9)
                 .heading(std::f32::consts::FRAC_PI_2),
         ];
-        assert_eq!(parse(text, 30).unwrap(), wanted);
+        let keys = |scale: f32| -> Vec<RootKey> {
+            let roots = parse(text, 30).unwrap().into_iter();
+            roots.map(|root| root.key(scale)).collect()
+        };
+        assert_eq!(keys(1.0), wanted);
+        // Of a character of half the size.
+        assert_eq!(keys(0.5)[0], RootKey::new(13).ground(Vec2::new(0.6, 3.0)));
         assert_eq!(parse("", 30).unwrap(), []);
     }
 

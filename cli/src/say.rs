@@ -9,8 +9,9 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, Layout, read_clip};
+use crate::files::{Layout, read_clip};
 use crate::film::draw_motion;
+use crate::hero::{OntoHero, Writer};
 use crate::output::print;
 use crate::reading::Reading;
 use crate::tokens::Tokens;
@@ -27,7 +28,8 @@ Examples:
   troupe say \"an elderly man waves\" --out wave.glb
   troupe say \"a person walks in a circle\" --seconds 6 --seed 3 --out circle.bvh --picture circle.png
   troupe say \"he sits down\" --past walk.bvh --out sit.glb --temperature 0.8 --top-p 0.9
-  troupe say \"a person waves\" --beside \"a person bows\" --out meeting.glb")]
+  troupe say \"a person waves\" --beside \"a person bows\" --out meeting.glb
+  troupe say \"a person waves\" --onto hero.vrm --out hero-waves.vrm")]
 pub(crate) struct Say {
     /// A sentence for the character.
     #[arg(value_name = "WORDS")]
@@ -68,6 +70,9 @@ pub(crate) struct Say {
     pub(crate) picture: Option<PathBuf>,
 
     #[command(flatten)]
+    pub(crate) onto: OntoHero,
+
+    #[command(flatten)]
     pub(crate) reading: Reading,
 
     /// Print what was done as JSON.
@@ -76,16 +81,23 @@ pub(crate) struct Say {
 }
 
 pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure> {
-    let format = Format::of_layout(&command.out, command.layout)?;
+    let hero = command.onto.read(&context.term)?;
+    let hero = hero.as_ref();
+    let writer = Writer::of(&command.out, command.layout, hero)?;
     let (client, pack) = context.connect_to_able("text", &command.pack).await?;
-    format.fits(&pack, &command.out)?;
+    writer.fits(&pack, (&command.out, hero))?;
     let asked = std::time::Instant::now();
     let making = client.say(&pack, &prompt(context, command, &pack)?).await?;
-    let made = making.whole().await?;
+    let mut made = making.whole().await?;
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
     let outs = outs(&command.out, made.others.len());
+    if let Some(hero) = hero {
+        for clip in [&mut made.clip].into_iter().chain(&mut made.others) {
+            *clip = hero.wear(clip, clip, &context.term)?;
+        }
+    }
     for (clip, out) in [&made.clip].into_iter().chain(&made.others).zip(&outs) {
-        format.write(clip, out, &command.reading)?;
+        writer.write(clip, out, &command.text, &command.reading)?;
     }
     if let Some(file) = &command.picture {
         let png = draw(command, &pack, &made.clip).map_err(Failure::Other)?;

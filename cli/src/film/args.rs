@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::hero::OntoHero;
 use crate::reading::Reading;
 use crate::take::Character;
 
@@ -63,6 +64,9 @@ pub(crate) struct Film {
     pub(crate) character: Character,
 
     #[command(flatten)]
+    pub(crate) onto: OntoHero,
+
+    #[command(flatten)]
     pub(crate) reading: Reading,
 }
 
@@ -108,6 +112,9 @@ impl Film {
     /// # Errors
     /// [`Failure::Input`] if one is given without a clip.
     pub(crate) fn check(&self) -> Result<(), Failure> {
+        if self.onto.onto.is_some() && self.subject.cast.is_some() {
+            return Err(Failure::Input("--onto needs --path or --clip".to_owned()));
+        }
         let without_fps = Reading {
             fps: None,
             ..self.reading.clone()

@@ -86,6 +86,14 @@ pub(crate) struct Manner {
     pub(crate) height_m: Option<f32>,
 }
 
+impl Manner {
+    fn size(&mut self, by: f32) {
+        if let Some(height_m) = &mut self.height_m {
+            *height_m *= by;
+        }
+    }
+}
+
 /// A place to go to.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Waypoint {
@@ -138,6 +146,29 @@ impl Path {
             on_the_way
         };
         (last + done).max(on_the_way + spare) + AFTERMATH_S
+    }
+
+    /// The path with all lengths and speeds multiplied.
+    pub(crate) fn sized(&self, by: f32) -> Self {
+        let mut path = self.clone();
+        path.start *= by;
+        for point in &mut path.waypoints {
+            point.at *= by;
+            point.speed_mps *= by;
+            point.manner.size(by);
+        }
+        for command in &mut path.commands {
+            match &mut command.motion {
+                Motion::Velocity(velocity) => *velocity *= by,
+                Motion::Polar {
+                    speed_mps: Some(speed_mps),
+                    ..
+                } => *speed_mps *= by,
+                Motion::AsBefore | Motion::Polar { .. } => {}
+            }
+            command.manner.size(by);
+        }
+        path
     }
 
     /// Whether it has a skill.

@@ -361,3 +361,22 @@ fn a_skill_is_done_and_waited_for() {
         assert!(error.contains(wanted), "{text}: {error}");
     }
 }
+
+#[test]
+fn a_path_takes_the_size_of_a_character() {
+    let path = parse(
+        "start = [1, 2]
+        [[waypoint]]
+        at = [3, 4]
+        speed = 1.5
+        height_m = 0.8",
+    );
+    let half = path.sized(0.5);
+    assert_eq!(
+        (half.start, half.waypoints[0].at),
+        (path.start * 0.5, path.waypoints[0].at * 0.5)
+    );
+    assert_eq!(half.waypoints[0].speed_mps, 0.75);
+    assert_eq!(half.waypoints[0].manner.height_m, Some(0.4));
+    assert_eq!(half.sized(2.0), path);
+}

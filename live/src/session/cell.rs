@@ -113,7 +113,7 @@ impl Live {
     pub fn sample(&mut self, out: &mut FrameOut) {
         self.character.sample(out);
         if let Some(dress) = &mut self.dress {
-            dress.put_on(out);
+            dress.put_on(&self.character, out);
         }
     }
 

@@ -65,7 +65,9 @@ impl EventQueue {
 
 /// The object in a character's hand, as a message for the session in `slot`.
 pub(super) fn held(character: &Character, slot: u32, measure: Measure) -> Option<v1::HeldObject> {
-    let HeldObject { instance, transform } = character.held()?;
+    let HeldObject {
+        instance, transform, ..
+    } = character.held()?;
     Some(v1::HeldObject {
         slot,
         instance: instance.to_string(),

@@ -54,6 +54,8 @@ struct Record<'a> {
     body: &'a str,
     /// The skeleton that it wears. Empty: the pack's.
     skeleton: &'a str,
+    /// Metres of its user for a metre of the character.
+    scale: f32,
     convention: Convention,
     seed: u64,
     scene: Option<&'a str>,
@@ -246,6 +248,13 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
             worn.map_err(|error| text(&error))?
         }
     };
+    let scale = pack.worn().map_or(1.0, |worn| worn.scale());
+    if scale != record.scale {
+        return Err(format!(
+            "skeleton {:?} has another size now: {scale}, and {} before",
+            record.skeleton, record.scale
+        ));
+    }
     let style = pack.styles().get(record.style);
     let style = style.ok_or_else(|| format!("there is no style {:?}", record.style))?;
     let resident =
@@ -258,6 +267,7 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
             scene: resident.cell().clone(),
             definitions: world.definitions().clone(),
             holder: Holder::new(id.clone()),
+            scale,
         }),
     };
     let character = saved::restore(record.character, &around).map_err(|error| text(&error))?;
@@ -502,6 +512,7 @@ impl Keeper {
             pack: cell.pack().name(),
             body: cell.pack().body_name(),
             skeleton: cell.pack().worn().map_or("", |worn| worn.name()),
+            scale: cell.measure().scale(),
             convention: cell.convention(),
             seed: cell.seed(),
             scene: cell.scene().map(|name| &**name),

@@ -55,6 +55,7 @@ pub(super) fn parts(
         scene: resident.cell().clone(),
         definitions: store.definitions().clone(),
         holder: Holder::new(id.clone()),
+        scale: pack.worn().map_or(1.0, |worn| worn.scale()),
     });
     let dress = pack.worn().map(|worn| worn.dress());
     let command = LocomotionCommand {

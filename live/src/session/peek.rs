@@ -71,7 +71,7 @@ fn future(
         out.rotations.extend_from_slice(pose);
         if let Some(dress) = &mut dress {
             out.frame = peek.first_frame + index as u64;
-            dress.put_on(&mut out);
+            dress.put_on_later(&mut out);
         }
         writer.write((0, index), &out, convention, live_pack.shown());
     }

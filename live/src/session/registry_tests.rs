@@ -93,6 +93,7 @@ impl Setup {
             scene: resident.cell().clone(),
             definitions: Arc::default(),
             holder: Holder::new(id),
+            scale: 1.0,
         });
         let style = Arc::new(walker_style());
         let options = CharacterOptions {

@@ -2,7 +2,9 @@
 
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::{FieldError, Path};
+use troupe_motion::Quat;
 use troupe_motion::anatomy::PartsDoc;
+use troupe_motion::fk::local_from_world_rotations;
 use troupe_motion::model::Rig;
 use troupe_motion::read::{self, Options, Report, Source};
 use troupe_motion::retarget::{Figure, RetargetError};
@@ -103,12 +105,10 @@ fn of_joints(
     notes: &mut Vec<String>,
 ) -> Result<BodyDoc, FieldError> {
     let body = inline_body(path, joints, rig, notes)?;
-    let figure = Figure::standing(
-        body.rig.skeleton.clone(),
-        body.neutral.to_vec(),
-        body.height_m,
-        parts,
-    );
+    let skeleton = &body.rig.skeleton;
+    let mut local = vec![Quat::IDENTITY; body.joints()];
+    local_from_world_rotations(skeleton, &body.neutral, &mut local);
+    let figure = Figure::new(skeleton.clone(), &local, Some(body.height_m), parts);
     of_figure(path, &figure.map_err(|error| not_found(path, &error))?)
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use troupe_character::live::FrameOut;
+use troupe_character::live::{Character, FrameOut};
 use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::local_from_world_rotations;
@@ -145,6 +145,9 @@ impl Worn {
         onto.reset();
         Dress {
             pose: vec![Quat::IDENTITY; self.skeleton().joint_count()],
+            reaches: Vec::new(),
+            holds: [0.0; 2],
+            frame: 0,
             onto,
             ease: None,
             _wearer: self.wearers.clone(),
@@ -157,6 +160,12 @@ impl Worn {
 pub struct Dress {
     onto: Retargeter,
     pose: Vec<Quat>,
+    /// Joints of the pack that are held at places, reused.
+    reaches: Vec<usize>,
+    /// How far each hand holds on, 0 to 1.
+    holds: [f32; 2],
+    /// The last frame.
+    frame: u64,
     ease: Option<Ease>,
     _wearer: Arc<()>,
 }
@@ -172,9 +181,65 @@ struct Ease {
 }
 
 impl Dress {
-    /// Carries the next frame over. It replaces the frame.
-    pub fn put_on(&mut self, out: &mut FrameOut) {
+    /// Carries the frame at the cursor of `character` over. It replaces the frame. Hands that hold
+    /// an object or on to a place of the scene are where the character's hands are, in the user's
+    /// size.
+    pub fn put_on(&mut self, character: &Character, out: &mut FrameOut) {
+        character.reaches(&mut self.reaches);
+        self.reaches.extend(character.held().map(|held| held.joint));
+        // Feet stand on flat ground to the retargeter.
+        let lift = Vec3::Y * character.lift().root_m;
+        let root = self.carry_holding(out.frame, out.root - lift, &out.rotations);
+        out.root = root + self.onto.scale() * lift;
+        self.show(out);
+    }
+
+    /// As [`Dress::put_on`], for a frame that is not at the cursor.
+    pub fn put_on_later(&mut self, out: &mut FrameOut) {
         out.root = self.carry(out.root, &out.rotations);
+        self.show(out);
+    }
+
+    /// Carries a pose over with hands that hold on. A hand takes [`EASE_FRAMES`] to get there and to
+    /// let go.
+    fn carry_holding(&mut self, frame: u64, root: Vec3, rotations: &[Quat]) -> Vec3 {
+        let step = frame.saturating_sub(self.frame) as f32 / EASE_FRAMES;
+        self.frame = frame;
+        for (side, holds) in self.hands().into_iter().enumerate() {
+            let hold = self.holds[side] + if holds { step } else { -step };
+            self.holds[side] = hold.clamp(0.0, 1.0);
+        }
+        if self.holds == [0.0; 2] {
+            return self.carry(root, rotations);
+        }
+        let free = self.carry(root, rotations);
+        let [pack, own] = self.onto.figures();
+        let (Some(arms), Some(of_own)) = (&pack.parts().arms, &own.parts().arms) else {
+            return free;
+        };
+        let goals = [0, 1].map(|side| {
+            let hold = self.holds[side];
+            (hold > 0.0).then(|| {
+                let there = place_of(pack.skeleton(), root, rotations, arms[side].end);
+                let own = place_of(own.skeleton(), free, &self.pose, of_own[side].end);
+                (own / self.onto.scale()).lerp(there, hold * hold * (3.0 - 2.0 * hold))
+            })
+        });
+        self.onto.pose_holding(root, rotations, goals, &mut self.pose)
+    }
+
+    /// Whether each hand holds on.
+    fn hands(&self) -> [bool; 2] {
+        let pack = self.onto.figures()[0];
+        let joints = &pack.skeleton().joints;
+        let line = |joint: usize| std::iter::successors(Some(joint), |&joint| joints[joint].parent);
+        let holds = |wrist: usize| self.reaches.iter().any(|&held| line(held).any(|joint| joint == wrist));
+        let arms = pack.parts().arms.as_ref().filter(|_| !self.reaches.is_empty());
+        arms.map_or([false; 2], |arms| arms.each_ref().map(|arm| holds(arm.end)))
+    }
+
+    /// Makes the last pose the frame.
+    fn show(&mut self, out: &mut FrameOut) {
         out.rotations.clear();
         out.rotations.extend_from_slice(&self.pose);
         self.settle(out);
@@ -222,6 +287,17 @@ impl Dress {
             *rotation = slerp(Quat::IDENTITY, turn, share) * *rotation;
         }
     }
+}
+
+/// World position of a joint.
+fn place_of(skeleton: &Skeleton, root: Vec3, rotations: &[Quat], joint: usize) -> Vec3 {
+    let (mut place, mut at) = (Vec3::ZERO, joint);
+    // From the joint up: each parent turns what is below it.
+    while let Some(parent) = skeleton.joints[at].parent {
+        place = rotations[parent] * (skeleton.joints[at].offset_m + place);
+        at = parent;
+    }
+    root + place
 }
 
 /// The share of a given pose's difference that is left after `frames` frames: 1 to 0, with level

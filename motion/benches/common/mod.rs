@@ -1,5 +1,8 @@
 //! Input of the benches: the example walk on the default pack's skeleton.
 
+#[allow(dead_code, reason = "one of the benches uses it")]
+pub mod characters;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -126,13 +126,14 @@ impl Biped {
             return None;
         }
         let hips = [hip(tree, &legs[0]), hip(tree, &legs[1])];
-        let head = ["head", "neck"].iter().find_map(|word| {
+        let named = ["head", "neck"].iter().find_map(|word| {
             let found = tree.topmost(|name| name.side.is_none() && name.has(word));
             // Several necks follow each other; the topmost is one.
             found
                 .into_iter()
                 .find(|&joint| tree.chain(pelvis, joint).is_some())
-        })?;
+        });
+        let head = named.or_else(|| top_of_spine(tree))?;
         let spine = tree.chain(pelvis, head)?;
         let arms = tree.pair(&HAND).and_then(|[left, right]| {
             let chest = tree.meeting(left, right)?;
@@ -147,6 +148,16 @@ impl Biped {
             arms,
         })
     }
+}
+
+/// The last joint above the arms that is of the spine by name: in Rigify's rigs neck and head are.
+fn top_of_spine(tree: &Tree) -> Option<usize> {
+    let [left, right] = tree.pair(&HAND)?;
+    let chest = tree.meeting(left, right)?;
+    let is_spine = |&joint: &usize| tree.names[joint].side.is_none() && tree.names[joint].has("spine");
+    let above = (chest + 1..tree.names.len()).filter(is_spine);
+    let chains = above.filter_map(|joint| Some((tree.chain(chest, joint)?.len(), joint)));
+    chains.max().map(|(_, joint)| joint)
 }
 
 /// Whether a joint turns a bone: twist joints and ends do not.
@@ -172,7 +183,9 @@ fn hip(tree: &Tree, leg: &[usize]) -> usize {
 /// Shoulder, elbow and wrist.
 fn arm(tree: &Tree, chest: usize, wrist: usize) -> Option<[usize; 3]> {
     let chain = tree.chain(chest, wrist)?;
-    let joints: Vec<usize> = chain[1..chain.len() - 1]
+    // A hand that carries the other is no end of an arm.
+    let joints: Vec<usize> = chain
+        .get(1..chain.len() - 1)?
         .iter()
         .copied()
         .filter(|&joint| is_bone(&tree.names[joint]))
@@ -303,6 +316,41 @@ mod tests {
             assert_eq!(body.spine, [0, 1, 2, 3]);
             assert_eq!(body.arms, Some([[9, 10, 11], [17, 18, 19]]));
         }
+    }
+
+    #[test]
+    fn the_head_of_a_rig_without_one_is_the_top_of_its_spine() {
+        let mut joints = vec![("DEF-spine", None)];
+        let spine = ["001", "002", "003", "004", "005", "006"].map(|n| format!("DEF-spine.{n}"));
+        for (nth, name) in spine.iter().enumerate() {
+            joints.push((name, Some(nth)));
+        }
+        let sides = ["L", "R"].map(|side| {
+            [
+                "thigh",
+                "shin",
+                "foot",
+                "toe",
+                "shoulder",
+                "upper_arm",
+                "forearm",
+                "hand",
+            ]
+            .map(|part| format!("DEF-{part}.{side}"))
+        });
+        for names in &sides {
+            for (nth, name) in names.iter().enumerate() {
+                let parent = match nth {
+                    0 => 0,
+                    4 => 3,
+                    _ => joints.len() - 1,
+                };
+                joints.push((name, Some(parent)));
+            }
+        }
+        let body = Biped::find(&tree(&joints)).unwrap();
+        assert_eq!((body.head, body.spine.len()), (6, 7));
+        assert_eq!(body.arms, Some([[12, 13, 14], [20, 21, 22]]));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! The parts of a body as a document, with joints by name.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::parts::{Limb, Parts};
@@ -76,6 +78,53 @@ impl PartsDoc {
             right_leg: Some(limb(&parts.legs[1])),
             left_arm: arm(0),
             right_arm: arm(1),
+        }
+    }
+
+    /// The document of a body whose bones are named as in VRM, such as `leftUpperLeg`, by the names
+    /// of its joints. Bones that the skeleton lacks are left out; none without hips, legs and head.
+    pub(crate) fn of_bones(bones: &BTreeMap<String, String>, skeleton: &Skeleton) -> Option<Self> {
+        let name = |bone: &str| {
+            let name = bones.get(bone)?;
+            skeleton.joint_index(name).map(|_| name.clone())
+        };
+        let names = |bones: &[&str]| -> Vec<String> { bones.iter().filter_map(|bone| name(bone)).collect() };
+        let limb = |[girdle, upper, lower, end, toe]: [&str; 5], side: &str| {
+            let name = |bone: &str| name(&format!("{side}{bone}"));
+            Some(LimbDoc {
+                girdle: name(girdle).into_iter().collect(),
+                upper: vec![name(upper)?],
+                lower: vec![name(lower)?],
+                end: name(end)?,
+                toe: name(toe),
+            })
+        };
+        let leg = |side| limb(["", "UpperLeg", "LowerLeg", "Foot", "Toes"], side);
+        let arm = |side| limb(["Shoulder", "UpperArm", "LowerArm", "Hand", ""], side);
+        name("hips").zip(name("head"))?;
+        Some(Self {
+            trunk: Some(names(&["hips", "spine", "chest", "upperChest"])),
+            neck: Some(names(&["neck", "head"])),
+            on_fours: Some(false),
+            left_leg: Some(leg("left")?),
+            right_leg: Some(leg("right")?),
+            left_arm: arm("left"),
+            right_arm: arm("right"),
+            ..Self::default()
+        })
+    }
+
+    /// This document, and of another one what it leaves out.
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self {
+            trunk: self.trunk.or(other.trunk),
+            neck: self.neck.or(other.neck),
+            tail: self.tail.or(other.tail),
+            on_fours: self.on_fours.or(other.on_fours),
+            left_leg: self.left_leg.or(other.left_leg),
+            right_leg: self.right_leg.or(other.right_leg),
+            left_arm: self.left_arm.or(other.left_arm),
+            right_arm: self.right_arm.or(other.right_arm),
         }
     }
 

@@ -6,6 +6,8 @@ mod document;
 #[cfg(feature = "files")]
 mod dress;
 #[cfg(feature = "files")]
+mod humanoid;
+#[cfg(feature = "files")]
 mod keys;
 #[cfg(feature = "files")]
 mod nodes;
@@ -22,6 +24,8 @@ pub use document::Beside;
 pub(crate) use document::MAX_BUFFER_BYTES;
 #[cfg(feature = "files")]
 pub use dress::{DressError, add_animation};
+#[cfg(feature = "files")]
+pub(crate) use humanoid::human_bones;
 #[cfg(feature = "files")]
 pub use read::{
     GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, animation_names_beside, parse,

@@ -47,6 +47,11 @@ struct LimbJoint {
     /// Index of the part with the hinge that it follows; none for one that follows no hinge of the
     /// limb.
     follows: Option<(usize, Mimic)>,
+}
+
+/// How a joint of the limb is turned.
+#[derive(Clone, Copy, Debug, Default)]
+struct Turned {
     angle: f32,
     /// World position of the joint, and its axis.
     place: Vec3,
@@ -58,6 +63,7 @@ struct Limb<'a> {
     skeleton: &'a Skeleton,
     robot: &'a Robot,
     parts: [LimbJoint; MOST_JOINTS],
+    turned: [Turned; MOST_JOINTS],
     count: usize,
     /// Transform of the parent of the limb's first joint.
     base: (Vec3, Quat),
@@ -85,24 +91,24 @@ pub(super) fn solve(
         if cost <= MET_M || damping > STUCK {
             break;
         }
-        let before = limb.parts;
+        let before = limb.turned;
         limb.step(&lacking, goal, damping);
         let now = limb.lacking(goal, rotations);
         if length(&now) < cost {
             lacking = now;
             damping = (damping * 0.3).max(DAMPING.0);
         } else {
-            limb.parts = before;
+            limb.turned = before;
             damping *= 4.0;
         }
     }
-    for part in &limb.parts[..limb.count] {
+    for (part, &Turned { angle, .. }) in limb.parts[..limb.count].iter().zip(&limb.turned) {
         if let Some(hinge) = part.hinge {
-            let turned = robot.hinges()[hinge].rotation(part.angle);
+            let turned = robot.hinges()[hinge].rotation(angle);
             rotations[part.joint] = align_sign(turned, rotations[part.joint]);
             // Those on other limbs too.
             for mimic in robot.mimics().iter().filter(|mimic| mimic.hinge == hinge) {
-                let turned = mimic.rotation(part.angle);
+                let turned = mimic.rotation(angle);
                 rotations[mimic.joint] = align_sign(turned, rotations[mimic.joint]);
             }
         }
@@ -119,6 +125,7 @@ impl<'a> Limb<'a> {
         (top, end): (usize, usize),
     ) -> Option<Self> {
         let mut parts = [LimbJoint::default(); MOST_JOINTS];
+        let mut turned = [Turned::default(); MOST_JOINTS];
         let mut count = 0;
         let mut at = Some(end);
         loop {
@@ -131,9 +138,9 @@ impl<'a> Limb<'a> {
             *parts.get_mut(count)? = LimbJoint {
                 joint,
                 hinge,
-                angle,
-                ..LimbJoint::default()
+                follows: None,
             };
+            turned[count].angle = angle;
             count += 1;
             if joint == top {
                 break;
@@ -141,6 +148,7 @@ impl<'a> Limb<'a> {
             at = skeleton.joints[joint].parent;
         }
         parts[..count].reverse();
+        turned[..count].reverse();
         for nth in 0..count {
             parts[nth].follows = robot.mimic_of(parts[nth].joint).and_then(|&mimic| {
                 let of = parts[..nth]
@@ -154,6 +162,7 @@ impl<'a> Limb<'a> {
             skeleton,
             robot,
             parts,
+            turned,
             count,
             base: joint_transform(skeleton, root, rotations, above),
         })
@@ -167,19 +176,17 @@ impl<'a> Limb<'a> {
                 joint,
                 hinge,
                 follows,
-                angle,
-                ..
             } = self.parts[nth];
             place += rotation * self.skeleton.joints[joint].offset_m;
             let (axis, turned) = match (hinge, follows) {
                 (Some(hinge), _) => {
                     let of = &self.robot.hinges()[hinge];
-                    (of.rest * of.axis, of.rotation(angle))
+                    (of.rest * of.axis, of.rotation(self.turned[nth].angle))
                 }
-                (None, Some((of, mimic))) => (mimic.rest * mimic.axis, mimic.rotation(self.parts[of].angle)),
+                (None, Some((of, mimic))) => (mimic.rest * mimic.axis, mimic.rotation(self.turned[of].angle)),
                 (None, None) => (Vec3::ZERO, rotations[joint]),
             };
-            let part = &mut self.parts[nth];
+            let part = &mut self.turned[nth];
             (part.place, part.axis) = (place, rotation * axis);
             rotation *= turned;
         }
@@ -192,8 +199,8 @@ impl<'a> Limb<'a> {
     }
 
     /// The end's movement for a radian of a joint.
-    fn column(&self, part: &LimbJoint, goal: &Goal) -> Column {
-        let end = self.parts[self.count - 1].place;
+    fn column(&self, part: &Turned, goal: &Goal) -> Column {
+        let end = self.turned[self.count - 1].place;
         let moves = match goal.place {
             Some(_) => part.axis.cross(end - part.place),
             None => Vec3::ZERO,
@@ -208,14 +215,15 @@ impl<'a> Limb<'a> {
     /// Turns all hinges a step towards the goal.
     fn step(&mut self, lacking: &Column, goal: &Goal, damping: f32) {
         let mut columns = [[0.0; 6]; MOST_JOINTS];
-        for (column, part) in columns.iter_mut().zip(&self.parts[..self.count]) {
+        let parts = || self.parts[..self.count].iter().zip(&self.turned);
+        for (column, (part, turned)) in columns.iter_mut().zip(parts()) {
             if part.hinge.is_some() {
-                *column = self.column(part, goal);
+                *column = self.column(turned, goal);
             }
         }
-        for part in &self.parts[..self.count] {
+        for (part, turned) in parts() {
             if let Some((of, mimic)) = part.follows {
-                let along = self.column(part, goal);
+                let along = self.column(turned, goal);
                 for (number, along) in columns[of].iter_mut().zip(along) {
                     *number += mimic.multiplier * along;
                 }
@@ -242,9 +250,10 @@ impl<'a> Limb<'a> {
         }
         let most = turns.iter().fold(0.0_f32, |most, turn| most.max(turn.abs()));
         let share = (MOST_STEP / most.max(MOST_STEP)).min(1.0);
-        for (part, turn) in self.parts[..self.count].iter_mut().zip(turns) {
+        let parts = self.parts[..self.count].iter().zip(&mut self.turned);
+        for ((part, turned), turn) in parts.zip(turns) {
             if let Some(hinge) = part.hinge {
-                part.angle = self.robot.hinges()[hinge].limited(part.angle + turn * share);
+                turned.angle = self.robot.hinges()[hinge].limited(turned.angle + turn * share);
             }
         }
     }
@@ -254,7 +263,8 @@ impl<'a> Limb<'a> {
         let part = &self.parts[nth];
         part.hinge.is_some_and(|hinge| {
             let of = &self.robot.hinges()[hinge];
-            (turn < 0.0 && part.angle <= of.lower_rad) || (turn > 0.0 && part.angle >= of.upper_rad)
+            let angle = self.turned[nth].angle;
+            (turn < 0.0 && angle <= of.lower_rad) || (turn > 0.0 && angle >= of.upper_rad)
         })
     }
 }

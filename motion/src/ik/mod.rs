@@ -44,7 +44,7 @@ pub(crate) use limbs::LegTrack;
 pub(crate) use lock::excess_height;
 pub(crate) use smooth::{cover, smooth, spans};
 pub(crate) use trunk::Trunk;
-pub(crate) use two_bone::{turn_hinges, turn_limb};
+pub(crate) use two_bone::{bend_by, is_chain, side_of, turn_hinges, turn_limb};
 
 /// One frame of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

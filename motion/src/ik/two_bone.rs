@@ -209,7 +209,7 @@ fn reach(distance: f32, now: f32, (folded, most): (f32, f32), soft: f32) -> f32 
 }
 
 /// Whether each joint is a descendant of the one before.
-fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
+pub(crate) fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
     chain[2] < skeleton.joint_count()
         && super::limbs::is_below(skeleton, chain[2], chain[1])
         && super::limbs::is_below(skeleton, chain[1], chain[0])
@@ -243,15 +243,26 @@ impl Limb {
 }
 
 /// The movement of a limb.
-struct Bend {
+pub(crate) struct Bend {
     /// Remaining distance to the goal, metres.
-    short_m: f32,
+    pub(crate) short_m: f32,
     /// Turns of the upper and the lower bone in the world. `None` if nothing has to move.
-    turns: Option<(Quat, Quat)>,
+    pub(crate) turns: Option<(Quat, Quat)>,
 }
 
-/// The turns that bring `end` to `goal`. `None` if they cannot be computed.
-fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: Vec3) -> Option<Bend> {
+/// The turns that bring `end` to `goal`, as for [`two_bone_soft`]. `None` if they cannot be computed.
+fn bend(upper: Vec3, middle: Vec3, end: Vec3, goal: (Vec3, f32), pole: Vec3) -> Option<Bend> {
+    let side = |first, line, shorter_m| side_of(first, line, pole, shorter_m);
+    bend_by([upper, middle, end], goal, &side)
+}
+
+/// As [`bend`]. `side` gives the side of the middle joint, by the first bone, the direction from the
+/// upper joint to the end, and the length of the shorter bone.
+pub(crate) fn bend_by(
+    [upper, middle, end]: [Vec3; 3],
+    (goal, soft): (Vec3, f32),
+    side: &dyn Fn(Vec3, Vec3, f32) -> Vec3,
+) -> Option<Bend> {
     let (first, second, along) = (middle - upper, end - middle, end - upper);
     let (length_1, length_2) = (first.length(), second.length());
     let finite = goal.is_finite() && upper.is_finite() && along.is_finite() && first.is_finite();
@@ -286,7 +297,7 @@ fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: V
     } else {
         toward
     };
-    let side = side_of(first, line, pole, length_1.min(length_2));
+    let side = side(first, line, length_1.min(length_2));
     let turn = arc(line, toward);
     let side = turn * side;
     let side = (side - toward * side.dot(toward))
@@ -321,7 +332,7 @@ fn ease(distance: f32, from: f32, to: f32) -> f32 {
 
 /// The side of `line` on which the middle joint lies, unit length. If it hardly lies on one, the
 /// pole's side.
-fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
+pub(crate) fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
     let across = |v: Vec3| v - line * v.dot(line);
     let side = across(first);
     let flat = NEARLY_STRAIGHT * shorter_m;

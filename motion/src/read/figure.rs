@@ -9,11 +9,13 @@ use crate::retarget::{Figure, RetargetError};
 
 impl Understood {
     /// The body as the retargeter sees it, by the rest pose, or by the motion if the rest pose is
-    /// no stance. `doc` corrects the parts that are found.
+    /// no stance. Parts are those that `doc` names, then those that the file itself names, then
+    /// those that are found.
     ///
     /// # Errors
     /// [`RetargetError`] if no body is found, or if it stands neither at rest nor in the motion.
     pub fn figure(&self, doc: &PartsDoc) -> Result<Figure, RetargetError> {
+        let doc = &doc.clone().or(self.parts.clone());
         let stands = self.report.rest_pose.value != RestPose::None;
         match &self.rest {
             Some(rest) if stands || self.clip.frames() == 1 => {

@@ -15,7 +15,7 @@ use super::stance::{Stated, height_m, is_of_skeleton, lies, may_be_small, unit_o
 use super::survey::{Stance, Survey, to_world};
 use super::units::name_of;
 use super::{Understood, leading, oddities, rest, root, unique::unique};
-use crate::anatomy::{Name, Tree, without_namespace};
+use crate::anatomy::{Name, PartsDoc, Tree, without_namespace};
 use crate::clip::Clip;
 use crate::convert::{
     OnSkeleton, Rules, Selection, Source, Transform, check_length, to_clip_of, to_clip_on_of,
@@ -208,7 +208,12 @@ pub(super) fn finish(
         Some(fps) => clip.resample(fps)?,
         None => clip,
     };
-    Ok(Understood { clip, rest, report })
+    Ok(Understood {
+        clip,
+        rest,
+        parts: PartsDoc::default(),
+        report,
+    })
 }
 
 /// Refuses roots that are farther away than the server takes them.

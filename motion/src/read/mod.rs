@@ -48,6 +48,8 @@ mod text;
 mod unique;
 pub mod units;
 
+use std::collections::BTreeMap;
+
 use glam::Quat;
 
 pub use agreement::Agreement;
@@ -56,8 +58,9 @@ pub use error::{ReadError, ReadErrorKind};
 pub use options::{AngleUnit, JointOrder, LeadingPose, Options, QuaternionOrder};
 pub use report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 
+use crate::anatomy::PartsDoc;
 use crate::clip::Clip;
-use crate::glb::{Beside, GlbReadError, animation_names_beside};
+use crate::glb::{Beside, GlbReadError, animation_names_beside, human_bones};
 use joints::Parsed;
 
 /// Endings of files of joints, in small letters. With a skeleton these may be a robot's too.
@@ -101,6 +104,8 @@ pub struct Understood {
     /// The file's rest pose on the clip's joints: joint 0 in the world, others relative to their
     /// parents. None for a clip on a given skeleton.
     pub rest: Option<Vec<Quat>>,
+    /// Parts of the body that the file itself names: VRM does. Empty otherwise.
+    pub parts: PartsDoc,
     /// What was understood.
     pub report: Report,
 }
@@ -122,7 +127,15 @@ fn read_kind(source: &Source<'_>, options: &Options) -> Result<Understood, ReadE
         return Err(ReadErrorKind::NoAnimations(animation.clone()));
     }
     match kind {
-        Kind::Joints(format) => joints::understand(name, parse(source, format, options)?, options),
+        Kind::Joints(format) => {
+            let found = joints::understand(name, parse(source, format, options)?, options)?;
+            let bones = match format {
+                Format::Glb | Format::Gltf => human_bones(bytes),
+                _ => BTreeMap::new(),
+            };
+            let parts = PartsDoc::of_bones(&bones, &found.clip.skeleton).unwrap_or_default();
+            Ok(Understood { parts, ..found })
+        }
         Kind::Archive => archive::read(name, bytes, options),
         Kind::Csv => tables::read_csv(name, bytes, options),
         Kind::Qpos => tables::read_qpos(name, bytes, options),

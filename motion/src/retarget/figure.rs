@@ -160,6 +160,25 @@ impl Figure {
         })
     }
 
+    /// Length of the legs of a skeleton from the hips to the ankles, metres, as of its figures. None
+    /// if its body is found by no names and it is no robot.
+    pub fn legs_m(skeleton: &Skeleton) -> Option<f32> {
+        if skeleton.robot.is_some() {
+            let figure = Self::of_robot(Arc::new(skeleton.clone()), &PartsDoc::default());
+            return figure.ok().map(|figure| figure.leg_m);
+        }
+        Biped::find(&Tree::of(skeleton))?;
+        let zero = vec![Quat::IDENTITY; skeleton.joint_count()];
+        let parts = Parts::find(skeleton, &zero)?;
+        let at = places(skeleton, &zero);
+        // The bones of legs hang in the neutral pose.
+        let legs = parts.legs.iter().map(|leg| {
+            let [hip, knee, ankle] = leg.chain().map(|joint| at[joint]);
+            hip.distance(knee) + knee.distance(ankle)
+        });
+        Some(0.5 * legs.sum::<f32>())
+    }
+
     /// The skeleton whose joints the parts are.
     pub fn skeleton(&self) -> &Arc<Skeleton> {
         &self.skeleton

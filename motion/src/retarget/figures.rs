@@ -17,6 +17,8 @@ const MOST_DEG: [f32; 2] = [5.0, 15.0];
 /// Largest mean angle between lines across the bodies that passes, degrees. Trunks of other builds
 /// differ by 20°; limbs on the wrong side by 180°.
 const MOST_LINE_DEG: f32 = 45.0;
+/// Sine of the pitch from which a foot has no direction over the ground.
+const STEEP: f32 = 0.8;
 /// Standing feet may slide by this factor of the source's speed, and this much more, m/s.
 const MOST_SKATE: (f32, f32) = (1.2, 0.02);
 /// Feet may be this far under the ground, and short of their places, metres.
@@ -269,8 +271,12 @@ fn lines(figures: [&Figure; 2], worlds: &[WorldMotion; 2]) -> Vec<(f32, usize)> 
             let (a, b) = (a.try_normalize()?, b.try_normalize()?);
             Some(a.angle_between(b).to_degrees())
         };
-        let sum: f32 = (0..frames).filter_map(angle).sum();
-        angles.push((sum / frames.max(1) as f32, joint));
+        let (mut sum, mut count) = (0.0, 0);
+        for angle in (0..frames).filter_map(angle) {
+            sum += angle;
+            count += 1;
+        }
+        angles.push((sum / count.max(1) as f32, joint));
     };
     // Feet come first: if they point backwards, so do the shoulders, because the hips' sides say
     // what is ahead.
@@ -278,9 +284,14 @@ fn lines(figures: [&Figure; 2], worlds: &[WorldMotion; 2]) -> Vec<(f32, usize)> 
         for side in [0, 1] {
             if let [Some(_), Some(_)] = toes(side) {
                 let leg = |which: usize| &parts[which].legs[side];
+                // A foot that hangs down points nowhere.
                 let foot = |which: usize, places: &[Vec3]| {
                     let toe = leg(which).toe.unwrap_or(leg(which).end);
-                    (places[toe] - places[leg(which).end]).with_y(0.0)
+                    let foot = (places[toe] - places[leg(which).end]).normalize_or_zero();
+                    match foot.y.abs() < STEEP {
+                        true => foot.with_y(0.0),
+                        false => Vec3::ZERO,
+                    }
                 };
                 add(leg(1).end, &foot);
             }

@@ -4,10 +4,12 @@ use glam::{Mat3, Quat, Vec3};
 
 use super::figure::Figure;
 use crate::anatomy::{Limb, Parts};
+use crate::fk::joint_transform;
 use crate::ik::turn_hinges;
 use crate::interpolate::smoothstep;
 use crate::robot::{Fitted, Robot};
-use crate::rotation::slerp;
+use crate::rotation::{align_sign, slerp};
+use crate::skeleton::Skeleton;
 
 /// Sine of the elbow's bend from which its plane begins to count, and from which it counts alone.
 const BENT: (f32, f32) = (0.05, 0.3);
@@ -89,14 +91,14 @@ impl Hinges {
         out[0] = wanted[0];
         let of = (&*figure.skeleton, robot);
         for &group in &self.groups {
-            turn_hinges(of, out, group, wanted[group.1]);
+            turn_group(of, out, group, wanted[group.1]);
         }
         for arm in &self.arms {
             let bones = bones[arm.side];
             let [upper, lower] = arm.bent([wanted[arm.shoulder.1], wanted[arm.elbow]], bones);
-            turn_hinges(of, out, arm.shoulder, upper);
-            turn_hinges(of, out, (arm.elbow, arm.elbow), lower);
-            turn_hinges(of, out, arm.wrist, wanted[arm.wrist.1]);
+            turn_group(of, out, arm.shoulder, upper);
+            turn_group(of, out, (arm.elbow, arm.elbow), lower);
+            turn_group(of, out, arm.wrist, wanted[arm.wrist.1]);
         }
     }
 
@@ -107,6 +109,22 @@ impl Hinges {
 
     pub(super) fn reset(&mut self) {
         self.is_warm = false;
+    }
+}
+
+/// Turns the hinges from one joint down to another towards a rotation in the world. The best angle
+/// of a single hinge needs no search.
+fn turn_group(of: (&Skeleton, &Robot), out: &mut [Quat], (top, end): (usize, usize), wanted: Quat) {
+    let (skeleton, robot) = of;
+    let above = skeleton.joints[end].parent;
+    match (robot.hinge_of(end), above) {
+        (Some(hinge), Some(above)) if top == end && robot.mimics().is_empty() => {
+            let hinge = &robot.hinges()[hinge];
+            let (_, above) = joint_transform(skeleton, Vec3::ZERO, out, above);
+            let angle = hinge.limited(hinge.angle_of(above.conjugate() * wanted));
+            out[end] = align_sign(hinge.rotation(angle), out[end]);
+        }
+        _ => turn_hinges(of, out, (top, end), wanted),
     }
 }
 
@@ -171,7 +189,7 @@ pub(super) fn hang(robot: &Robot, parts: &Parts, pose: &[Quat], places: &[Vec3])
     for (limb, is_arm) in legs.chain(arms) {
         let (upper, elbow) = (limb.upper[0], limb.lower[0]);
         let line = |from: usize, to: usize| (places[to] - places[from]).normalize_or_zero();
-        let own = pose[upper].conjugate() * line(limb.top, elbow);
+        let own = pose[upper].conjugate() * line(if is_arm { limb.top } else { upper }, elbow);
         let bones = [pose[upper] * along(robot, upper, own), line(elbow, limb.end)];
         let [first, second] = bones.map(|bone| Quat::from_rotation_arc(bone, Vec3::NEG_Y));
         out[upper] = first * pose[upper];

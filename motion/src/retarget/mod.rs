@@ -16,21 +16,23 @@ mod feet;
 mod figure;
 mod figures;
 mod hinges;
+mod limbs;
 mod motions;
 mod plan;
 #[cfg(feature = "files")]
 #[cfg(test)]
 mod tests;
+mod turns;
 
 use glam::{Quat, Vec3};
 
 use self::hinges::Hinges;
-use self::plan::{Turn, plan};
+use self::limbs::{Chain, Hand, Step};
+use self::turns::Turns;
 use crate::anatomy::Limb;
-use crate::fk::world_transforms;
 use crate::ik::place_end;
 use crate::root::{heading_of, wrap_angle};
-use crate::rotation::{align_sign, slerp, yaw};
+use crate::rotation::yaw;
 
 pub use certificate::{Certificate, Trial};
 pub use clip::retarget;
@@ -67,42 +69,25 @@ pub enum RetargetError {
     Clip(#[from] crate::clip::ClipError),
 }
 
-/// A leg of the target and the places that it takes from the source.
-#[derive(Clone, Copy, Debug)]
-struct Step {
-    /// Hip, knee and ankle of the target.
-    chain: [usize; 3],
-    /// Length of the target's leg, metres.
-    length_m: f32,
-    /// The inverse of the ankle's rotation in the neutral pose.
-    still: Quat,
-    /// Ankle and toe of the source: the ankle twice without toes.
-    from: [usize; 2],
-    /// In the neutral pose, from the source's scaled ankle to the target's.
-    ankle_m: Vec3,
-    /// The same of the toes.
-    toe_m: Vec3,
-    /// From the target's ankle to its toe in the ankle's own frame of reference.
-    foot: Vec3,
-}
-
 /// Carries poses of one body over to another. After it is made, it allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Retargeter {
     source: Figure,
     target: Figure,
-    turns: Box<[Turn]>,
+    turns: Turns,
     steps: Vec<Step>,
+    hands: Vec<Hand>,
     /// Headings of the feet: they change while a foot is in the air. None before the first pose.
     headings: [Option<f32>; MAX_STEPS],
     scale: f32,
-    /// World transforms of the source's and the target's joints.
+    /// World transforms of the source's joints that count.
     from: (Vec<Vec3>, Vec<Quat>),
+    /// World rotations that the target's joints should have, and the places of those that count.
     to: (Vec<Vec3>, Vec<Quat>),
-    /// World rotations that the target's joints should have.
-    wanted: Vec<Quat>,
     hinges: Option<Hinges>,
-    /// Farthest that a leg of the last pose remained from its foot's place, metres, and its ankle.
+    /// World rotations of a robot's joints, as its hinges turn them.
+    bent: Vec<Quat>,
+    /// Farthest that a limb of the last pose remained from its place, metres, and its last joint.
     short: (f32, Option<usize>),
 }
 
@@ -118,14 +103,23 @@ impl Retargeter {
         let scale = target.leg_m / source.leg_m;
         let blank = |joints: usize| (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);
         let [from, to] = [&source, &target].map(|figure| blank(figure.skeleton.joint_count()));
+        let steps = limbs::steps(&source, &target, scale);
+        let hands = limbs::hands(&source, &target);
+        let ends = steps
+            .iter()
+            .map(|step| step.limb)
+            .chain(hands.iter().map(|hand| hand.limb));
+        let hips = target.hips();
+        let counts: Vec<usize> = ends.map(|limb| limb.chain[2]).chain(hips).collect();
         Ok(Self {
-            turns: plan(&source, &target),
-            steps: steps(&source, &target, scale),
+            turns: Turns::new(&source, &target, &counts),
+            steps,
+            hands,
             headings: [None; MAX_STEPS],
             scale,
             from,
-            wanted: to.1.clone(),
             hinges: Hinges::of(&target),
+            bent: to.1.clone(),
             to,
             short: (0.0, None),
             source,
@@ -143,12 +137,12 @@ impl Retargeter {
         self.scale
     }
 
-    /// Farthest that a leg of the last pose remained from its foot's place, metres.
+    /// Farthest that a foot or a held hand of the last pose remained from its place, metres.
     pub fn short_m(&self) -> f32 {
         self.short.0
     }
 
-    /// The ankle of that leg; none if all legs reach.
+    /// The ankle or wrist of that limb; none if all reach.
     pub fn short_joint(&self) -> Option<usize> {
         self.short.1
     }
@@ -169,9 +163,28 @@ impl Retargeter {
     /// # Panics
     /// If `rotations` or `out` is shorter than its skeleton.
     pub fn pose(&mut self, root: Vec3, rotations: &[Quat], out: &mut [Quat]) -> Vec3 {
-        let (places, world) = (&mut self.from.0, &mut self.from.1);
-        world_transforms(&self.source.skeleton, root, rotations, places, world);
-        self.turn(out);
+        self.pose_holding(root, rotations, [None; 2], out)
+    }
+
+    /// As [`Retargeter::pose`], with hands that hold on to something. `hands` are the places of the
+    /// source's wrists in the source's world, left and right. The target's wrists come to the same
+    /// places in its size ([`Retargeter::scale`]), or as near as the arms reach
+    /// ([`Retargeter::short_m`]). Bodies on four have no hands: theirs are left out.
+    ///
+    /// # Panics
+    /// As [`Retargeter::pose`].
+    pub fn pose_holding(
+        &mut self,
+        root: Vec3,
+        rotations: &[Quat],
+        hands: [Option<Vec3>; 2],
+        out: &mut [Quat],
+    ) -> Vec3 {
+        self.turns
+            .world(&self.source.skeleton, root, rotations, &mut self.from);
+        let is_robot = self.hinges.is_some();
+        self.turns
+            .turn(&self.from.1, &mut self.to.1, (!is_robot).then_some(&mut *out));
         if let (Some(hinges), Some(robot)) = (&mut self.hinges, &self.target.skeleton.robot) {
             let (world, neutral) = (&self.from.1, &self.source.neutral);
             let hanging = |joint: usize| world[joint] * (neutral[joint].conjugate() * Vec3::NEG_Y);
@@ -180,7 +193,7 @@ impl Retargeter {
                 arms.each_ref().map(bones)
             });
             let bones = bones.unwrap_or([[Vec3::NEG_Y; 2]; 2]);
-            hinges.turn(&self.target, robot, &self.wanted, &bones, out);
+            hinges.turn(&self.target, robot, &self.to.1, &bones, out);
         }
         let root = self.root(out);
         let count = self.steps.len();
@@ -188,23 +201,20 @@ impl Retargeter {
         for (nth, goal) in goals[..count].iter_mut().enumerate() {
             *goal = self.goal(nth);
         }
-        let root = root - Vec3::Y * self.drop(&goals[..count]);
+        let drop = Vec3::Y * self.drop(&goals[..count]);
+        let root = root - drop;
         self.short = (0.0, None);
-        for (step, &goal) in self.steps.iter().zip(&goals) {
-            let rotation = self.wanted[step.chain[2]];
-            let pole = yaw(heading_of(rotation * step.still, Vec3::X)) * Vec3::Z;
-            let skeleton = &self.target.skeleton;
-            let short = place_end(
-                skeleton,
-                root,
-                out,
-                step.chain,
-                (goal, SOFT_SHARE),
-                pole,
-                rotation,
-            );
-            if short > self.short.0 {
-                self.short = (short, Some(step.chain[2]));
+        for (nth, &goal) in goals[..count].iter().enumerate() {
+            let Step { limb, ahead, .. } = self.steps[nth];
+            let pole = self.to.1[limb.chain[0]] * ahead;
+            self.place(limb, (root, drop), goal, pole, out);
+        }
+        for nth in 0..self.hands.len() {
+            let Hand { limb, side, behind } = self.hands[nth];
+            if let Some(place) = hands[side] {
+                // Elbows bend backwards.
+                let pole = self.to.1[limb.chain[0]] * behind;
+                self.place(limb, (root, drop), self.scaled(place), pole, out);
             }
         }
         if let (Some(hinges), Some(robot)) = (&mut self.hinges, &self.target.skeleton.robot) {
@@ -213,56 +223,65 @@ impl Retargeter {
         root
     }
 
-    /// Turns the target's joints. A robot's keep their rotations: only the wanted ones are found.
-    fn turn(&mut self, out: &mut [Quat]) {
-        let world = &self.from.1;
-        let turn_of = |joint: usize| world[joint] * self.source.neutral[joint].conjugate();
-        let joints = self.target.skeleton.joints.iter().enumerate();
-        for ((joint, described), turn) in joints.zip(&self.turns) {
-            let neutral = self.target.neutral[joint];
-            let above = described
-                .parent
-                .map(|parent| (self.wanted[parent], self.target.neutral[parent]));
-            let rotation = match (*turn, above) {
-                (Turn::Between(one, other, share), _) if one != other && share > 0.0 => {
-                    slerp(turn_of(one), turn_of(other), share) * neutral
-                }
-                (Turn::Between(one, ..), _) => turn_of(one) * neutral,
-                (Turn::Along, Some((above, still))) => above * (still.conjugate() * neutral),
-                (Turn::Along, None) => neutral,
-            };
-            let rotation = rotation.normalize();
-            self.wanted[joint] = rotation;
-            if self.hinges.is_none() {
-                let local = above.map_or(rotation, |(above, _)| above.conjugate() * rotation);
-                out[joint] = align_sign(local, out[joint]);
+    /// Brings the end of a limb to a goal in the world with its wanted rotation. `drop` is how far
+    /// the joints' places are above those of a body whose root is at `root`.
+    fn place(&mut self, limb: Chain, (root, drop): (Vec3, Vec3), goal: Vec3, pole: Vec3, out: &mut [Quat]) {
+        let short = match (limb.is_whole, &self.hinges) {
+            (false, _) => f32::INFINITY,
+            (true, None) => limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out),
+            (true, Some(_)) => {
+                let rotation = self.to.1[limb.chain[2]];
+                let skeleton = &self.target.skeleton;
+                place_end(
+                    skeleton,
+                    root,
+                    out,
+                    limb.chain,
+                    (goal, SOFT_SHARE),
+                    pole,
+                    rotation,
+                )
             }
+        };
+        if short > self.short.0 {
+            self.short = (short, Some(limb.chain[2]));
         }
     }
 
-    /// The target's root, so that the middle of its hips is at that of the source's, scaled.
+    /// The target's root, so that the middle of its hips is at that of the source's, scaled. Finds
+    /// the places of its joints.
     fn root(&mut self, out: &[Quat]) -> Vec3 {
-        let (places, world) = (&mut self.to.0, &mut self.to.1);
-        world_transforms(&self.target.skeleton, Vec3::ZERO, out, places, world);
+        match &self.hinges {
+            None => self.turns.places(&self.target.skeleton, &mut self.to),
+            Some(_) => {
+                let (skeleton, places) = (&self.target.skeleton, &mut self.to.0);
+                self.turns.places_of(skeleton, out, places, &mut self.bent);
+            }
+        }
         let middle = |places: &[Vec3], [left, right]: [usize; 2]| 0.5 * (places[left] + places[right]);
         let hips = middle(&self.from.0, self.source.hips());
-        let own = middle(places, self.target.hips());
+        let own = middle(&self.to.0, self.target.hips());
         let neutral = |figure: &Figure| figure.places[figure.hips()[0]].y;
         // Heights are scaled from where the soles stand.
         let ground = self.source.skeleton.ground_y_m;
         let height = (hips.y - ground - neutral(&self.source)) * self.scale + neutral(&self.target);
         let root = Vec3::new(hips.x * self.scale, ground + height, hips.z * self.scale) - own;
-        places.iter_mut().for_each(|place| *place += root);
+        self.turns.shift(root, &mut self.to.0);
         root
+    }
+
+    /// A place of the source's world in the target's size.
+    fn scaled(&self, place: Vec3) -> Vec3 {
+        let ground = Vec3::Y * self.source.skeleton.ground_y_m;
+        (place - ground) * self.scale + ground
     }
 
     /// The place of a foot: the target's ankle.
     fn goal(&mut self, nth: usize) -> Vec3 {
-        let step = self.steps[nth];
+        let step = &self.steps[nth];
         let [ankle, toe] = step.from;
         let ground = self.source.skeleton.ground_y_m;
-        let scaled = |joint: usize| (self.from.0[joint] - Vec3::Y * ground) * self.scale + Vec3::Y * ground;
-        let rotation = self.wanted[step.chain[2]];
+        let rotation = self.to.1[step.limb.chain[2]];
         let over = |joint: usize| self.from.0[joint].y - ground - self.source.places[joint].y;
         let now = heading_of(rotation * step.still, Vec3::X);
         // A standing foot rolls; what is between the places of the two feet does not turn with it.
@@ -273,11 +292,11 @@ impl Retargeter {
         };
         self.headings[nth] = Some(facing);
         let facing = yaw(facing);
-        let by_ankle = scaled(ankle) + facing * step.ankle_m;
+        let by_ankle = self.scaled(self.from.0[ankle]) + facing * step.ankle_m;
         if toe == ankle {
             return by_ankle;
         }
-        let by_toe = scaled(toe) + facing * step.toe_m - rotation * step.foot;
+        let by_toe = self.scaled(self.from.0[toe]) + facing * step.toe_m - rotation * step.foot;
         let room = ROLL_SHARE * self.source.leg_m;
         let toes = (0.5 + 0.5 * (over(ankle) - over(toe)) / room).clamp(0.0, 1.0);
         by_ankle.lerp(by_toe, toes)
@@ -287,11 +306,12 @@ impl Retargeter {
     fn drop(&self, goals: &[Vec3]) -> f32 {
         let mut most = 0.0_f32;
         for (step, goal) in self.steps.iter().zip(goals) {
-            let hip = self.to.0[step.chain[0]];
+            let [top, _, end] = step.limb.chain;
+            let hip = self.to.0[top];
             let down = hip.y - goal.y;
             let across = (goal - hip).with_y(0.0).length();
             let reach = (1.0 - 0.5 * SOFT_SHARE) * step.length_m;
-            let height = goal.y - self.source.skeleton.ground_y_m - self.target.places[step.chain[2]].y;
+            let height = goal.y - self.source.skeleton.ground_y_m - self.target.places[end].y;
             let near = 1.0 - (height / (LIFTED_SHARE * step.length_m)).clamp(0.0, 1.0);
             if across < reach {
                 let lacking = down - (reach * reach - across * across).sqrt();
@@ -300,31 +320,4 @@ impl Retargeter {
         }
         most.min(DROP_SHARE * self.target.leg_m)
     }
-}
-
-fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
-    let mut limbs: Vec<_> = source.parts.legs.iter().zip(&target.parts.legs).collect();
-    if let (true, Some(from), Some(to)) = (source.parts.on_fours, &source.parts.arms, &target.parts.arms) {
-        limbs.extend(from.iter().zip(to));
-    }
-    let step = |(from, to): (&Limb, &Limb)| {
-        let toes = from.toe.zip(to.toe);
-        let (toe, own) = toes.unwrap_or((from.end, to.end));
-        let apart = |a: usize, b: usize| target.places[b] - scale * source.places[a];
-        Step {
-            chain: to.chain(),
-            length_m: length_m(target, to.chain()),
-            still: target.neutral[to.end].conjugate(),
-            from: [from.end, toe],
-            ankle_m: apart(from.end, to.end),
-            toe_m: apart(toe, own),
-            foot: target.neutral[to.end].conjugate() * target.between(to.end, own),
-        }
-    };
-    limbs.into_iter().map(step).collect()
-}
-
-/// Length of a leg's bones.
-fn length_m(figure: &Figure, [upper, middle, end]: [usize; 3]) -> f32 {
-    figure.between(upper, middle).length() + figure.between(middle, end).length()
 }

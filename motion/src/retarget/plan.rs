@@ -1,7 +1,7 @@
 //! Which joints of the target turn with which of the source.
 
 use super::figure::Figure;
-use crate::anatomy::{Limb, Parts};
+use crate::anatomy::{Limb, Name, Parts};
 
 /// How a joint of the target turns. A turn is the rotation from the neutral pose in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,6 +10,31 @@ pub(super) enum Turn {
     Along,
     /// As two joints of the source, mixed: the share of the second.
     Between(usize, usize, f32),
+    /// As an elbow or knee of the source, which does not bend backwards.
+    Bent(Bend),
+    /// With a bone, and rolled about it.
+    Rolled(Roll),
+}
+
+/// A joint in the middle of a limb that hangs in the neutral pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bend {
+    /// The source's joint.
+    pub(super) from: usize,
+    /// The target's joint above it: shoulder or hip.
+    pub(super) upper: usize,
+    /// 1 if the limb bends forwards, as elbows do; -1 for knees.
+    pub(super) forward: f32,
+}
+
+/// A twist along a bone that hangs in the neutral pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Roll {
+    /// The target's joint that the bone begins with.
+    pub(super) own: usize,
+    /// The source's joint that its bone begins with, and the next one, whose roll is shared.
+    pub(super) from: [usize; 2],
+    pub(super) share: f32,
 }
 
 /// One turn for each joint of the target.
@@ -33,13 +58,25 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
         (_, []) => {}
     }
     for side in [0, 1] {
-        let carry = match from.on_fours {
-            true => whole_limb,
-            false => limb,
+        let mut carry = |from: &Limb, to: &Limb, trunk: usize, forward: f32| {
+            if source.parts.on_fours {
+                return whole_limb(from, to, trunk, &mut set);
+            }
+            limb(from, to, trunk, &mut set);
+            // Robots have limits of their own.
+            if target.skeleton.robot.is_none() {
+                let bend = Bend {
+                    from: from.lower[0],
+                    upper: to.upper[0],
+                    forward,
+                };
+                set(to.lower[0], Turn::Bent(bend));
+                twists(from, to, target, &mut set);
+            }
         };
-        carry(&from.legs[side], &to.legs[side], pelvis, &mut set);
+        carry(&from.legs[side], &to.legs[side], pelvis, -1.0);
         if let (Some(arms), Some(own)) = (&from.arms, &to.arms) {
-            carry(&arms[side], &own[side], chest, &mut set);
+            carry(&arms[side], &own[side], chest, 1.0);
         }
     }
     tail(from, to, &mut set);
@@ -48,14 +85,49 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
 
 /// A limb: girdle, upper and lower bone, hand or foot, toes. Fingers hold.
 fn limb(from: &Limb, to: &Limb, trunk: usize, set: &mut dyn FnMut(usize, Turn)) {
-    let (upper, lower) = (from.upper[0], from.lower[0]);
     spread(&from.girdle, &to.girdle, (trunk, trunk), set);
-    // Twists of the source end in the next joint; the target's share the way there.
-    share(&from.upper, &to.upper, upper, set);
-    share(&from.lower, &to.lower, lower, set);
+    for (bone, own) in [(from.upper[0], to.upper[0]), (from.lower[0], to.lower[0])] {
+        set(own, Turn::Between(bone, bone, 0.0));
+    }
     set(to.end, Turn::Between(from.end, from.end, 0.0));
     if let (Some(toe), Some(own)) = (from.toe, to.toe) {
         set(own, Turn::Between(toe, toe, 0.0));
+    }
+}
+
+/// Twists along the bones of a limb on two legs: those between its joints, and those beside them
+/// that are twists by name. Each takes as much of the next joint's roll as it is near to it.
+fn twists(from: &Limb, to: &Limb, target: &Figure, set: &mut dyn FnMut(usize, Turn)) {
+    let joints = &target.skeleton.joints;
+    for (bones, own, end) in [
+        ([from.upper[0], from.lower[0]], to.upper[0], to.lower[0]),
+        ([from.lower[0], from.end], to.lower[0], to.end),
+    ] {
+        let line = target.between(own, end);
+        let above = |joint: usize| std::iter::successors(Some(joint), |&joint| joints[joint].parent);
+        let is_on_limb = |joint: usize| [to.lower[0], to.end].contains(&joint);
+        for (joint, described) in joints.iter().enumerate().skip(own + 1) {
+            // Twists of the next bone and of fingers are not along this one.
+            let is_along = above(joint)
+                .take_while(|&at| !is_on_limb(at) || at == own)
+                .any(|at| at == own);
+            let is_twist = || Name::of(&described.name).has_any(&["twist", "roll"]);
+            let is_between = || {
+                above(end)
+                    .skip(1)
+                    .take_while(|&at| at != own)
+                    .any(|at| at == joint)
+            };
+            if is_along && (is_between() || is_twist()) {
+                let share = target.between(own, joint).dot(line) / line.length_squared().max(1e-9);
+                let roll = Roll {
+                    own,
+                    from: bones,
+                    share: share.clamp(0.0, 1.0),
+                };
+                set(joint, Turn::Rolled(roll));
+            }
+        }
     }
 }
 
@@ -66,12 +138,6 @@ fn whole_limb(from: &Limb, to: &Limb, trunk: usize, set: &mut dyn FnMut(usize, T
         bones.copied().chain([limb.end]).chain(limb.toe).collect()
     };
     spread(&joints(from), &joints(to), (trunk, trunk), set);
-}
-
-/// Bones of a limb: the first joint as the source's first, twists as the source's twists.
-fn share(from: &[usize], to: &[usize], first: usize, set: &mut dyn FnMut(usize, Turn)) {
-    set(to[0], Turn::Between(first, first, 0.0));
-    spread(&from[1..], &to[1..], (first, first), set);
 }
 
 /// Joints of a chain share the bend of another: the same number turns alike, otherwise each lies

@@ -3,15 +3,16 @@
 use std::sync::Arc;
 
 use glam::{Quat, Vec3};
+use proptest::prelude::*;
 
 use super::*;
-use crate::anatomy::{LimbDoc, PartsDoc};
+use crate::anatomy::{LimbDoc, PartsDoc, world_of};
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 use crate::glb;
 use crate::read::tests::people::Person;
 use crate::read::{Options, RestPose, Source, character, read};
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Joint, Skeleton};
 
 const NUMBERS: [f32; 7] = [0.3, 0.8, 0.1, 0.6, 0.9, 0.2, 0.45];
 /// Height of the hips of [`Person`] over its soles, by its size, metres.
@@ -44,8 +45,22 @@ pub(super) fn example() -> (Clip, Figure) {
 #[test]
 fn a_body_keeps_its_own_motion() {
     let of = person(0, 1.0, 3, RestPose::T);
-    let clip = of.walk(60, 30.0, &NUMBERS);
+    let mut clip = of.walk(60, 30.0, &NUMBERS);
     let figure = figure(&clip.skeleton, 1.0);
+    // Arms and legs point along their bones at rest; elbows bend forwards and knees backwards.
+    for (name, axis) in [
+        ("LeftForeArm", Vec3::NEG_Y),
+        ("RightForeArm", Vec3::Y),
+        ("LeftLeg", Vec3::X),
+        ("RightLeg", Vec3::X),
+    ] {
+        let joint = clip.skeleton.joint_index(&format!("mixamorig:{name}")).unwrap();
+        for frame in 0..clip.frames() {
+            let rotation = &mut clip.rotations_at_mut(frame)[joint];
+            let angle = rotation.to_scaled_axis().length();
+            *rotation = Quat::from_axis_angle(axis, angle);
+        }
+    }
     let mut retargeter = Retargeter::new(figure.clone(), figure).unwrap();
     let (made, figures) = retarget(&mut retargeter, &clip).unwrap();
     let worlds = [&clip, &made].map(WorldMotion::from_clip);
@@ -241,4 +256,107 @@ fn poses_of_the_same_motion_are_the_same_again() {
     let first = retarget(&mut retargeter, &clip).unwrap().0;
     assert_eq!(retarget(&mut retargeter, &clip).unwrap().0, first);
     assert!(first.root_positions.iter().all(|root: &Vec3| root.is_finite()));
+}
+
+/// Random turns, one a joint.
+fn any_turns(joints: usize) -> impl Strategy<Value = Vec<Vec3>> {
+    let turn = [-1.2_f32..1.2, -1.2_f32..1.2, -1.2_f32..1.2];
+    proptest::collection::vec(turn.prop_map(Vec3::from), joints)
+}
+
+proptest! {
+    #[test]
+    fn knees_and_elbows_never_bend_backwards(
+        mut turns in any_turns(24),
+        (size, spine) in (0.5_f32..1.6, 1_usize..4),
+    ) {
+        let source = figure(&person(0, 1.0, 3, RestPose::T).skeleton(), 1.0);
+        let target = figure(&person(2, size, spine, RestPose::A).skeleton(), size);
+        // Knees and elbows bend either way, and a little to the sides.
+        source.parts.legs.iter().for_each(|leg| turns[leg.lower[0]] *= Vec3::new(1.0, 0.2, 0.2));
+        source.parts.arms.iter().flatten().for_each(|arm| turns[arm.lower[0]] *= Vec3::new(0.2, 1.0, 0.2));
+        let turned = turns[..source.skeleton.joint_count()].iter();
+        let pose: Vec<Quat> = turned.map(|turn| Quat::from_scaled_axis(*turn)).collect();
+        let mut out = vec![Quat::IDENTITY; target.skeleton.joint_count()];
+        let mut retargeter = Retargeter::new(source, target.clone()).unwrap();
+        retargeter.pose(Vec3::Y * HIPS_M, &pose, &mut out);
+        let world = world_of(&target.skeleton, &out);
+        let limbs = target.parts.legs.iter().map(|leg| (leg, -1.0));
+        for (limb, forward) in limbs.chain(target.parts.arms.iter().flatten().map(|arm| (arm, 1.0))) {
+            let turn = |joint: usize| world[joint] * target.neutral[joint].conjugate();
+            let lower = turn(limb.upper[0]).conjugate() * turn(limb.lower[0]) * Vec3::NEG_Y;
+            prop_assert!(forward * lower.z > -0.09, "{lower}");
+        }
+    }
+}
+
+#[test]
+fn hands_hold_on_to_places() {
+    let (clip, source) = example();
+    let target = figure(&person(0, 0.7, 3, RestPose::T).skeleton(), 0.7);
+    let mut retargeter = Retargeter::new(source, target.clone()).unwrap();
+    let mut out = vec![Quat::IDENTITY; target.skeleton.joint_count()];
+    let mut pose = |hands: [Option<Vec3>; 2]| {
+        retargeter.reset();
+        let root = retargeter.pose_holding(clip.root_positions[0], clip.rotations_at(0), hands, &mut out);
+        let world = WorldMotion::from_clip(
+            &Clip::new(Arc::clone(&target.skeleton), 30.0, vec![root], out.clone()).unwrap(),
+        );
+        (
+            world,
+            retargeter.short_m(),
+            retargeter.short_joint(),
+            retargeter.scale(),
+        )
+    };
+    let wrists = target.parts.arms.as_ref().unwrap().each_ref().map(|arm| arm.end);
+    let (free, ..) = pose([None; 2]);
+    let ahead = yaw(clip.root_at(0).heading) * Vec3::new(0.15, 1.2, 0.3);
+    let place = clip.root_positions[0].with_y(0.0) + ahead;
+    let (held, short_m, _, scale) = pose([Some(place), None]);
+    let [left, right] = wrists.map(|wrist| held.positions_at(0)[wrist]);
+    assert!(
+        left.distance(place * scale) < 1e-3 && short_m < 1e-3,
+        "{left} {place} {short_m}"
+    );
+    assert_eq!(right, free.positions_at(0)[wrists[1]]);
+    let [before, after] = [&free, &held].map(|world| world.rotations_at(0)[wrists[0]]);
+    assert!(before.angle_between(after) < 2e-3);
+    // Out of reach: as near as the arm comes.
+    let far = place + Vec3::Y;
+    let (held, short_m, joint, _) = pose([None, Some(far)]);
+    let left_m = held.positions_at(0)[wrists[1]].distance(far * scale);
+    assert!(
+        short_m > 0.3 && (short_m - left_m).abs() < 1e-3,
+        "{short_m} {left_m}"
+    );
+    assert_eq!(joint, Some(wrists[1]));
+}
+
+#[test]
+fn twists_share_the_roll_of_the_next_joint() {
+    let source = figure(&person(0, 1.0, 1, RestPose::T).skeleton(), 1.0);
+    // A twist between elbow and wrist, and one beside the wrist.
+    let mut skeleton = (*source.skeleton).clone();
+    let elbow = skeleton.joint_index("mixamorig:LeftForeArm").unwrap();
+    let hand = skeleton.joint_index("mixamorig:LeftHand").unwrap();
+    let bone = skeleton.joints[hand].offset_m;
+    for (name, at) in [("LeftForeArmTwist", 0.5), ("LeftForeArmRoll", 0.75)] {
+        skeleton.joints.push(Joint {
+            name: name.to_owned(),
+            parent: Some(elbow),
+            offset_m: bone * at,
+        });
+    }
+    let target = figure(&Arc::new(skeleton), 1.0);
+    let mut pose = vec![Quat::IDENTITY; source.skeleton.joint_count()];
+    pose[hand] = Quat::from_rotation_x(0.8) * Quat::from_rotation_y(0.3);
+    let mut out = vec![Quat::IDENTITY; target.skeleton.joint_count()];
+    let mut retargeter = Retargeter::new(source, target).unwrap();
+    retargeter.pose(Vec3::Y * HIPS_M, &pose, &mut out);
+    for (joint, share) in [(out.len() - 2, 0.5), (out.len() - 1, 0.75)] {
+        let wanted = Quat::from_rotation_x(0.8 * share);
+        assert!(out[joint].angle_between(wanted) < 0.02, "{}", out[joint]);
+    }
+    assert!(out[elbow].angle_between(Quat::IDENTITY) < 1e-3);
 }

@@ -100,7 +100,7 @@ pub fn failed(output: &Output, code: i32, expected: &[&str]) {
     assert_eq!(text(&output.stdout), "");
 }
 
-fn gap_arguments(clip: &Path, from: usize, to: usize, out: &Path) -> Vec<String> {
+pub(crate) fn gap_arguments(clip: &Path, from: usize, to: usize, out: &Path) -> Vec<String> {
     let path = |path: &Path| path.to_str().unwrap().to_owned();
     [
         "inbetween",
@@ -117,7 +117,7 @@ fn gap_arguments(clip: &Path, from: usize, to: usize, out: &Path) -> Vec<String>
     .to_vec()
 }
 
-fn with(mut arguments: Vec<String>, more: &[&str]) -> Vec<String> {
+pub(crate) fn with(mut arguments: Vec<String>, more: &[&str]) -> Vec<String> {
     arguments.extend(more.iter().map(|&a| a.to_owned()));
     arguments
 }

@@ -1,7 +1,8 @@
 //! Characters on a skeleton of the user's own: sessions, in-betweens and paths in its size.
 
+use std::path::Path;
+
 use troupe_client::{Client, FollowPath, InBetween, Locomotion, Pack, SessionOptions};
-use troupe_motion::bvh;
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::rotation::angle_between;
@@ -17,8 +18,9 @@ use crate::server::{Server, shared};
 /// Size of the hero by that of the pack's body.
 const SCALE: f32 = 1.5;
 
-/// The pack's skeleton in another size, with other names at the hands.
-fn joints(pack: &Pack) -> v1::BodySkeleton {
+/// The pack's skeleton in another size and with other names, in the pose in which a character stands
+/// at first.
+async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
     let skeleton = pack.skeleton();
     let name = |index: usize| format!("hero_{}", skeleton.joints[index].name);
     let joint = |index: usize| {
@@ -37,8 +39,16 @@ fn joints(pack: &Pack) -> v1::BodySkeleton {
         y: 1.0,
         z: 0.0,
     });
+    let mut session = client.session(pack, &SessionOptions::new()).await.unwrap();
+    let mut standing = troupe_client::Recording::of(&session);
+    let frames = session.step(1).await.unwrap();
+    frames.iter().for_each(|frame| standing.push(frame));
+    session.close().await.unwrap();
+    let standing = WorldMotion::from_clip(&standing.into_clip().unwrap());
+    let quat = |Quat { x, y, z, w }: Quat| v1::Quat { w, x, y, z };
     v1::BodySkeleton {
         joints,
+        neutral: standing.rotations_at(0).iter().copied().map(quat).collect(),
         ..v1::BodySkeleton::default()
     }
 }
@@ -53,7 +63,7 @@ async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
     let (client, pack) = server.client().await;
     let request = v1::PutSkeletonRequest {
         name: name.to_owned(),
-        source: Some(Source::Joints(joints(&pack))),
+        source: Some(Source::Joints(joints(&client, &pack).await)),
         ..v1::PutSkeletonRequest::default()
     };
     let own = put(server, request).await.unwrap();
@@ -114,7 +124,7 @@ async fn a_worn_skeleton_is_named_and_stays_until_no_one_wears_it() {
         name: "keeper".to_owned(),
         source: Some(Source::Joints(v1::BodySkeleton {
             contact_joints: Vec::new(),
-            ..joints(&pack)
+            ..joints(&client, &pack).await
         })),
         force: true,
         ..v1::PutSkeletonRequest::default()
@@ -171,13 +181,13 @@ async fn a_path_is_walked_in_the_size_of_the_skeleton() {
 #[tokio::test]
 async fn what_does_not_fit_is_refused_with_the_field() {
     let server = shared();
-    let (_, pack) = server.client().await;
+    let (client, pack) = server.client().await;
     let named = |name: &str, source| v1::PutSkeletonRequest {
         name: name.to_owned(),
         source,
         ..v1::PutSkeletonRequest::default()
     };
-    let good = joints(&pack);
+    let good = joints(&client, &pack).await;
     let file = |name: &str, data: &[u8]| {
         Some(Source::File(v1::SkeletonFile {
             name: name.to_owned(),
@@ -224,9 +234,8 @@ async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
         Server::start_with(move |config| config.store = Some(store)).await
     };
     let server = start().await;
-    let (_, pack) = server.client().await;
-    let file = bvh::BvhFile::from_clip(&walk(&pack), &bvh::BvhWriteOptions::default()).unwrap();
-    let bvh = bvh::write(&file);
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/walk.bvh");
+    let bvh = std::fs::read(example).unwrap();
     let send = |server: &Server| {
         let url = format!("{}/v1/skeletons/hero?file=hero.bvh", server.url());
         let request = reqwest::Client::new().put(url);

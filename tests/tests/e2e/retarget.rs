@@ -1,11 +1,16 @@
-//! `troupe retarget`: a clip's motion on another character, without a server.
+//! A clip's motion on another character: `troupe retarget`, without a server, and `--onto`.
 
 use std::path::Path;
 use std::process::Output;
 
 use serde_json::Value;
+use troupe_motion::bvh::{self, BvhOptions};
+use troupe_motion::clip::Clip;
+use troupe_motion::glb::write_glb;
 
-use crate::cli::{Folder, failed, printed, text, troupe_at};
+use crate::cli::{Folder, failed, gap_arguments, printed, text, troupe as troupe_shared, troupe_at, with};
+use crate::motion::walk;
+use crate::server::shared;
 
 async fn troupe(arguments: &[&str]) -> Output {
     troupe_at("http://127.0.0.1:1", arguments).await
@@ -103,4 +108,84 @@ async fn what_is_beyond_the_bar_is_not_written() {
     );
     assert!(!out.exists());
     assert!(run(&["--force"]).await.status.success() && out.exists());
+}
+
+/// The body of the shared server's pack in half its size, as a character's file.
+async fn half(folder: &Folder) -> (Clip, String) {
+    let clip = walk(&shared().pack().await);
+    let mut skeleton = (*clip.skeleton).clone();
+    skeleton.joints.iter_mut().for_each(|joint| joint.offset_m *= 0.5);
+    let roots = clip.root_positions.iter().map(|root| *root * 0.5).collect();
+    let hero = Clip::new(skeleton.into(), clip.fps, roots, clip.rotations.clone()).unwrap();
+    let path = folder.file("half.glb");
+    std::fs::write(&path, write_glb(&hero).unwrap()).unwrap();
+    (clip, path.to_str().unwrap().to_owned())
+}
+
+#[tokio::test]
+async fn a_character_gets_generated_motion_in_its_size() {
+    let folder = Folder::new("onto");
+    let (clip, hero) = half(&folder).await;
+    let source = folder.write_clip("walk.bvh", &clip);
+    let roots = folder.file("roots.toml");
+    // In the character's size.
+    let place = 0.5 * clip.root_positions[80];
+    std::fs::write(
+        &roots,
+        format!("[[root]]\nframe = 80\nat = [{}, {}]", place.x, place.z),
+    )
+    .unwrap();
+    let out = folder.file("out.bvh");
+    let more = ["--onto", &hero, "--roots", roots.to_str().unwrap()];
+    let answer = troupe_shared(with(gap_arguments(&source, 60, 95, &out), &more)).await;
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    let file = bvh::parse(&std::fs::read_to_string(&out).unwrap()).unwrap();
+    let made = file.to_clip(&BvhOptions::default()).unwrap();
+    assert_eq!(made.frames(), clip.frames());
+    for frame in [0, 80, 299] {
+        let [half, whole] = [&made, &clip].map(|clip| clip.root_positions[frame]);
+        let apart_m = (half - 0.5 * whole).with_y(0.0).length();
+        assert!(apart_m < 0.03, "{frame}: {half} {whole}");
+    }
+    // A character's own file keeps what it has.
+    let dressed = folder.file("out.glb");
+    let answer = troupe_shared(with(gap_arguments(&source, 60, 95, &dressed), &["--onto", &hero])).await;
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    let animation = format!("{}#inbetween", dressed.display());
+    let report = printed(&troupe(&["clip", "info", &animation, "--json"]).await);
+    let report: Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report[0]["frames"], 300);
+}
+
+#[tokio::test]
+async fn a_character_that_does_not_go_with_the_pack_is_refused() {
+    let folder = Folder::new("onto-bar");
+    let (clip, hero) = half(&folder).await;
+    let source = folder.write_clip("walk.bvh", &clip);
+    let (parts, out) = (folder.file("half.toml"), folder.file("out.glb"));
+    let shown = printed(&troupe(&["clip", "info", &hero, "--parts"]).await);
+    let swapped = shown
+        .replace("_L\"", "_X\"")
+        .replace("_R\"", "_L\"")
+        .replace("_X\"", "_R\"");
+    std::fs::write(&parts, swapped).unwrap();
+    let more = ["--onto", &hero, "--onto-parts", parts.to_str().unwrap()];
+    let arguments = || with(gap_arguments(&source, 60, 95, &out), &more);
+    failed(
+        &troupe_shared(arguments()).await,
+        2,
+        &[
+            "half.glb",
+            "the difference of a line across the body at Foot_R",
+            "--force",
+        ],
+    );
+    assert!(!out.exists());
+    assert!(
+        troupe_shared(with(arguments(), &["--force"]))
+            .await
+            .status
+            .success()
+            && out.exists()
+    );
 }

@@ -15,16 +15,21 @@ use self::picture::{PathPicture, WIDTH};
 use super::{Film, write};
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::hero::Hero;
 use crate::path::Path;
 use crate::scenery::Scenery;
-use crate::take::{Order, Take, follow, print_events};
+use crate::take::{Order, Take, follow, pack_of, print_events, scene_of};
 
 /// Poses without --poses, and of a generated motion.
 const POSES: u8 = 16;
 
 pub(super) async fn film(context: &Context, command: &Film, file: &FilePath) -> Result<(), Failure> {
     let path = Path::read(file)?;
-    let take = follow(context, &path, &command.character, FrameOptions::default()).await?;
+    let hero = command.onto.read(&context.term)?;
+    let take = match &hero {
+        None => follow(context, &path, &command.character, FrameOptions::default()).await?,
+        Some(hero) => worn(context, command, &path, hero).await?,
+    };
     let scenery = match &take.scene {
         Some(scene) => {
             let client = context.connect().await?;
@@ -43,6 +48,24 @@ pub(super) async fn film(context: &Context, command: &Film, file: &FilePath) -> 
     };
     write(context, command, &picture.to_png().map_err(Failure::Other)?)?;
     print_events(&take.events)
+}
+
+/// A take of a path in the size of the character that wears its motion.
+async fn worn(context: &Context, command: &Film, path: &Path, hero: &Hero<'_>) -> Result<Take, Failure> {
+    if scene_of(Some(path), &command.character).is_some() {
+        let why = "--onto needs a path without a scene, whose things have sizes of their own";
+        return Err(Failure::Input(why.to_owned()));
+    }
+    let pack = pack_of(Some(path), &command.character);
+    let (_, pack) = context.connect_to_pack(pack).await?;
+    let scale = hero.scale(pack.skeleton())?;
+    let path = path.sized(1.0 / scale);
+    let mut take = follow(context, &path, &command.character, FrameOptions::default()).await?;
+    take.clip = hero.wear(&take.clip, &take.clip, &context.term)?;
+    take.commanded.iter_mut().for_each(|place| *place *= scale);
+    take.goal = take.goal.map(|goal| goal * scale);
+    take.orders.iter_mut().for_each(|order| order.velocity *= scale);
+    Ok(take)
 }
 
 /// A picture of a motion that follows a path, as a PNG file. Its poses are labelled with `style`.

@@ -1,6 +1,7 @@
 //! Which animations are read.
 
 mod forms;
+mod humanoid;
 
 use std::path::Path;
 
