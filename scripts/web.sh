@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # The viewer in web/: `check` lints and tests its sources, `build` makes web/dist and checks that the committed one is the same
 # (WEB_DIST=any: does not compare), `e2e` runs the browser tests against a built troupe-server, `pictures` makes the pictures of
-# docs/pictures, `measure` prints what a crowd costs a browser. `reader` builds the reader of motion files as WebAssembly
-# (bindings/web) into web/src/reader, which is committed: all else needs no Rust. `reader` is due after a change of its sources.
+# docs/pictures, `measure` prints what a crowd costs a browser. `reader` builds the reader of motion files and the retargeter as
+# WebAssembly (bindings/web) into web/src/reader, which is committed: all else needs no Rust. It is due after a change of its sources.
 # It installs what it needs: the npm packages of the lock file, and Debian's Chromium if it has apt and root; for `reader` the
 # command wasm-bindgen, and rustup's target wasm32-unknown-unknown.
 set -euo pipefail
@@ -36,7 +36,8 @@ browser() {
 
 # What the WebAssembly is built of, as one number. Tests are not in it.
 reader_sources() {
-    find bindings/web motion/Cargo.toml motion/src/{read,anatomy,bvh,glb,files,convert,robot} motion/src/{clip,skeleton}.rs -type f \
+    find bindings/web motion/Cargo.toml motion/src/{read,anatomy,bvh,glb,files,convert,robot,retarget,ik} \
+        motion/src/{clip,skeleton,fk,ik,root,rotation,interpolate}.rs -type f \
         ! -path '*/tests/*' ! -name 'test*.rs' | LC_ALL=C sort | xargs cat | cksum | cut -d' ' -f1
 }
 

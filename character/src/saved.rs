@@ -134,10 +134,7 @@ pub(crate) mod definition {
             let find = |around: &Surroundings| around.skills.get(&name).cloned();
             return around(find, &format!("skill {name:?}"));
         }
-        let find = |around: &Surroundings| {
-            let listed = around.world.as_ref()?.definitions.get(&name).ok()?;
-            Some(listed.definition)
-        };
+        let find = |around: &Surroundings| around.world.as_ref()?.definition(&name);
         around(find, &format!("object definition {name:?}"))
     }
 }

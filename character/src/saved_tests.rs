@@ -25,6 +25,7 @@ fn around(rig: &Harness) -> Surroundings {
             scene: rig.scene.clone(),
             definitions: rig.definitions.clone(),
             holder: Holder::new("a"),
+            scale: rig.scale,
         }),
     }
 }
@@ -99,6 +100,31 @@ proptest! {
         // Without the checksum it may be read or not, but nothing panics.
         let _ = read(&flipped[HEAD_BYTES..], &around);
     }
+}
+
+#[test]
+fn a_restored_character_of_another_size_goes_on_unchanged() {
+    let [mut one, mut other] = [(); 2].map(|()| {
+        let Harness {
+            scene, definitions, ..
+        } = Harness::new();
+        Harness::of_size(scene, definitions, "a", (Vec3::ZERO, 0.8))
+    });
+    for rig in [&mut one, &mut other] {
+        rig.interact("bench", "").unwrap();
+        rig.run(40);
+    }
+    through_bytes(&mut other);
+    for rig in [&mut one, &mut other] {
+        rig.run(160);
+    }
+    let shown = |rig: &Harness| {
+        rig.frames
+            .last()
+            .map(|frame| (frame.root, frame.rotations.clone()))
+    };
+    assert_eq!(shown(&one), shown(&other));
+    assert!((one.frames[199].root.y * 0.8 - 0.45).abs() < 0.01, "it sits");
 }
 
 #[test]

@@ -10,6 +10,7 @@ use tonic::{Request, Status};
 use troupe_proto::v1::motion_client::MotionClient;
 use troupe_proto::v1::scenes_client::ScenesClient;
 use troupe_proto::v1::sessions_client::SessionsClient;
+use troupe_proto::v1::skeletons_client::SkeletonsClient;
 use troupe_proto::v1::{GetPackRequest, InBetweenRequest, ListPacksRequest, Timing};
 
 use crate::error::{AnswerError, ClientError, RequestError, deepest};
@@ -85,12 +86,15 @@ pub struct Client {
     pub(crate) rpc: MotionClient<KeyedChannel>,
     sessions: SessionsRpc,
     scenes: ScenesRpc,
+    skeletons: SkeletonsRpc,
 }
 
 /// The generated client of sessions.
 pub(crate) type SessionsRpc = SessionsClient<KeyedChannel>;
 /// The generated client of scenes.
 pub(crate) type ScenesRpc = ScenesClient<KeyedChannel>;
+/// The generated client of skeletons.
+pub(crate) type SkeletonsRpc = SkeletonsClient<KeyedChannel>;
 /// A channel whose calls carry the key.
 pub type KeyedChannel = InterceptedService<Channel, Bearer>;
 
@@ -156,6 +160,9 @@ impl Client {
         let sessions = SessionsClient::new(channel.clone())
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
+        let skeletons = SkeletonsClient::new(channel.clone())
+            .max_decoding_message_size(limit)
+            .max_encoding_message_size(limit);
         let scenes = ScenesClient::new(channel.clone())
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
@@ -166,6 +173,7 @@ impl Client {
             rpc,
             sessions,
             scenes,
+            skeletons,
         })
     }
 
@@ -244,6 +252,7 @@ impl Client {
         let request = InBetweenRequest {
             pack: pack.name().to_owned(),
             characters,
+            skeleton: pack.worn().to_owned(),
         };
         let answer = self
             .rpc
@@ -284,6 +293,10 @@ impl Client {
 
     pub(crate) fn sessions_rpc(&self) -> SessionsRpc {
         self.sessions.clone()
+    }
+
+    pub(crate) fn skeletons_rpc(&self) -> SkeletonsRpc {
+        self.skeletons.clone()
     }
 
     pub(crate) fn scenes_rpc(&self) -> ScenesRpc {

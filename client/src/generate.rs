@@ -169,6 +169,7 @@ impl FollowPath {
                 temperature: Some(temperature),
                 ..v1::Sampling::default()
             }),
+            skeleton: pack.worn().to_owned(),
         }
     }
 }

@@ -47,6 +47,7 @@ mod pack;
 mod problem;
 mod root_key;
 mod scenes;
+mod skeletons;
 mod styles;
 mod tls;
 mod words;

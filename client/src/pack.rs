@@ -17,6 +17,8 @@ pub struct Pack {
     skeleton: Arc<Skeleton>,
     /// The body of the skeleton, in a pack of many bodies.
     body: Arc<str>,
+    /// The skeleton of the user's own that its characters wear. Empty: none.
+    worn: Arc<str>,
 }
 
 impl Pack {
@@ -26,6 +28,7 @@ impl Pack {
             message: Arc::new(message),
             skeleton: Arc::new(skeleton),
             body: "".into(),
+            worn: "".into(),
         }
     }
 
@@ -37,6 +40,33 @@ impl Pack {
     /// Name of the body whose skeleton it has; empty for the pack's own.
     pub fn body(&self) -> &str {
         &self.body
+    }
+
+    /// Name of the skeleton of the user's own that its characters wear; empty for none.
+    pub fn worn(&self) -> &str {
+        &self.worn
+    }
+
+    /// The same pack, whose characters wear a skeleton of the user's own
+    /// ([`Client::put_skeleton`](crate::Client::put_skeleton)). Sessions, in-betweens and motions of
+    /// the result are on that skeleton, in its size. Contacts stay those of the pack.
+    ///
+    /// # Errors
+    /// [`AnswerError`] if the server's answer is no skeleton.
+    pub fn wearing(&self, own: &v1::OwnSkeleton) -> Result<Self, AnswerError> {
+        let as_pack = v1::Pack {
+            name: own.name.clone(),
+            joints: own.joints.clone(),
+            left_axis: own.left_axis,
+            robot: own.robot.clone(),
+            ..v1::Pack::default()
+        };
+        Ok(Self {
+            message: self.message.clone(),
+            skeleton: Arc::new(skeleton(&as_pack)?),
+            body: self.body.clone(),
+            worn: own.name.as_str().into(),
+        })
     }
 
     /// The same pack with the skeleton of one of its bodies.
@@ -53,6 +83,7 @@ impl Pack {
             message: self.message.clone(),
             skeleton: Arc::new(skeleton(&as_pack)?),
             body: body.name.as_str().into(),
+            worn: "".into(),
         })
     }
 
@@ -142,6 +173,7 @@ impl TryFrom<v1::Pack> for Pack {
             message: Arc::new(message),
             skeleton,
             body: "".into(),
+            worn: "".into(),
         })
     }
 }

@@ -172,6 +172,7 @@ impl Prompt {
             past: self.past.clone(),
             seed: self.seed,
             sampling: self.sampling.to_message(),
+            skeleton: pack.worn().to_owned(),
         }
     }
 }

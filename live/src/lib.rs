@@ -6,6 +6,7 @@
 //! | [`records`] | the database file that survives a restart |
 //! | [`wire`] | values of messages: checks, units, axes, keyframes |
 //! | [`world`] | scenes, objects and their definitions |
+//! | [`skeleton`] | skeletons of users' own characters |
 //! | [`session`] | characters: commands, steps, streams |
 //!
 //! A command changes the goal of a character (`troupe-character`). When the character needs a plan,
@@ -15,5 +16,6 @@
 pub mod packs;
 pub mod records;
 pub mod session;
+pub mod skeleton;
 pub mod wire;
 pub mod world;

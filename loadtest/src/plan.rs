@@ -136,6 +136,9 @@ pub struct Live {
     pub compact: bool,
     /// Name of the pack. Empty: the server's default pack.
     pub pack: String,
+    /// File of a character of the user's own, whose skeleton the characters wear. None: the pack's.
+    #[serde(default)]
+    pub skeleton: Option<PathBuf>,
     /// Names of styles. Empty: all styles of the pack that move from place to place.
     pub styles: Vec<String>,
     /// Mean time between two commands of a character, seconds; 0 for one command at the start.

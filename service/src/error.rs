@@ -7,6 +7,7 @@ use troupe_character::FieldError;
 use troupe_character::post::NonFinite;
 use troupe_live::packs::{CannotDo, UnknownPack};
 use troupe_live::session::{SessionError, SpaceError, StoreBehind};
+use troupe_live::skeleton::SkeletonError;
 use troupe_live::world::WorldError;
 
 /// Why a call was not served.
@@ -33,6 +34,9 @@ pub enum ServiceError {
     /// The pack lacks the capability for the call.
     #[error(transparent)]
     CannotDo(#[from] CannotDo),
+    /// Only for calls about skeletons, or that name one.
+    #[error(transparent)]
+    Skeleton(SkeletonError),
     /// Only for calls about scenes, definitions or styles.
     #[error(transparent)]
     World(WorldError),
@@ -58,9 +62,21 @@ impl From<SessionError> for ServiceError {
             SessionError::UnknownPack(error) => Self::UnknownPack(error),
             SessionError::CannotDo(error) => Self::CannotDo(error),
             SessionError::World(error) => error.into(),
+            SessionError::Skeleton(error) => error.into(),
             SessionError::Plan(error) => Self::Batch(error),
             SessionError::Stopped(error) => Self::Stopped(error),
             error => Self::Session(error),
+        }
+    }
+}
+
+impl From<SkeletonError> for ServiceError {
+    fn from(error: SkeletonError) -> Self {
+        match error {
+            SkeletonError::Field(error) => Self::Field(error),
+            SkeletonError::UnknownPack(error) => Self::UnknownPack(error),
+            SkeletonError::UnknownBody(error) => Self::Session(error.into()),
+            error => Self::Skeleton(error),
         }
     }
 }

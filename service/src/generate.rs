@@ -17,10 +17,12 @@ use crate::inbetween::{
     PartWriter, Prepared, no_sampling, path_judge, prepare_path, prepare_prompt, prepare_walk, refuse_frames,
     refuse_path, refuse_walk, walk_judge,
 };
+use crate::own::{OwnAnswer, in_size, take_generate};
 use crate::streamed::{Pieces, Streamed};
 use crate::{Service, ServiceError};
 use troupe_batch::{Batcher, Piece};
 use troupe_live::packs::LoadedPack;
+use troupe_live::session::SessionError;
 
 /// A motion in progress.
 #[derive(Debug)]
@@ -32,6 +34,8 @@ pub struct Generation {
     path: Option<PathWay>,
     /// Notes about what the model may not do well. They go into the first part.
     notes: Vec<String>,
+    /// Brings the parts to a skeleton of the user's own.
+    own: Option<OwnAnswer>,
     /// Parts of the last piece that are not sent yet.
     ready: VecDeque<v1::GenerateResponse>,
 }
@@ -83,7 +87,10 @@ impl Streamed for Generation {
                 Err(error) => return Some(Err(error)),
             }
         }
-        let part = self.ready.pop_front()?;
+        let mut part = self.ready.pop_front()?;
+        if let Some(own) = &mut self.own {
+            own.part(&mut part);
+        }
         Some(Ok(v1::GenerateResponse {
             notes: std::mem::take(&mut self.notes),
             ..part
@@ -154,16 +161,37 @@ impl Service {
     pub fn generate(&self, request: &v1::GenerateRequest) -> Result<Generation, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
+        let place = match &request.goal {
+            Some(Goal::Path(goal)) if !request.skeleton.is_empty() => {
+                (loaded.place_of("path.body", &goal.body)).map_err(SessionError::from)?
+            }
+            _ => 0,
+        };
+        let worn = self.worn(&request.skeleton, (loaded, place))?;
+        let mut for_pack = None;
+        let own = match &worn {
+            Some(worn) => {
+                let taken = for_pack.insert(request.clone());
+                Some(take_generate(taken, worn, loaded.rig(place).fps)?)
+            }
+            None => None,
+        };
+        let request = for_pack.as_ref().unwrap_or(request);
         let wanted = match &request.goal {
             None => Err(no_goal().into()),
             Some(Goal::Prompt(prompt)) => words(request, prompt, loaded),
             Some(Goal::Path(goal)) => self.path(request, goal, loaded),
-        }?;
+        };
+        let wanted = wanted.map_err(|error| match &worn {
+            Some(worn) => in_size(error, worn),
+            None => error,
+        })?;
         Ok(Generation {
             pieces: Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?,
             writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
             path: wanted.path,
             notes: wanted.notes,
+            own,
             ready: VecDeque::new(),
         })
     }

@@ -6,6 +6,7 @@ mod error;
 mod generate;
 pub mod inbetween;
 mod metrics;
+mod own;
 mod pack;
 mod scenes;
 mod sessions;
@@ -21,6 +22,7 @@ use troupe_proto::v1;
 
 use crate::inbetween::{Plan, RequestLimits, finish_judged, prepare, refuse, refuse_keyframes};
 use metrics::ServiceMetrics;
+use own::{OwnSegment, in_size, take_in_between};
 use pack::describe;
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::{RequestContext, Telemetry};
@@ -33,9 +35,10 @@ use troupe_live::records::{Records, RecordsError};
 use troupe_live::session::{
     Backlog, Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions,
 };
+use troupe_live::skeleton::Worn;
 use troupe_live::world::Store;
 use troupe_motion::feasibility::Judge;
-use troupe_motion::model::{Capability, Output, Rig};
+use troupe_motion::model::{Capability, KeyframeTask, Output, Rig};
 
 pub use describe::Description;
 pub use error::ServiceError;
@@ -288,6 +291,7 @@ impl Service {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
         loaded.require(Capability::Inbetween, "pack")?;
+        let worn = self.worn(&request.skeleton, (loaded, 0))?;
         let characters = request.characters.len();
         // A request over the size limit gets its own error, without a retry hint.
         let most = self.common.limits.max_characters;
@@ -295,11 +299,9 @@ impl Service {
         if let Some(error) = loaded.batcher.refuse(&order, characters.min(most)) {
             return Err(error.into());
         }
-        let (rig, limits) = (loaded.pack.rig.clone(), self.common.limits);
-        let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
-            let (items, plans) = prepare(&request, &rig, limits)?;
-            refuse_keyframes(&plans, &rig)?;
-            Ok::<_, ServiceError>((items, plans))
+        let (rig, limits, wears) = (loaded.pack.rig.clone(), self.common.limits, worn.clone());
+        let (items, plans, own) = offload(characters, INLINE_CHARACTERS, move || {
+            prepared(request, &rig, limits, wears.as_deref())
         })
         .await??;
 
@@ -317,7 +319,12 @@ impl Service {
         let scattering = Instant::now();
         let rig = loaded.pack.rig.clone();
         let results = offload(characters, INLINE_CHARACTERS, move || {
-            finish_all(&served, &plans, &rig)
+            let mut results = finish_all(&served, &plans, &rig)?;
+            if let Some(worn) = &worn {
+                let pairs = own.iter().zip(&mut results);
+                pairs.for_each(|(own, result)| own.finish(worn, result));
+            }
+            Ok::<_, ServiceError>(results)
         })
         .await??;
         let made = scattering.elapsed();
@@ -337,6 +344,28 @@ impl Service {
             timing: Some(timing),
         })
     }
+}
+
+/// A request as the batcher takes it. With a skeleton of the user's own, also what the answer needs
+/// of each character.
+fn prepared(
+    mut request: v1::InBetweenRequest,
+    rig: &Rig,
+    limits: RequestLimits,
+    worn: Option<&Worn>,
+) -> Result<(Vec<KeyframeTask>, Vec<Plan>, Vec<OwnSegment>), ServiceError> {
+    let own = worn.map(|worn| take_in_between(&mut request, worn));
+    let own = own.transpose()?.unwrap_or_default();
+    let for_pack = || {
+        let (items, plans) = prepare(&request, rig, limits)?;
+        refuse_keyframes(&plans, rig)?;
+        Ok((items, plans))
+    };
+    let (items, plans) = for_pack().map_err(|error| match worn {
+        Some(worn) => in_size(error, worn),
+        None => error,
+    })?;
+    Ok((items, plans, own))
 }
 
 /// The pack without the skeletons of its bodies.

@@ -13,7 +13,7 @@ const SCENE_MEMORY: Metric = Metric::new(
 );
 const UPLOADS: Metric = Metric::new(
     "troupe_uploads_total",
-    "Styles, scenes and object definitions that were uploaded, by kind",
+    "Styles, scenes, object definitions and skeletons that were uploaded, by kind",
 );
 
 /// The metrics of a service.
@@ -25,6 +25,7 @@ pub(crate) struct ServiceMetrics {
     pub(crate) styles_uploaded: Counter,
     pub(crate) scenes_uploaded: Counter,
     pub(crate) objects_uploaded: Counter,
+    pub(crate) skeletons_uploaded: Counter,
 }
 
 impl ServiceMetrics {
@@ -38,6 +39,7 @@ impl ServiceMetrics {
             styles_uploaded: uploads("style"),
             scenes_uploaded: uploads("scene"),
             objects_uploaded: uploads("object"),
+            skeletons_uploaded: uploads("skeleton"),
         }
     }
 

@@ -3,9 +3,9 @@
 use troupe_character::object::Definition;
 use troupe_character::skill::Skills;
 use troupe_engine::pack::{Language, Pack};
+use troupe_live::wire::{joint_message, robot_message, vector_message};
 use troupe_motion::model::Body;
-use troupe_motion::robot::{Hinge, Mimic};
-use troupe_motion::{Joint, Robot, Skeleton};
+use troupe_motion::Skeleton;
 use troupe_proto::v1;
 
 /// The public description of a pack. `engine` runs it, and `skills` are those of its characters.
@@ -19,8 +19,8 @@ pub(crate) fn describe(pack: &Pack, skills: &Skills, is_default: bool, engine: &
         licence: manifest.licence.clone(),
         credits: manifest.credits.clone(),
         fps: manifest.fps,
-        joints: skeleton.joints.iter().map(joint).collect(),
-        left_axis: Some(vector(skeleton.left_axis)),
+        joints: skeleton.joints.iter().map(joint_message).collect(),
+        left_axis: Some(vector_message(skeleton.left_axis)),
         ground_y: skeleton.ground_y_m,
         contact_joints: contact_joints(skeleton),
         contact_rules: contacts.map(|contacts| v1::ContactRules {
@@ -46,7 +46,7 @@ pub(crate) fn describe(pack: &Pack, skills: &Skills, is_default: bool, engine: &
             .list()
             .map(|able| able.name().to_owned())
             .collect(),
-        robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
+        robot: (skeleton.robot.as_ref()).map(|robot| robot_message(robot, skeleton)),
         bodies: default_first(pack).map(describe_body).collect(),
         words: pack.words.clone(),
         sampler_steps: pack.sampler().map_or(0, |steps| steps.default),
@@ -96,68 +96,18 @@ fn describe_body(body: &Body) -> v1::PackBody {
     let skeleton = &body.rig.skeleton;
     v1::PackBody {
         name: body.name.clone(),
-        joints: skeleton.joints.iter().map(joint).collect(),
+        joints: skeleton.joints.iter().map(joint_message).collect(),
         contact_joints: contact_joints(skeleton),
-        left_axis: Some(vector(skeleton.left_axis)),
-        robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
+        left_axis: Some(vector_message(skeleton.left_axis)),
+        robot: (skeleton.robot.as_ref()).map(|robot| robot_message(robot, skeleton)),
         height: body.height_m,
         words: body.words.clone(),
-    }
-}
-
-fn joint(joint: &Joint) -> v1::Joint {
-    v1::Joint {
-        name: joint.name.clone(),
-        parent: joint.parent.map_or(-1, |index| index as i32),
-        offset: Some(vector(joint.offset_m)),
     }
 }
 
 fn contact_joints(skeleton: &Skeleton) -> Vec<String> {
     let joints = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);
     joints.map(|&joint| skeleton.joints[joint].name.clone()).collect()
-}
-
-fn describe_robot(robot: &Robot, skeleton: &Skeleton) -> v1::Robot {
-    let hinge = |hinge: &Hinge| v1::Hinge {
-        joint: skeleton.joints[hinge.joint].name.clone(),
-        axis: Some(vector(hinge.axis)),
-        rest: Some(quaternion(hinge.rest)),
-        lower: hinge.lower_rad,
-        upper: hinge.upper_rad,
-        max_speed: hinge.max_speed_rad_per_s,
-    };
-    let mimic = |mimic: &Mimic| v1::Mimic {
-        joint: skeleton.joints[mimic.joint].name.clone(),
-        follows: skeleton.joints[robot.hinges()[mimic.hinge].joint].name.clone(),
-        multiplier: mimic.multiplier,
-        offset: mimic.offset_rad,
-        axis: Some(vector(mimic.axis)),
-        rest: Some(quaternion(mimic.rest)),
-    };
-    v1::Robot {
-        name: robot.name().to_owned(),
-        hinges: robot.hinges().iter().map(hinge).collect(),
-        qpos_size: robot.qpos_len() as u32,
-        mimics: robot.mimics().iter().map(mimic).collect(),
-    }
-}
-
-fn quaternion(q: troupe_motion::Quat) -> v1::Quat {
-    v1::Quat {
-        w: q.w,
-        x: q.x,
-        y: q.y,
-        z: q.z,
-    }
-}
-
-fn vector(v: troupe_motion::Vec3) -> v1::Vec3 {
-    v1::Vec3 {
-        x: v.x,
-        y: v.y,
-        z: v.z,
-    }
 }
 
 #[cfg(test)]

@@ -37,6 +37,7 @@ impl Service {
                 scene: cell,
                 definitions: store.definitions().clone(),
                 holder: Holder::new(session),
+                scale: 1.0,
             }),
         })
     }

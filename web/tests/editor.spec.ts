@@ -1,5 +1,6 @@
 // The in-between editor: fills a gap of a walk that the server makes, and exports it.
 import { readFileSync } from 'node:fs';
+import { HERO_BONES, heroGlb } from '../src/retarget/testing';
 import { choose, expect, test } from './viewer';
 
 test('fills a gap and exports it as BVH', async ({ page, open, watched }) => {
@@ -112,3 +113,36 @@ function readBvh(text: string): { joints: number; rows: number[][]; count: numbe
     seconds: Number(seconds?.[1]),
   };
 }
+
+test('fills a gap on a rig of the user’s own, and exports it with its mesh', async ({ page, open, watched }) => {
+  test.setTimeout(90_000);
+  await open('mode=inbetween');
+  const input = page.locator('input[type="file"][accept*=".bvh"]');
+  await expect(page.getByRole('combobox', { name: 'Pack' })).not.toHaveValue('', { timeout: 45_000 });
+  await input
+    .first()
+    .setInputFiles({ name: 'hero.glb', mimeType: 'model/gltf-binary', buffer: Buffer.from(heroGlb()) });
+  // The server's walk, on the character.
+  await expect.poll(() => page.evaluate(() => window.editor!.frames()), { timeout: 30_000 }).toBe(150);
+  expect(await page.evaluate(() => window.editor!.ownJoints())).toBe(HERO_BONES);
+  const own = page.getByRole('group', { name: 'Own rig' });
+  await expect(own.getByRole('row', { name: /^walk \d/ })).toBeVisible();
+  await page.getByRole('button', { name: 'Fill the gap' }).click();
+  await expect
+    .poll(() => page.evaluate(() => window.editor!.variants().length), { timeout: 30_000 })
+    .toBeGreaterThan(0);
+  expect(await page.evaluate(() => window.editor!.trouble())).toBe('');
+  // Keyframes hold bit for bit.
+  expect(await page.evaluate(() => window.editor!.missed())).toBe(0);
+  await page.getByRole('button', { name: 'Whole clip' }).click();
+  const [download] = await Promise.all([
+    page.waitForEvent('download'),
+    page.getByRole('menuitem', { name: 'glb' }).click(),
+  ]);
+  const written = readFileSync(await download.path());
+  const file = { name: 'hero-filled.glb', mimeType: 'model/gltf-binary', buffer: written };
+  expect(written.toString('latin1')).toContain('JOINTS_0');
+  await input.first().setInputFiles(file);
+  await expect(page.getByText(/^hero-filled\.glb: 150 frames at 30 Hz, 24 joints/)).toBeVisible();
+  expect(watched.errors).toEqual([]);
+});

@@ -16,6 +16,18 @@ pyo3::create_exception!(
     "A file that cannot be read: the message names the file, the place in it and the option that decides."
 );
 
+pyo3::create_exception!(
+    troupe_reader,
+    RetargetError,
+    PyValueError,
+    "Motion that cannot be carried over: the message names the joint or the pose, and what is allowed."
+);
+
+/// Motion that cannot be carried over.
+pub(crate) fn unmapped(error: impl Display) -> PyErr {
+    RetargetError::new_err(error.to_string())
+}
+
 /// A file that was refused, with the reader's own words.
 pub(crate) fn refused(error: impl Display) -> PyErr {
     ReadError::new_err(error.to_string())

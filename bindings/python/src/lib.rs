@@ -6,6 +6,7 @@
 mod arrays;
 mod clip;
 mod errors;
+mod figure;
 mod files;
 mod options;
 mod read;
@@ -21,12 +22,14 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let error = module.py().get_type::<errors::ReadError>();
     error.setattr("options", PyTuple::empty(module.py()))?;
     module.add("ReadError", error)?;
+    module.add("RetargetError", module.py().get_type::<errors::RetargetError>())?;
     for (name, endings) in [("ENDINGS", &ENDINGS[..]), ("ROBOT_ENDINGS", &ROBOT_ENDINGS[..])] {
         let endings = endings.iter().map(|ending| format!(".{ending}"));
         let endings: Vec<String> = endings.collect();
         module.add(name, PyTuple::new(module.py(), endings)?)?;
     }
     module.add_class::<clip::Clip>()?;
+    module.add_class::<figure::Figure>()?;
     module.add_class::<read::Agreement>()?;
     module.add_class::<robot::RobotDescription>()?;
     module.add_class::<skeleton::Skeleton>()?;

@@ -19,6 +19,12 @@ pub(crate) struct RobotDescription {
     contacts: Vec<String>,
 }
 
+impl RobotDescription {
+    pub(crate) fn inner(&self) -> &Arc<troupe_motion::Skeleton> {
+        &self.skeleton
+    }
+}
+
 #[pymethods]
 impl RobotDescription {
     #[getter]
@@ -41,8 +47,18 @@ pub(crate) fn read_robot(
     legs: Vec<String>,
     end_effectors: Vec<(String, String, [f64; 3])>,
 ) -> PyResult<RobotDescription> {
+    built(py, &path, legs, end_effectors)
+}
+
+/// The robot of a description's file.
+pub(crate) fn built(
+    py: Python<'_>,
+    path: &Path,
+    legs: Vec<String>,
+    end_effectors: Vec<(String, String, [f64; 3])>,
+) -> PyResult<RobotDescription> {
     let options = BuildOptions { legs, end_effectors };
-    let text = fs::read_to_string(&path).map_err(|error| at(&path, error))?;
+    let text = fs::read_to_string(path).map_err(|error| at(path, error))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let built = py.detach(|| {
         let description = description::read(&text, &|name| mesh(folder, name))?;

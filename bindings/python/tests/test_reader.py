@@ -171,3 +171,85 @@ def test_wrong_arrays_are_refused():
         troupe_reader.Skeleton(["a"], [-1, 0], np.zeros((1, 3)))
     with pytest.raises(ValueError, match="no hinges"):
         skeleton().pose([[1, 0, 0, 0]], [[0.0]])
+
+
+def walker(scale: float = 1.0) -> troupe_reader.Clip:
+    """A body on two legs that stands with bent knees, then lifts its left leg."""
+    joints = [
+        ("Hips", -1, (0, 0, 0)),
+        ("Spine", 0, (0, 0.2, 0)),
+        ("Head", 1, (0, 0.4, 0)),
+        ("LeftArm", 1, (0.18, 0.2, 0)),
+        ("LeftForeArm", 3, (0.28, 0, 0)),
+        ("LeftHand", 4, (0.25, 0, 0)),
+        ("RightArm", 1, (-0.18, 0.2, 0)),
+        ("RightForeArm", 6, (-0.28, 0, 0)),
+        ("RightHand", 7, (-0.25, 0, 0)),
+        ("LeftUpLeg", 0, (0.09, 0, 0)),
+        ("LeftLeg", 9, (0, -0.4, 0)),
+        ("LeftFoot", 10, (0, -0.4, 0)),
+        ("RightUpLeg", 0, (-0.09, 0, 0)),
+        ("RightLeg", 12, (0, -0.4, 0)),
+        ("RightFoot", 13, (0, -0.4, 0)),
+    ]
+    names, parents, offsets = zip(*joints, strict=True)
+    body = troupe_reader.Skeleton(names, parents, scale * np.array(offsets))
+    rotations = np.zeros((3, len(joints), 4))
+    rotations[..., 0] = 1
+    for frame, lift in enumerate((0.0, 0.2, 0.4)):
+        for joint, angle in (("LeftUpLeg", -0.3 - lift), ("LeftLeg", 0.6), ("RightUpLeg", -0.3), ("RightLeg", 0.6)):
+            rotations[frame, names.index(joint)] = [np.cos(angle / 2), np.sin(angle / 2), 0, 0]
+    return troupe_reader.Clip(body, 30, np.tile([0, 0.8 * scale * np.cos(0.3), 0], (3, 1)), rotations)
+
+
+def test_a_clip_is_carried_over_to_another_body():
+    clip, other = walker(), walker(1.5)
+    made, figures = clip.retarget(other)
+    assert made.skeleton.names == other.skeleton.names and made.report is None
+    np.testing.assert_allclose(made.world()[0], 1.5 * clip.world()[0], atol=1e-3)
+    assert figures["faults"] == [] and figures["directions_deg"] < 0.1
+    body = troupe_reader.Figure(clip)
+    assert body.leg_m == pytest.approx(0.8, abs=1e-3) and body.parts["left_leg"]["end"] == "LeftFoot"
+    again, _ = clip.retarget(troupe_reader.Figure(other), body=body)
+    np.testing.assert_array_equal(again.rotations, made.rotations)
+    at_rest, _ = clip.retarget(other.skeleton)
+    assert len(at_rest) == len(clip)
+
+
+def test_a_clip_is_written_and_read(tmp_path: Path):
+    clip = walker()
+    clip.write(tmp_path / "walk.bvh")
+    again = troupe_reader.read(tmp_path / "walk.bvh", **OPTIONS)
+    np.testing.assert_allclose(again.world()[0], clip.world()[0], atol=1e-4)
+    with pytest.raises(ValueError, match=r"walk\.fbx: .*allowed: \.bvh, \.glb"):
+        clip.write(tmp_path / "walk.fbx")
+    with pytest.raises(FileNotFoundError, match="missing"):
+        clip.write(tmp_path / "missing" / "walk.bvh")
+
+
+def test_parts_of_bodies_can_be_corrected(tmp_path: Path):
+    clip, other = walker(), walker(1.5)
+    parts = troupe_reader.Figure(clip).parts
+    made, _ = clip.retarget(other, parts=parts, to_parts=parts)
+    path = tmp_path / "parts.toml"
+    path.write_text('trunk = ["Hips", "Spine"]\n')
+    same, _ = clip.retarget(other, to_parts=path)
+    np.testing.assert_allclose(same.rotations, made.rotations, atol=1e-6)
+    path.write_text('trunk = ["Hips", "Tail"]\n')
+    with pytest.raises(troupe_reader.RetargetError, match='trunk names "Tail"'):
+        clip.retarget(other, to_parts=path)
+    path.write_text("trunk =")
+    with pytest.raises(ValueError, match=r"parts\.toml: "):
+        clip.retarget(other, to_parts=path)
+
+
+def test_bodies_that_do_not_go_together_are_refused(tmp_path: Path):
+    with pytest.raises(troupe_reader.RetargetError, match="no body is found"):
+        walker().retarget(skeleton())
+    with pytest.raises(ValueError, match="body has another skeleton than the clip"):
+        walker().retarget(walker(), body=troupe_reader.Figure(walker(1.5)))
+    with pytest.raises(FileNotFoundError, match="missing"):
+        walker().retarget(tmp_path / "missing.glb")
+    (tmp_path / "walk.bvh").write_text(BVH)
+    with pytest.raises(troupe_reader.RetargetError, match=r"walk\.bvh: no body is found"):
+        walker().retarget(tmp_path / "walk.bvh")

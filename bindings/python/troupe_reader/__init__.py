@@ -15,14 +15,16 @@ from troupe_reader._native import (
     ROBOT_ENDINGS,
     Agreement,
     Clip,
+    Figure,
     ReadError,
+    RetargetError,
     RobotDescription,
     Skeleton,
     animations,
     read,
     read_robot,
 )
-from troupe_reader.options import Choice, FileOptions
+from troupe_reader.options import Choice, FileOptions, LimbParts, Parts, RetargetFigures, WorstJoints
 
 __all__ = [
     "ENDINGS",
@@ -30,9 +32,15 @@ __all__ = [
     "Agreement",
     "Choice",
     "Clip",
+    "Figure",
+    "LimbParts",
+    "Parts",
     "ReadError",
+    "RetargetError",
+    "RetargetFigures",
     "RobotDescription",
     "Skeleton",
+    "WorstJoints",
     "animations",
     "read",
     "read_robot",

@@ -7,9 +7,13 @@ from typing import Any, TypeAlias, Unpack, final
 import numpy as np
 import numpy.typing as npt
 
-from troupe_reader.options import Choice, FileOptions
+from troupe_reader.options import Choice, FileOptions, Parts, RetargetFigures
 
 Array: TypeAlias = npt.NDArray[np.float32]
+Body: TypeAlias = "Figure | Clip | Skeleton | RobotDescription | str | PathLike[str]"
+"""A body by itself, by its motion, or by its file."""
+PartsSource: TypeAlias = Parts | str | PathLike[str]
+"""Parts of a body, or the path of a TOML file of them."""
 
 ENDINGS: tuple[str, ...]
 """Endings of files of joints, which may leave their up axis and unit open: `.bvh` and others, in small letters."""
@@ -21,6 +25,9 @@ class ReadError(ValueError):
 
     options: Sequence[Choice]
     """The options that decide, as the message names them; empty if no option helps."""
+
+class RetargetError(ValueError):
+    """Motion that cannot be carried over: the message names the joint or the pose, and what is allowed."""
 
 @final
 class Skeleton:
@@ -114,8 +121,47 @@ class Clip:
     def resample(self, fps: float) -> Clip:
         """The clip at another rate: rotations by slerp, the root along straight lines. Bones keep their length."""
 
+    def retarget(
+        self,
+        to: Body,
+        *,
+        to_parts: PartsSource | None = None,
+        body: Figure | None = None,
+        parts: PartsSource | None = None,
+    ) -> tuple[Clip, RetargetFigures]:
+        """The clip on another body, and what it keeps of the motion: see `troupe retarget`.
+
+        `body` is the clip's own, for several clips of one skeleton; without it this clip shows it. `to_parts` and `parts`
+        correct the parts that are found of the other body and of the clip's, as `troupe clip info --parts` prints them.
+        Figures beyond the bar stand in `faults`, and the clip is returned all the same. Raises `RetargetError`, or
+        `ReadError` if `to` is a file that cannot be read.
+        """
+
+    def write(self, path: str | PathLike[str]) -> None:
+        """Writes the clip as `.bvh` (centimetres) or `.glb`. Raises `ValueError` for other endings, or `OSError`."""
+
     def __len__(self) -> int:
         """Number of frames."""
+
+@final
+class Figure:
+    """A body as motion is carried over to and from it: its parts, upright, heading along +Z, limbs hanging down."""
+
+    def __new__(cls, body: Body, *, parts: PartsSource | None = None) -> Figure:
+        """The body of a clip, a skeleton at rest (all rotations zero), a robot, or a file of a character or robot.
+
+        Raises `RetargetError` if no body is found or if it does not stand, or `ReadError`.
+        """
+
+    @property
+    def skeleton(self) -> Skeleton: ...
+    @property
+    def parts(self) -> Parts:
+        """The joints of trunk and limbs, as `troupe clip info --parts` prints them."""
+
+    @property
+    def leg_m(self) -> float:
+        """Length of the legs from the hips to the ankles, metres."""
 
 @final
 class Agreement:

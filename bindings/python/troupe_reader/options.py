@@ -1,7 +1,7 @@
 """Options of reading, as keyword arguments. Their names are those of the command line: `max_slide` is `--max-slide`."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, TypedDict
+from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
 
 if TYPE_CHECKING:
     from troupe_reader._native import Agreement, Skeleton
@@ -51,3 +51,73 @@ class FileOptions(TypedDict, total=False):
     """Order of a robot's hinges: `tree`, `isaaclab`, or the names of joints."""
     agreement: "Agreement | None"
     """What the other files of the folder show."""
+
+
+class LimbParts(TypedDict):
+    """A limb by the names of its joints."""
+
+    girdle: NotRequired[list[str]]
+    """Joints between the trunk and the limb: clavicles."""
+    upper: list[str]
+    """Shoulder or hip, and twists along the upper bone."""
+    lower: list[str]
+    """Elbow or knee, and twists along the lower bone."""
+    end: str
+    """Wrist or ankle."""
+    toe: NotRequired[str]
+    """The joint that the toes turn about."""
+
+
+class Parts(TypedDict, total=False):
+    """The parts of a body by the names of its joints. What is left out stays as it is found."""
+
+    trunk: list[str]
+    """From the pelvis to the joint that the arms hang on."""
+    neck: list[str]
+    """From above the trunk to the head."""
+    tail: list[str]
+    """From the first joint of the tail to its tip."""
+    on_fours: bool
+    """Whether the body stands on four legs."""
+    left_leg: LimbParts
+    right_leg: LimbParts
+    left_arm: LimbParts
+    right_arm: LimbParts
+
+
+class WorstJoints(TypedDict):
+    """The joints of the body whose figures are worst, by name. Empty if no joint has the figure."""
+
+    bone: str
+    """Of `worst_deg`: where the bone begins."""
+    line: str
+    """Of `lines_deg`: the left end of a line across the body, or its beginning."""
+    skate: str
+    """The point of a foot that slides most beyond the clip's."""
+    under: str
+    """Of `under_m`."""
+    short: str
+    """Of `short_m`."""
+
+
+class RetargetFigures(TypedDict):
+    """What a clip keeps of its motion on another body."""
+
+    directions_deg: float
+    """Mean angle between the bones of limbs in the clip and on the body, degrees."""
+    worst_deg: float
+    """The largest mean of a single bone, degrees."""
+    lines_deg: float
+    """Angle between the lines across the body, such as from hip to hip, of the worst line, degrees."""
+    skate_mps: float
+    """Mean speed of the body's feet over the ground while the clip's stand, m/s."""
+    source_skate_mps: float
+    """The same of the clip's feet, scaled."""
+    under_m: float
+    """Farthest that a foot is under the ground, deeper than in the clip, metres."""
+    short_m: float
+    """Farthest that a foot remains from its place, metres."""
+    joints: WorstJoints
+    """Which joints these are."""
+    faults: list[str]
+    """What is beyond the bar, each as a sentence. Empty if all is well."""

@@ -49,6 +49,8 @@ pub struct HeldObject {
     pub instance: Arc<str>,
     /// The object's place in the world at the cursor.
     pub transform: Transform,
+    /// Index of the joint in the hand or elsewhere that carries it.
+    pub joint: usize,
 }
 
 /// Something that happened to a character.

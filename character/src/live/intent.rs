@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::{MAX_WAITING_COMMANDS, PerformCommand};
-use crate::object::Definitions;
+use crate::object::{Definition, Definitions};
 use crate::primitives::{LocomotionCommand, PathCommand};
-use crate::scene::{Holder, SceneCell};
+use crate::scene::{Holder, ScaledScene, SceneCell};
 
 /// The scene that a character lives in.
 #[derive(Debug, Clone)]
@@ -17,6 +17,12 @@ pub struct World {
     pub definitions: Arc<Definitions>,
     /// The character's name in the scene, which marks what it reserves and holds.
     pub holder: Holder,
+    /// Metres of the scene in a metre of the character, above 0: 1 unless the character is shown on
+    /// a body of another size. Everything that goes into or comes out of a [`Character`] is in its
+    /// own metres.
+    ///
+    /// [`Character`]: super::Character
+    pub scale: f32,
 }
 
 impl World {
@@ -26,7 +32,22 @@ impl World {
             scene: Arc::default(),
             definitions: Arc::default(),
             holder: Holder::new(""),
+            scale: 1.0,
         }
+    }
+
+    /// The scene as it is now, in the character's metres.
+    pub(super) fn snapshot(&self) -> ScaledScene {
+        ScaledScene::new(self.scene.snapshot(), self.scale)
+    }
+
+    /// The definition of this name in the character's metres; none if it does not exist.
+    pub(crate) fn definition(&self, name: &str) -> Option<Arc<Definition>> {
+        let definition = self.definitions.get(name).ok()?.definition;
+        Some(match self.scale {
+            1.0 => definition,
+            scale => Arc::new(definition.scaled(scale)),
+        })
     }
 }
 

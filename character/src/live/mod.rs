@@ -35,6 +35,7 @@ pub use performance::{
 pub use pin::Pins;
 pub use plan::finish_live;
 pub use rejoin::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
+pub use shown::REACH_LEAD_FRAMES;
 pub use types::{
     Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
     PathItem, Peek, PlanCause, PlanFailed, PlanItem, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start,

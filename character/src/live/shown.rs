@@ -1,9 +1,13 @@
 //! What a character shows: its frames, its state, and its future.
 
 use troupe_motion::robot::Fitted;
+use troupe_motion::terrain::Lift;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::{Character, FrameOut, Intent, Peek, SUB_FRAMES, View, WaitingCommand};
+
+/// Frames ahead of a keyframe from which [`Character::reaches`] lists its joints.
+pub const REACH_LEAD_FRAMES: i64 = 10;
 
 impl Character {
     /// Samples the frame at the cursor.
@@ -17,11 +21,27 @@ impl Character {
     /// post-processing.
     pub(super) fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>, fitted: &mut Fitted) -> (Vec3, u8) {
         let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
-        let sub_frames = i64::from(SUB_FRAMES);
-        let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
-        let part = rest as f32 / SUB_FRAMES as f32;
-        self.post_process((frame, part), &mut root, rotations, fitted);
+        self.post_process(frame_of(cursor), &mut root, rotations, fitted);
         (root, contacts)
+    }
+
+    /// Heights of what the character stands on at the cursor, in the middle and under each foot, in
+    /// the order of its legs. What [`Character::sample`] gives is lifted by that from flat ground
+    /// at height 0.
+    pub fn lift(&self) -> Lift {
+        let (frame, part) = frame_of(self.timeline.cursor());
+        let post = self.post.as_ref();
+        post.map(|post| post.lift(frame, part)).unwrap_or_default()
+    }
+
+    /// The joints that a keyframe holds at places of the scene at the cursor, or will within
+    /// [`REACH_LEAD_FRAMES`], into a list that is cleared first. If the character is shown on
+    /// another body, the same joints of that body belong at the same places.
+    pub fn reaches(&self, into: &mut Vec<usize>) {
+        into.clear();
+        if let Some(behaviour) = &self.behaviour {
+            behaviour.reaches(self.timeline.frame(), into);
+        }
     }
 
     /// Turns a frame of the buffer, `part` of the way (0 to 1) to the next, into one that is shown:
@@ -99,4 +119,11 @@ impl Character {
             })
         })
     }
+}
+
+/// The frame of a cursor, and the share of the way from there to the next.
+fn frame_of(cursor: i64) -> (i64, f32) {
+    let sub_frames = i64::from(SUB_FRAMES);
+    let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
+    (frame, rest as f32 / SUB_FRAMES as f32)
 }

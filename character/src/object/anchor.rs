@@ -206,6 +206,7 @@ impl Anchor {
                 .heading
                 .map(|heading| wrap_angle(heading - self.turn(pivot))),
             height_m: world.height.map(|height| height - base),
+            pose_scale: None,
             from_ground,
             rotations,
             points: world.points.iter().map(to_local).collect(),

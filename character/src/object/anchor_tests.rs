@@ -42,6 +42,7 @@ fn any_keyframe() -> impl Strategy<Value = Keyframe> {
                 place_m,
                 heading: Some(heading),
                 height_m: Some(height),
+                pose_scale: None,
                 rotations,
                 points: (points.into_iter().enumerate())
                     .map(|(joint, position_m)| Point { joint, position_m })

@@ -52,6 +52,7 @@ impl Definition {
             pack: rig.name().to_owned(),
             description: doc.description.clone(),
             shape,
+            middle_m: body.volume.center(),
             body: Arc::new(body),
             pivot_m,
             approaches,

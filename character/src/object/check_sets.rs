@@ -161,6 +161,7 @@ fn check_keyframe(
         place_m: doc.place_m,
         heading: doc.heading_deg.map(f32::to_radians),
         height_m: doc.height_m,
+        pose_scale: None,
         from_ground: doc.from_ground,
         rotations,
         points,

@@ -20,6 +20,7 @@ mod check;
 mod check_sets;
 mod place;
 mod read;
+mod scaled;
 mod socket;
 mod table;
 mod variant;
@@ -105,6 +106,8 @@ pub struct Definition {
     pub shape: Shape,
     /// Shape and trigger as a scene needs them.
     pub body: Arc<ObjectBody>,
+    /// The middle of the object in its own frame of reference, metres.
+    pub middle_m: Vec3,
     /// The point that keyframes turn about, in the object's frame of reference, metres.
     pub pivot_m: Vec3,
     /// Sides that a character may come from. Empty: any side, starting where the character is.
@@ -249,6 +252,10 @@ pub struct Keyframe {
     pub heading: Option<f32>,
     /// Height of the root joint, metres.
     pub height_m: Option<f32>,
+    /// The scale of a height that was divided by it for a body of another size
+    /// ([`Definition::scaled`]): the pose was written for the height times this. `None`: the height
+    /// is the one that the pose was written for.
+    pub pose_scale: Option<f32>,
     /// Whether the heights of root and points count from what the character stands on, not from the
     /// origin.
     pub from_ground: bool,

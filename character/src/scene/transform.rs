@@ -66,6 +66,12 @@ impl Transform {
         self.rotation.conjugate() * (point - self.position)
     }
 
+    /// The same place and rotation with lengths multiplied by `by`.
+    #[inline]
+    pub fn scaled(self, by: f32) -> Self {
+        Self::new(self.position * by, self.rotation)
+    }
+
     /// The inverse transform.
     pub fn inverse(self) -> Self {
         let rotation = self.rotation.conjugate();

@@ -54,7 +54,7 @@ impl Client {
         let request = v1::CreateSessionsRequest {
             sessions: options
                 .iter()
-                .map(|o| o.to_message(pack.name(), pack.body()))
+                .map(|o| o.to_message(pack))
                 .collect(),
         };
         let answer = self
@@ -78,7 +78,11 @@ impl Client {
     /// See [`ClientError`]; [`ClientError::Session`] if the session is gone.
     pub async fn resume_session(&self, id: &str) -> Result<Session, ClientError> {
         let of = self.session_info(id).await?;
-        let pack = self.pack(&of.pack).await?;
+        let mut pack = self.pack(&of.pack).await?;
+        if !of.skeleton.is_empty() {
+            let own = self.skeleton(&of.skeleton, &pack).await?;
+            pack = pack.wearing(&own)?;
+        }
         Ok(Session::new(self, &pack, &of))
     }
 

@@ -7,6 +7,7 @@ use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
 use crate::inbetween::{CONTEXT_FRAMES, Key};
+use crate::pack::Pack;
 
 /// Options of a new character. By default it stands at the origin in the pack's default style, with
 /// seed 0.
@@ -130,10 +131,11 @@ impl SessionOptions {
     }
 
     /// The options on the wire, for a pack and one of its bodies.
-    pub(crate) fn to_message(&self, pack: &str, body: &str) -> v1::SessionOptions {
+    pub(crate) fn to_message(&self, pack: &Pack) -> v1::SessionOptions {
         v1::SessionOptions {
-            pack: pack.to_owned(),
-            body: body.to_owned(),
+            pack: pack.name().to_owned(),
+            body: pack.body().to_owned(),
+            skeleton: pack.worn().to_owned(),
             convention: convention_to_wire(self.convention).into(),
             ..self.message.clone()
         }
@@ -226,6 +228,12 @@ pub(crate) fn convention_from_wire(convention: v1::Convention) -> Convention {
 mod tests {
     use super::*;
 
+    fn human() -> Pack {
+        let mut message = crate::pack::tests::message();
+        message.name = "human".to_owned();
+        Pack::try_from(message).unwrap()
+    }
+
     #[test]
     fn options_reach_the_wire() {
         let options = SessionOptions::new()
@@ -236,7 +244,7 @@ mod tests {
             .at(Vec3::new(1.0, 2.0, 3.0), 0.5)
             .ttl(Duration::from_secs(2))
             .look_ahead_frames(6);
-        let message = options.to_message("human", "");
+        let message = options.to_message(&human());
         assert_eq!(
             (message.id.as_str(), message.pack.as_str(), message.style.as_str()),
             ("guard", "human", "walk")
@@ -253,7 +261,7 @@ mod tests {
         );
         // A time beyond the range of the field becomes the maximum.
         let long = SessionOptions::new().ttl(Duration::from_secs(1 << 40));
-        assert_eq!(long.to_message("", "").ttl_ms, Some(u32::MAX));
+        assert_eq!(long.to_message(&human()).ttl_ms, Some(u32::MAX));
     }
 
     #[test]

@@ -16,7 +16,7 @@ def walk() -> troupe.Clip:
     return troupe.Clip.from_bvh(ROOT / "examples" / "walk.bvh")
 
 
-def took(client: troupe.Client, options: troupe.FrameOptions, pack: str = "", **more: object) -> troupe.Frames:
+def took(client: troupe.Client, options: troupe.FrameOptions, pack: troupe.Pack | str = "", **more: object) -> troupe.Frames:
     """Sixty frames of a walk of a fresh character, the same for all options."""
     with client.session(troupe.SessionOptions(seed=3, **more), pack=pack) as session:  # type: ignore[arg-type]
         session.frame_options = options
@@ -383,3 +383,28 @@ def test_a_drive_goes_on_after_the_server_was_killed(own_server: object, tmp_pat
         assert steps.max() < 0.1, "no jump"
         assert after[-1].frames.root[0, 0, 2] > before[-1].frames.root[0, 0, 2] + 1.0, "it walks on"
         drive.close()
+
+
+def test_characters_wear_a_skeleton_of_ones_own(client: troupe.Client, walk: troupe.Clip, tmp_path: Path) -> None:
+    file = tmp_path / "my hero.glb"
+    walk.to_glb(file)
+    hero = client.skeleton(file)
+    assert hero.worn == "my-hero" and abs(hero.scale - 1) < 0.05
+    assert hero.own is not None and not hero.own.fit.faults
+    assert set(hero.skeleton.contact_joints) <= set(hero.joint_names)
+    assert "my-hero" in {found.name for found in client.skeletons()}
+    own = took(client, troupe.FrameOptions(), hero)
+    theirs = took(client, troupe.FrameOptions())
+    assert own.skeleton.names == hero.joint_names
+    assert np.abs(own.root - theirs.root).max() < 0.05
+    path = troupe.FollowPath([(0, 0, 0), (0, 0, 2)], seconds=2)
+    made = client.generate(path=path, pack=hero)
+    assert made.clip.skeleton.names == hero.joint_names
+    again = client.wearing("my-hero")
+    assert again.joint_names == hero.joint_names
+    with pytest.raises(troupe.InvalidArgumentError) as refused:
+        client.skeleton(file, pack="unimogen", body="horse", name="centaur")
+    assert refused.value.field == "source" and "four" in str(refused.value)
+    client.delete_skeleton("my-hero")
+    with pytest.raises(troupe.NotFoundError, match="my-hero"):
+        client.session(pack=hero)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -13,9 +14,10 @@ from troupe.inbetween import InBetween, InBetweenAnswer
 from troupe.io import Steps
 from troupe.options import SessionOptions
 from troupe.pack import Pack
-from troupe.v1 import motion_pb2, scene_pb2, session_pb2
+from troupe.v1 import motion_pb2, scene_pb2, session_pb2, skeleton_pb2
 
 S = TypeVar("S")
+_NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9._-]+")
 PAGE = 1000
 """Sessions of a page of a list: the most that the server gives."""
 CHUNK = 1000
@@ -45,7 +47,7 @@ def in_between(gaps: Sequence[InBetween], which: Pack | str) -> Steps[list[InBet
     """Fills gaps, one for each character, in one request."""
     of = yield from get_pack(which)
     characters = [gap.to_message(of, f"characters[{nth}]") for nth, gap in enumerate(gaps)]
-    request = motion_pb2.InBetweenRequest(pack=of.name, characters=characters)
+    request = motion_pb2.InBetweenRequest(pack=of.name, characters=characters, skeleton=of.worn)
     answer = yield from io.ask(io.IN_BETWEEN, request)
     return inbetween.answers(answer, of, len(gaps))
 
@@ -57,7 +59,7 @@ def open_sessions(
     of = yield from get_pack(which, body)
     opened: list[session_pb2.Session] = []
     for first in range(0, len(options), CHUNK):
-        some = [one.to_message(of.name, of.body) for one in options[first : first + CHUNK]]
+        some = [one.to_message(of) for one in options[first : first + CHUNK]]
         request = session_pb2.CreateSessionsRequest(sessions=some)
         try:
             answer = yield from io.ask(io.CREATE_SESSIONS, request)
@@ -81,7 +83,8 @@ def _close_quietly(ids: Sequence[str]) -> Steps[None]:
 def resume_session(name: str, make: Callable[[Pack, session_pb2.Session], S]) -> Steps[S]:
     """Takes up a session that is open already."""
     of = yield from io.ask(io.GET_SESSION, session_pb2.GetSessionRequest(id=name))
-    return make((yield from get_pack(of.pack, of.body)), of)
+    found = yield from get_pack(of.pack, of.body)
+    return make((yield from wearing(of.skeleton, found)) if of.skeleton else found, of)
 
 
 def list_sessions() -> Steps[list[session_pb2.Session]]:
@@ -134,6 +137,40 @@ def document(of: str | Path) -> scene_pb2.Document:
     is_json = of.suffix == ".json" if isinstance(of, Path) else text.lstrip().startswith("{")
     kind = scene_pb2.DOCUMENT_FORMAT_JSON if is_json else scene_pb2.DOCUMENT_FORMAT_TOML
     return scene_pb2.Document(format=kind, text=text)
+
+
+def put_skeleton(
+    file: str | Path, which: Pack | str, body: str, name: str, parts: str | Path, force: bool
+) -> Steps[Pack]:
+    """Gives the server a character's skeleton, and makes a pack whose characters wear it."""
+    of = yield from get_pack(which, body)
+    path = Path(file)
+    request = skeleton_pb2.PutSkeletonRequest(
+        name=name or _NOT_IN_NAMES.sub("-", path.stem).strip("-.")[:64] or "skeleton",
+        file=skeleton_pb2.SkeletonFile(name=path.name, data=path.read_bytes()),
+        parts=parts.read_text() if isinstance(parts, Path) else parts,
+        pack=of.name,
+        body=of.body,
+        force=force,
+    )
+    return of.wearing((yield from io.ask(io.PUT_SKELETON, request)))
+
+
+def wearing(name: str, which: Pack | str, body: str = "") -> Steps[Pack]:
+    """A pack whose characters wear a skeleton that the server has."""
+    of = yield from get_pack(which, body)
+    request = skeleton_pb2.GetSkeletonRequest(name=name, pack=of.name, body=of.body)
+    return of.wearing((yield from io.ask(io.GET_SKELETON, request)))
+
+
+def skeletons() -> Steps[list[skeleton_pb2.SkeletonSummary]]:
+    """All skeletons, by name."""
+    return list((yield from io.ask(io.LIST_SKELETONS, skeleton_pb2.ListSkeletonsRequest())).skeletons)
+
+
+def delete_skeleton(name: str) -> Steps[None]:
+    """Deletes a skeleton that no session wears."""
+    yield from io.ask(io.DELETE_SKELETON, skeleton_pb2.DeleteSkeletonRequest(name=name))
 
 
 def put_scene(scene: scene_pb2.Scene | str | Path) -> Steps[scene_pb2.SceneSummary]:

@@ -23,7 +23,7 @@ from troupe.keyframe import Keyframe
 from troupe.live import Crowd, Drive, Session
 from troupe.options import FrameOptions, SessionOptions
 from troupe.pack import Pack
-from troupe.v1 import scene_pb2, session_pb2
+from troupe.v1 import scene_pb2, session_pb2, skeleton_pb2
 from troupe.words import Audio, Description, Prompt, Sampling, Sound, describe_request
 
 POLL_S = 0.1
@@ -248,6 +248,43 @@ class Client:
     def put_style(self, style: session_pb2.Style, *, pack: Pack | str = "", body: str = "") -> session_pb2.Style:
         """Adds a style to a pack, or replaces one that was added, and gives it as the server keeps it."""
         return self._connection.run(calls.put_style(style, pack, body))
+
+    # Skeletons of your own.
+
+    def skeleton(
+        self,
+        file: str | Path,
+        *,
+        pack: Pack | str = "",
+        body: str = "",
+        name: str = "",
+        parts: str | Path = "",
+        force: bool = False,
+    ) -> Pack:
+        """Gives the server a character's skeleton, and a pack whose characters wear it.
+
+        The file is a .glb or .vrm with a skin, a .gltf, .bvh or .npz, or a robot's .urdf or .xml. Every call with the pack
+        that this returns is on the character: `client.session(pack=hero)`. Its `own` has the certificate. `parts`
+        corrects the parts of the body that are found: a TOML text, or such a file.
+
+        Raises:
+            InvalidArgumentError: What is no body, or does not fit the pack: with the motion and the joint. `force` takes
+                a body whose motion is below the bar.
+
+        """
+        return self._connection.run(calls.put_skeleton(file, pack, body, name, parts, force))
+
+    def wearing(self, name: str, *, pack: Pack | str = "", body: str = "") -> Pack:
+        """A pack whose characters wear a skeleton that the server has."""
+        return self._connection.run(calls.wearing(name, pack, body))
+
+    def skeletons(self) -> list[skeleton_pb2.SkeletonSummary]:
+        """All skeletons of the server, by name."""
+        return self._connection.run(calls.skeletons())
+
+    def delete_skeleton(self, name: str) -> None:
+        """Deletes a skeleton that no session wears."""
+        self._connection.run(calls.delete_skeleton(name))
 
     # Scenes and objects.
 

@@ -121,6 +121,7 @@ def request(
         pack=pack.name,
         past=keyframes(past, "past", None),
         seed=seed,
+        skeleton=pack.worn,
         sampling=None if sampling is None else sampling.to_message(),
     )
     if (path is None) == (prompt is None):

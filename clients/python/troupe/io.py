@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeAlias, TypeVar
 from google.protobuf.message import Message
 
 from troupe.errors import TroupeError
-from troupe.v1 import motion_pb2, scene_pb2, session_pb2
+from troupe.v1 import motion_pb2, scene_pb2, session_pb2, skeleton_pb2
 
 A = TypeVar("A", bound=Message)
 T = TypeVar("T")
@@ -121,6 +121,10 @@ LIST_STYLES = Method("/troupe.v1.Sessions/ListStyles", session_pb2.ListStylesRes
 GET_STYLE = Method("/troupe.v1.Sessions/GetStyle", session_pb2.Style)
 PUT_STYLE = Method("/troupe.v1.Sessions/PutStyle", session_pb2.Style)
 
+PUT_SKELETON = Method("/troupe.v1.Skeletons/PutSkeleton", skeleton_pb2.OwnSkeleton)
+GET_SKELETON = Method("/troupe.v1.Skeletons/GetSkeleton", skeleton_pb2.OwnSkeleton)
+LIST_SKELETONS = Method("/troupe.v1.Skeletons/ListSkeletons", skeleton_pb2.ListSkeletonsResponse)
+DELETE_SKELETON = Method("/troupe.v1.Skeletons/DeleteSkeleton", skeleton_pb2.DeleteSkeletonResponse)
 PUT_SCENE = Method("/troupe.v1.Scenes/PutScene", scene_pb2.SceneSummary)
 GET_SCENE = Method("/troupe.v1.Scenes/GetScene", scene_pb2.Scene)
 LIST_SCENES = Method("/troupe.v1.Scenes/ListScenes", scene_pb2.ListScenesResponse)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from troupe.arrays import floats
 from troupe.conventions import Convention
 from troupe.keyframe import Keyframe
+from troupe.pack import Pack
 from troupe.v1 import session_pb2
 
 
@@ -69,12 +70,13 @@ class SessionOptions:
     priority: float | None = None
     """How much it matters that it is planned for often: 0 is far from the camera, 1 the hero, 0.5 the default."""
 
-    def to_message(self, pack: str, body: str) -> session_pb2.SessionOptions:
+    def to_message(self, pack: Pack) -> session_pb2.SessionOptions:
         """The options on the wire."""
         message = session_pb2.SessionOptions(
             id=self.id,
-            pack=pack,
-            body=body,
+            pack=pack.name,
+            body=pack.body,
+            skeleton=pack.worn,
             style=self.style,
             seed=self.seed,
             convention=int(self.convention),  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ import numpy as np
 
 from troupe.errors import AnswerError, InvalidArgumentError
 from troupe.skeleton import Hinge, Mimic, Robot, Skeleton
-from troupe.v1 import motion_pb2
+from troupe.v1 import motion_pb2, skeleton_pb2
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,22 @@ class Pack:
     """Whose skeleton this is; empty for the pack's own."""
     message: motion_pb2.Pack = field(repr=False, compare=False)
     """All that the server says about it."""
+    own: skeleton_pb2.OwnSkeleton | None = field(default=None, repr=False, compare=False)
+    """The skeleton of your own that its characters wear, with its certificate (`Client.skeleton`). None: the pack's."""
+
+    @property
+    def worn(self) -> str:
+        """Name of the skeleton of your own that its characters wear; empty for none."""
+        return self.own.name if self.own else ""
+
+    @property
+    def scale(self) -> float:
+        """Length of the legs of a skeleton of your own by that of the pack's: what lengths are multiplied by."""
+        return self.own.fit.scale if self.own else 1.0
+
+    def wearing(self, own: skeleton_pb2.OwnSkeleton) -> Pack:
+        """The same pack, whose characters wear a skeleton of your own: all calls with it are on that skeleton."""
+        return replace(self, skeleton=_skeleton(own, own.fit.contact_joints), own=own)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -98,7 +114,9 @@ def of_message(message: motion_pb2.Pack) -> Pack:
     )
 
 
-def _skeleton(of: motion_pb2.Pack | motion_pb2.PackBody, contact_joints: Iterable[str]) -> Skeleton:
+def _skeleton(
+    of: motion_pb2.Pack | motion_pb2.PackBody | skeleton_pb2.OwnSkeleton, contact_joints: Iterable[str]
+) -> Skeleton:
     names = tuple(joint.name for joint in of.joints)
     parents = tuple(joint.parent for joint in of.joints)
     if any(not -1 <= parent < joint for joint, parent in enumerate(parents)) or parents.count(-1) > 1:

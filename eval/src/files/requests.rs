@@ -170,6 +170,7 @@ fn write_request(
     let request = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![character],
+        skeleton: String::new(),
     };
     let (items, _) = prepare(&request, &pack.rig, RequestLimits { max_characters: 1 })?;
     let item = items.first().context("no work item")?;

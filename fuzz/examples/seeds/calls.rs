@@ -28,6 +28,7 @@ fn motion() -> Result<(), Problem> {
         &v1::InBetweenRequest {
             pack: "toy".to_owned(),
             characters: vec![character],
+            skeleton: String::new(),
         },
     )?;
     words()?;

@@ -161,7 +161,7 @@ impl Sessions {
         let now = self.time().now();
         Ok(step::check(request, self.limits(), |id| {
             let cell = self.registry().get(id, now, &String::new).ok()?;
-            Some(cell.pack().rig().skeleton.joint_count())
+            Some(cell.pack().shown().joint_count())
         })?)
     }
 
@@ -209,7 +209,7 @@ impl Sessions {
         Ok(CharacterPlace {
             scene: resident.name().clone(),
             cell: resident.cell().clone(),
-            root: live.character.view().root,
+            root: cell.measure().root_out(live.character.view().root),
             convention: cell.convention(),
             pack: cell.pack().name().to_owned(),
         })

@@ -6,14 +6,17 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
 use troupe_motion::conventions::Convention;
+use troupe_motion::{Quat, Vec3};
 
 use super::owner::{End, Owner};
 use super::stream::Audience;
 use super::wants::Wants;
 use super::words::Performer;
 use super::{EventQueue, LivePack, SessionError, TimeSource};
+use crate::skeleton::Dress;
+use crate::wire::Measure;
 use troupe_batch::{OwnerId, SubmitError};
-use troupe_character::live::{Character, Stats};
+use troupe_character::live::{Character, FrameOut, Stats};
 use troupe_character::scene::Resident;
 use troupe_character::style::Style;
 
@@ -31,6 +34,8 @@ pub type ClientPlace = Box<dyn std::fmt::Debug + Send + Sync>;
 pub struct Live {
     /// The state machine that makes the frames.
     pub character: Character,
+    /// Carries its frames over to a skeleton of the user's own.
+    pub dress: Option<Dress>,
     /// The style of the newest command.
     pub style: Arc<Style>,
     /// Importance of frequent plans for this character, 0 to 1.
@@ -91,6 +96,8 @@ pub struct SessionParts {
     pub ttl: Duration,
     /// The character, in its first pose.
     pub character: Character,
+    /// Carries its frames over to a skeleton of the user's own.
+    pub dress: Option<Dress>,
     /// The style at the start.
     pub style: Arc<Style>,
     /// The priority at the start, 0 to 1.
@@ -102,6 +109,24 @@ pub struct SessionParts {
 }
 
 impl Live {
+    /// The character's frame at the cursor, as its client sees it.
+    pub fn sample(&mut self, out: &mut FrameOut) {
+        self.character.sample(out);
+        if let Some(dress) = &mut self.dress {
+            dress.put_on(&self.character, out);
+        }
+    }
+
+    /// Leads from a pose that the client gave on a skeleton of its own, which the character has at
+    /// the cursor, over to the poses that are carried over.
+    pub(super) fn begin_at(&mut self, root: Vec3, rotations: &[Quat]) {
+        if let Some(dress) = &mut self.dress {
+            let mut made = FrameOut::default();
+            self.character.sample(&mut made);
+            dress.begin((root, rotations), &made);
+        }
+    }
+
     /// The session's place in its scene. `None` without a scene, or after the session's end.
     pub fn resident(&self) -> Option<&Resident> {
         self.resident.as_ref()
@@ -128,6 +153,7 @@ impl SessionCell {
             woken: AtomicBool::new(parts.woken),
             live: Mutex::new(Live {
                 character: parts.character,
+                dress: parts.dress,
                 style: parts.style,
                 priority: parts.priority,
                 trouble: None,
@@ -161,6 +187,11 @@ impl SessionCell {
     /// Axes and units of all messages of the session.
     pub fn convention(&self) -> Convention {
         self.convention
+    }
+
+    /// Axes, units and size of the client's values.
+    pub fn measure(&self) -> Measure {
+        Measure::of(self.convention, self.pack.worn().map(|worn| &**worn))
     }
 
     /// Seed of the character's plans, as the client chose it.

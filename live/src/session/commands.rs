@@ -236,23 +236,23 @@ fn follow_path(
     cell: &SessionCell,
     live: &Live,
 ) -> Result<PathCommand, SessionError> {
-    let convention = cell.convention();
+    let measure = cell.measure();
     let style = style(path, &asked.style, cell, live)?;
     // Of a list that is too long, no more points are read than are needed to refuse it.
     let points = asked.points.iter().take(PATH_POINTS.end() + 1).enumerate();
     let point = |(index, point): (usize, &v1::PathPoint)| {
         let path = path.element("points", index);
         let missing = || path.field("position").error("is missing", "a place");
-        let heading = |value| units::heading(&path.field("heading"), value, convention);
+        let heading = |value| units::heading(&path.field("heading"), value, measure);
         let place = point.position.ok_or_else(missing)?;
         Ok(AskedPoint {
-            position: units::vector(&path.field("position"), place, MAX_DISTANCE_M, convention)?,
+            position: units::vector(&path.field("position"), place, MAX_DISTANCE_M, measure)?,
             heading: point.heading.map(heading).transpose()?,
             time_s: point.time,
         })
     };
     let points = points.map(point).collect::<Result<Vec<_>, FieldError>>()?;
-    let speed_mps = asked.speed.map(|speed| speed / convention.units_per_metre());
+    let speed_mps = asked.speed.map(|speed| speed / measure.units_per_metre());
     Ok(PathCommand::new(path, &points, speed_mps, asked.r#loop, style)?)
 }
 
@@ -263,10 +263,10 @@ fn locomotion(
     cell: &SessionCell,
     live: &Live,
 ) -> Result<LocomotionCommand, SessionError> {
-    let convention = cell.convention();
+    let measure = cell.measure();
     let style = style(path, &locomote.style, cell, live)?;
-    let facing = |value| units::heading(&path.field("facing"), value, convention);
-    let height = |value| height(&path.field("height"), value, convention.units_per_metre());
+    let facing = |value| units::heading(&path.field("facing"), value, measure);
+    let height = |value| height(&path.field("height"), value, cell);
     Ok(LocomotionCommand {
         velocity: velocity(path, locomote, cell)?,
         facing: locomote.facing.map(facing).transpose()?,
@@ -281,20 +281,25 @@ fn velocity(path: &Path<'_>, locomote: &v1::Locomote, cell: &SessionCell) -> Res
         return Ok(Vec3::ZERO);
     };
     let path = path.field("velocity");
-    let convention = cell.convention();
-    let velocity = units::vector(&path, given, MAX_VELOCITY_MPS, convention)?;
+    let measure = cell.measure();
+    let velocity = units::vector(&path, given, MAX_VELOCITY_MPS, measure)?;
     match velocity.y == 0.0 {
         true => Ok(velocity),
         false => {
-            let up = velocity.y * convention.units_per_metre();
-            let path = path.field(units::up_axis(convention));
+            let up = velocity.y * measure.units_per_metre();
+            let path = path.field(units::up_axis(measure.convention()));
             Err(path.error(format!("is {up}, but the velocity must be horizontal"), "0"))
         }
     }
 }
 
-fn height(path: &Path<'_>, value: f32, units_per_metre: f32) -> Result<f32, FieldError> {
-    units::within(path, value, 0.0, MAX_HEIGHT_M * units_per_metre).map(|value| value / units_per_metre)
+fn height(path: &Path<'_>, value: f32, cell: &SessionCell) -> Result<f32, FieldError> {
+    let value = units::within(path, value, 0.0, MAX_HEIGHT_M * cell.measure().units_per_metre())?;
+    let height_m = value / cell.convention().units_per_metre();
+    Ok(match cell.pack().worn() {
+        Some(worn) => worn.height_in(height_m),
+        None => height_m,
+    })
 }
 
 fn gait(path: &Path<'_>, name: &str, style: &Arc<Style>) -> Result<Option<String>, FieldError> {

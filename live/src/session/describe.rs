@@ -27,7 +27,9 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
         last_sequence,
         stats,
     } = live.character.view();
-    let convention = cell.convention();
+    let (convention, measure) = (cell.convention(), cell.measure());
+    let worn = cell.pack().worn();
+    let root = worn.map_or(root, |worn| worn.root_out(root));
     v1::Session {
         id: cell.id().to_string(),
         pack: cell.pack().name().to_owned(),
@@ -38,7 +40,7 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
         frame,
         position: Some(units::position(root.position, convention)),
         heading: heading(root, convention),
-        speed: speed_mps,
+        speed: speed_mps * measure.scale(),
         last_sequence,
         clock: v1::Clock::from(cell.owner()).into(),
         ttl_ms: cell.ttl().as_millis() as u32,
@@ -48,7 +50,8 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
         priority: live.priority,
         scene: cell.scene().map(ToString::to_string).unwrap_or_default(),
         activity: Some(events::activity(live.character.activity())),
-        held: events::held(&live.character, 0, convention),
+        held: events::held(&live.character, 0, measure),
+        skeleton: worn.map(|worn| worn.name().to_string()).unwrap_or_default(),
     }
 }
 

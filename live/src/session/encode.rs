@@ -10,7 +10,6 @@ use troupe_proto::v1;
 use super::LivePack;
 use troupe_character::live::FrameOut;
 use troupe_character::{FieldError, Path};
-use troupe_motion::model::Rig;
 use troupe_motion::model::SIX_D;
 
 /// The form in which frames are written.
@@ -44,19 +43,23 @@ impl Form {
         })
     }
 
-    /// Checks that frames of `rig` can be written in this form. `path` is the message that has the
+    /// Checks that frames of `pack` can be written in this form. `path` is the message that has the
     /// form.
     ///
     /// # Errors
     /// [`FieldError`] for `qpos` without a robot.
-    pub fn check(&self, path: &Path<'_>, rig: &Rig) -> Result<(), FieldError> {
-        match self.encoding == v1::Encoding::Qpos && rig.skeleton.robot.is_none() {
-            true => Err(path.field("encoding").error(
-                format!("is qpos, but pack {} has no robot", rig.name()),
-                "f32 or compact; qpos for packs with a robot",
-            )),
-            false => Ok(()),
+    pub fn check(&self, path: &Path<'_>, pack: &LivePack) -> Result<(), FieldError> {
+        if self.encoding != v1::Encoding::Qpos || pack.shown().robot.is_some() {
+            return Ok(());
         }
+        let what = match pack.worn() {
+            Some(worn) => format!("skeleton {}", worn.name()),
+            None => format!("pack {}", pack.rig().name()),
+        };
+        Err(path.field("encoding").error(
+            format!("is qpos, but {what} has no robot"),
+            "f32 or compact; qpos for packs with a robot",
+        ))
     }
 }
 
@@ -74,22 +77,23 @@ pub struct BlockWriter {
 }
 
 impl BlockWriter {
-    /// Makes a block for `characters` of `rig`, with `frames` frames each.
-    pub fn new(rig: &Rig, form: Form, characters: usize, frames: usize) -> Self {
-        let joints = rig.skeleton.joint_count();
+    /// Makes a block for `characters` on `skeleton`, with `frames` frames each.
+    pub fn new(skeleton: &Skeleton, form: Form, characters: usize, frames: usize) -> Self {
+        let joints = skeleton.joint_count();
         let cells = characters * frames;
         let (floats, bytes, angles) = match form.encoding {
             v1::Encoding::F32 => (cells, 0, 0),
             v1::Encoding::Compact => (0, cells, 0),
             v1::Encoding::Qpos => (0, 0, cells),
         };
-        let qpos_len = rig.skeleton.robot.as_ref().map_or(0, Robot::qpos_len);
+        let qpos_len = skeleton.robot.as_ref().map_or(0, Robot::qpos_len);
         let posed = if form.positions || form.six_d { joints } else { 0 };
         let placed = if form.positions { cells * joints } else { 0 };
         let turned = if form.six_d { cells * joints } else { 0 };
         let block = v1::FrameBlock {
-            pack: rig.name().to_owned(),
+            pack: String::new(),
             body: String::new(),
+            skeleton: String::new(),
             slots: Vec::with_capacity(characters),
             frame_count: frames as u32,
             first_frames: vec![0; characters],
@@ -114,11 +118,12 @@ impl BlockWriter {
         }
     }
 
-    /// Makes a block as [`BlockWriter::new`] does, with the names of pack and body.
+    /// Makes a block as [`BlockWriter::new`] does, with the names of pack, body and skeleton.
     pub fn of(pack: &LivePack, form: Form, characters: usize, frames: usize) -> Self {
-        let mut writer = Self::new(pack.rig(), form, characters, frames);
+        let mut writer = Self::new(pack.shown(), form, characters, frames);
         writer.block.pack = pack.name().to_owned();
         writer.block.body = pack.body_name().to_owned();
+        writer.block.skeleton = pack.worn().map(|worn| worn.name().to_string()).unwrap_or_default();
         writer
     }
 

@@ -26,7 +26,7 @@ fn block(encoding: v1::Encoding, convention: Convention) -> v1::FrameBlock {
         positions: true,
         six_d: false,
     };
-    let mut writer = BlockWriter::new(&pack, form, 2, 3);
+    let mut writer = BlockWriter::new(&pack.skeleton, form, 2, 3);
     for character in 0..2 {
         writer.name(10 + character as u32);
         for number in 0..3 {
@@ -89,7 +89,7 @@ fn positions_are_the_worlds_in_the_sessions_convention() {
         positions: true,
         six_d: true,
     };
-    let mut writer = BlockWriter::new(&pack, form, 1, 1);
+    let mut writer = BlockWriter::new(&pack.skeleton, form, 1, 1);
     writer.name(0);
     let out = FrameOut {
         root: Vec3::new(1.0, 0.9, 2.0),
@@ -121,7 +121,7 @@ fn characters_that_failed_leave_no_gap() {
         positions: false,
         six_d: false,
     };
-    let mut writer = BlockWriter::new(&pack, form, 3, 1);
+    let mut writer = BlockWriter::new(&pack.skeleton, form, 3, 1);
     for character in 0..3 {
         writer.name(character as u32);
         let out = frame(character as u64, character as f32);

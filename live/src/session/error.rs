@@ -1,6 +1,7 @@
 //! Errors of calls about sessions and styles.
 
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
+use crate::skeleton::SkeletonError;
 use crate::world::WorldError;
 use troupe_base::offload::WorkerStopped;
 use troupe_batch::SubmitError;
@@ -22,6 +23,9 @@ pub enum SessionError {
     /// The pack lacks the capability that the request needs.
     #[error(transparent)]
     CannotDo(#[from] CannotDo),
+    /// The skeleton that a session names is unknown or does not fit.
+    #[error(transparent)]
+    Skeleton(#[from] SkeletonError),
     /// An error of a session's scene or of a style's upload.
     #[error(transparent)]
     World(#[from] WorldError),

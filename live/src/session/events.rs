@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 
-use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;
 
 use super::metrics::SessionMetrics;
+use crate::wire::Measure;
 use crate::wire::units::{position, quat};
 use troupe_character::live::{
     Activity, Character, CharacterEvent, EventKind, HeldObject, KeyframeError, PerformanceEnd,
@@ -49,11 +49,11 @@ impl EventQueue {
     }
 
     /// Takes all waiting events as a message for the session in `slot`. `None` without events.
-    pub(super) fn take(&mut self, slot: u32, id: &str, convention: Convention) -> Option<v1::SessionEvents> {
+    pub(super) fn take(&mut self, slot: u32, id: &str, measure: Measure) -> Option<v1::SessionEvents> {
         if self.waiting.is_empty() {
             return None;
         }
-        let events = self.waiting.drain(..).map(|event| message(event, convention));
+        let events = self.waiting.drain(..).map(|event| message(event, measure));
         Some(v1::SessionEvents {
             slot,
             session_id: id.to_owned(),
@@ -64,13 +64,15 @@ impl EventQueue {
 }
 
 /// The object in a character's hand, as a message for the session in `slot`.
-pub(super) fn held(character: &Character, slot: u32, convention: Convention) -> Option<v1::HeldObject> {
-    let HeldObject { instance, transform } = character.held()?;
+pub(super) fn held(character: &Character, slot: u32, measure: Measure) -> Option<v1::HeldObject> {
+    let HeldObject {
+        instance, transform, ..
+    } = character.held()?;
     Some(v1::HeldObject {
         slot,
         instance: instance.to_string(),
-        position: Some(position(transform.position, convention)),
-        rotation: Some(quat(transform.rotation, convention)),
+        position: Some(position(transform.position, measure)),
+        rotation: Some(quat(transform.rotation, measure.convention())),
     })
 }
 
@@ -95,15 +97,15 @@ pub(super) fn activity(activity: Activity) -> v1::Activity {
     }
 }
 
-fn message(event: CharacterEvent, convention: Convention) -> v1::SessionEvent {
+fn message(event: CharacterEvent, measure: Measure) -> v1::SessionEvent {
     v1::SessionEvent {
         frame: event.frame,
-        kind: Some(kind(event.kind, convention)),
+        kind: Some(kind(event.kind, measure)),
     }
 }
 
-fn kind(kind: EventKind, convention: Convention) -> Kind {
-    let unit = convention.units_per_metre();
+fn kind(kind: EventKind, measure: Measure) -> Kind {
+    let unit = measure.units_per_metre();
     match kind {
         EventKind::Started {
             instance,
@@ -133,8 +135,8 @@ fn kind(kind: EventKind, convention: Convention) -> Kind {
             instance: instance.to_string(),
             set,
             keyframe,
-            before: Some(keyframe_error(before)),
-            after: Some(keyframe_error(after)),
+            before: Some(keyframe_error(before, measure)),
+            after: Some(keyframe_error(after, measure)),
             early_frames,
         }),
         EventKind::Attached { instance, socket } => Kind::Attached(v1::ObjectAttached {
@@ -143,8 +145,8 @@ fn kind(kind: EventKind, convention: Convention) -> Kind {
         }),
         EventKind::Released { instance, transform } => Kind::Released(v1::ObjectReleased {
             instance: instance.to_string(),
-            position: Some(position(transform.position, convention)),
-            rotation: Some(quat(transform.rotation, convention)),
+            position: Some(position(transform.position, measure)),
+            rotation: Some(quat(transform.rotation, measure.convention())),
         }),
         EventKind::Done { instance } => Kind::Done(v1::InteractionDone {
             instance: instance.to_string(),
@@ -192,22 +194,22 @@ fn kind(kind: EventKind, convention: Convention) -> Kind {
             speed_mps,
             facing,
         } => Kind::Bounded(v1::CommandBounded {
-            wanted_speed: wanted_mps,
-            speed: speed_mps,
-            facing: facing.map(|facing| convention.heading_from_native(facing)),
+            wanted_speed: wanted_mps * measure.scale(),
+            speed: speed_mps * measure.scale(),
+            facing: facing.map(|facing| measure.heading_from_native(facing)),
         }),
         EventKind::Landed { height_m, speed_mps } => Kind::Landed(v1::CharacterLanded {
             height: height_m * unit,
-            speed: speed_mps,
+            speed: speed_mps * measure.scale(),
         }),
     }
 }
 
-fn keyframe_error(error: KeyframeError) -> v1::KeyframeError {
+fn keyframe_error(error: KeyframeError, measure: Measure) -> v1::KeyframeError {
     v1::KeyframeError {
-        root_m: error.root_m,
+        root_m: error.root_m * measure.scale(),
         heading_deg: error.heading.to_degrees(),
-        joint_m: error.joint_m,
+        joint_m: error.joint_m * measure.scale(),
     }
 }
 

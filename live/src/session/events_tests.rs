@@ -9,6 +9,7 @@ use super::super::encode::Form;
 use super::super::registry::tests::Setup;
 use super::super::{Registry, TimeSource};
 use super::*;
+use troupe_motion::conventions::Convention;
 use troupe_base::telemetry::Telemetry;
 use troupe_character::live::{FailReason, SUB_FRAMES};
 use troupe_character::scene::{Scene, SceneTable, Transform};
@@ -36,19 +37,19 @@ fn the_oldest_events_are_dropped_and_counted() {
     let collect = |queue: &mut EventQueue, frames: std::ops::Range<u64>| {
         queue.collect(|fresh| fresh.extend(frames.map(done)), &metrics);
     };
-    assert_eq!(queue.take(0, "a", Convention::Native), None);
+    assert_eq!(queue.take(0, "a", Convention::Native.into()), None);
     collect(&mut queue, 0..60);
     collect(&mut queue, 60..70);
-    let taken = queue.take(3, "a", Convention::Native).unwrap();
+    let taken = queue.take(3, "a", Convention::Native.into()).unwrap();
     let frames: Vec<u64> = taken.events.iter().map(|event| event.frame).collect();
     assert_eq!(frames, (6..70).collect::<Vec<_>>());
     assert_eq!(
         (taken.slot, taken.session_id.as_str(), taken.events_dropped),
         (3, "a", 6)
     );
-    assert_eq!(queue.take(3, "a", Convention::Native), None, "taken once");
+    assert_eq!(queue.take(3, "a", Convention::Native.into()), None, "taken once");
     collect(&mut queue, 70..71);
-    let taken = queue.take(3, "a", Convention::Native).unwrap();
+    let taken = queue.take(3, "a", Convention::Native.into()).unwrap();
     assert_eq!(
         (taken.events.len(), taken.events_dropped, queue.dropped()),
         (1, 6, 6)
@@ -57,7 +58,7 @@ fn the_oldest_events_are_dropped_and_counted() {
 
 #[test]
 fn places_and_heights_are_in_the_sessions_convention_and_errors_in_metres() {
-    let unreal = |kind| super::kind(kind, Convention::Unreal);
+    let unreal = |kind| super::kind(kind, Convention::Unreal.into());
     let at = Transform::new(Vec3::new(1.0, 2.0, 3.0), yaw(0.5));
     let Kind::Released(released) = unreal(EventKind::Released {
         instance: "cup".into(),
@@ -121,7 +122,7 @@ fn places_and_heights_are_in_the_sessions_convention_and_errors_in_metres() {
 #[test]
 fn ends_of_performances_have_a_word_and_failures_a_message() {
     let ended_as = |end| {
-        let kind = kind(EventKind::Performed { number: 7, end }, Convention::Unreal);
+        let kind = kind(EventKind::Performed { number: 7, end }, Convention::Unreal.into());
         match kind {
             Kind::Performed(ended) => (ended.sequence, ended.reason, ended.message),
             other => panic!("{other:?}"),

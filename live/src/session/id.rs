@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
+use crate::wire::units::{MAX_NAME_CHARS, is_name};
 use troupe_character::{FieldError, Path};
 
 /// Maximum length of a session's id, characters.
-pub const MAX_ID_CHARS: usize = 64;
+pub const MAX_ID_CHARS: usize = MAX_NAME_CHARS;
 
 /// Checks the id that a client chose for a session. An empty one gets a random id.
 pub(super) fn wanted(path: &Path<'_>, wanted: &str) -> Result<Arc<str>, FieldError> {
     if wanted.is_empty() {
         return Ok(new_id());
     }
-    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    match wanted.len() <= MAX_ID_CHARS && wanted.chars().all(fits) {
+    match is_name(wanted) {
         true => Ok(Arc::from(wanted)),
         false => {
             let start: String = wanted.chars().take(MAX_ID_CHARS).collect();

@@ -36,7 +36,7 @@ const RESTORED: Metric = Metric::new(
 );
 
 /// Version of the record format. Records of other versions are not restored.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// Number of sessions that are read from the registry under one lock.
 const PAGE: usize = 256;
 /// Bytes after which a round ends: about 600 walking people, which take a tenth of a core's time at
@@ -52,6 +52,10 @@ struct Record<'a> {
     pack: &'a str,
     /// Empty for packs with one skeleton.
     body: &'a str,
+    /// The skeleton that it wears. Empty: the pack's.
+    skeleton: &'a str,
+    /// Metres of its user for a metre of the character.
+    scale: f32,
     convention: Convention,
     seed: u64,
     scene: Option<&'a str>,
@@ -237,6 +241,20 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     let pack = packs.find(&Path::root(), record.pack, record.body);
     let pack = pack.map_err(|error| text(&error))?;
     (pack.loaded.require(Capability::Live, "pack")).map_err(|error| text(&error))?;
+    let pack = match record.skeleton {
+        "" => pack.clone(),
+        name => {
+            let worn = world.skeletons().wear("skeleton", name, pack, packs.table());
+            worn.map_err(|error| text(&error))?
+        }
+    };
+    let scale = pack.worn().map_or(1.0, |worn| worn.scale());
+    if scale != record.scale {
+        return Err(format!(
+            "skeleton {:?} has another size now: {scale}, and {} before",
+            record.skeleton, record.scale
+        ));
+    }
     let style = pack.styles().get(record.style);
     let style = style.ok_or_else(|| format!("there is no style {:?}", record.style))?;
     let resident =
@@ -249,12 +267,14 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
             scene: resident.cell().clone(),
             definitions: world.definitions().clone(),
             holder: Holder::new(id.clone()),
+            scale,
         }),
     };
     let character = saved::restore(record.character, &around).map_err(|error| text(&error))?;
     Ok(SessionParts {
         id: id.clone(),
-        pack: pack.clone(),
+        dress: pack.worn().map(|worn| worn.dress()),
+        pack,
         convention: record.convention,
         seed: record.seed,
         ttl: Duration::from_millis(record.ttl_ms),
@@ -491,6 +511,8 @@ impl Keeper {
             format: FORMAT,
             pack: cell.pack().name(),
             body: cell.pack().body_name(),
+            skeleton: cell.pack().worn().map_or("", |worn| worn.name()),
+            scale: cell.measure().scale(),
             convention: cell.convention(),
             seed: cell.seed(),
             scene: cell.scene().map(|name| &**name),

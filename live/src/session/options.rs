@@ -10,16 +10,17 @@ use troupe_proto::v1;
 
 use super::cell::SessionParts;
 use super::id::{self, MAX_ID_CHARS};
-use super::{LivePacks, SessionError, SessionLimits};
-use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context, to_native, units};
+use super::{LivePack, LivePacks, SessionError, SessionLimits};
+use crate::skeleton::Dress;
+use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, Measure, check_context, to_native, units};
 use crate::world::{Store, WorldError};
 use troupe_character::live::budget::MIDDLE_PRIORITY;
-use troupe_character::live::{Character, CharacterOptions, Start, World};
+use troupe_character::live::{Character, CharacterOptions, FrameOut, Start, World};
 use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::{Holder, Resident};
 use troupe_character::style::{Style, StyleTable};
 use troupe_character::{FieldError, Path};
-use troupe_motion::model::{Capability, Rig};
+use troupe_motion::model::Capability;
 
 /// Allowed time to live of a session, milliseconds.
 pub const TTL_RANGE_MS: RangeInclusive<u32> = 1000..=86_400_000;
@@ -41,9 +42,10 @@ pub(super) fn parts(
     let id = id::wanted(&path.field("id"), &options.id)?;
     let pack = packs.find(path, &options.pack, &options.body)?.clone();
     pack.loaded.require(Capability::Live, path.field("pack"))?;
+    let pack = wearing(&path.field("skeleton"), &options.skeleton, pack, packs, store)?;
     let style = style(&path.field("style"), &options.style, pack.styles())?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
-    let start = start(path, options, convention, pack.rig())?;
+    let (start, given) = start(path, options, convention, &pack)?;
     let ttl = ttl(path, options, limits)?;
     let priority = options.priority.unwrap_or(MIDDLE_PRIORITY);
     let priority = units::priority(&path.field("priority"), priority)?;
@@ -53,7 +55,9 @@ pub(super) fn parts(
         scene: resident.cell().clone(),
         definitions: store.definitions().clone(),
         holder: Holder::new(id.clone()),
+        scale: pack.worn().map_or(1.0, |worn| worn.scale()),
     });
+    let dress = pack.worn().map(|worn| worn.dress());
     let command = LocomotionCommand {
         velocity: Vec3::ZERO,
         facing: None,
@@ -62,18 +66,45 @@ pub(super) fn parts(
         height_m: None,
     };
     let character = Character::in_world(pack.rig().clone(), character, start, command, world);
+    let mut character = character.with_skills(pack.loaded.skills.clone());
     Ok(SessionParts {
         id,
         convention,
         seed: options.seed,
         ttl,
-        character: character.with_skills(pack.loaded.skills.clone()),
+        dress: dress.map(|dress| begun(dress, given.as_ref(), &mut character)),
+        character,
         style,
         priority,
         pack,
         resident,
         woken: false,
     })
+}
+
+/// The pack whose characters wear the skeleton called `name`. An empty name means the pack's own.
+fn wearing(
+    path: &Path<'_>,
+    name: &str,
+    pack: Arc<LivePack>,
+    packs: &LivePacks,
+    store: &Store,
+) -> Result<Arc<LivePack>, SessionError> {
+    if name.is_empty() {
+        return Ok(pack);
+    }
+    let field = path.to_string();
+    Ok(store.skeletons().wear(&field, name, &pack, packs.table())?)
+}
+
+/// What a character wears that begins at a pose of the client, if one is given.
+fn begun(mut dress: Dress, given: Option<&ContextFrame>, character: &mut Character) -> Dress {
+    if let Some(given) = given {
+        let mut made = FrameOut::default();
+        character.sample(&mut made);
+        dress.begin((given.root, &given.rotations), &made);
+    }
+    dress
 }
 
 /// Enters the scene called `name`. An empty name means no scene.
@@ -153,17 +184,19 @@ pub(super) fn unknown_style(path: &Path<'_>, name: &str, styles: &StyleTable) ->
     }
 }
 
+/// The start of a character. Also the last frame that the client gave on a skeleton of its own.
 fn start(
     path: &Path<'_>,
     options: &v1::SessionOptions,
     convention: Convention,
-    pack: &Rig,
-) -> Result<Start, FieldError> {
+    pack: &LivePack,
+) -> Result<(Start, Option<ContextFrame>), FieldError> {
     if options.context.is_empty() {
         let place = options.position.unwrap_or_default();
-        let position = units::vector(&path.field("position"), place, MAX_DISTANCE_M, convention)?;
-        let heading = units::heading(&path.field("heading"), options.heading, convention)?;
-        return Ok(Start::Standing(GlobalRoot::new(position, heading)));
+        let measure = Measure::of(convention, pack.worn().map(|worn| &**worn));
+        let position = units::vector(&path.field("position"), place, MAX_DISTANCE_M, measure)?;
+        let heading = units::heading(&path.field("heading"), options.heading, measure)?;
+        return Ok((Start::Standing(GlobalRoot::new(position, heading)), None));
     }
     for (name, given) in [
         ("position", options.position.is_some()),
@@ -180,7 +213,9 @@ fn start(
         .iter()
         .map(|key| to_native(key, convention))
         .collect();
-    let mut frames = check_context(path, "context", &native, pack).map_err(|error| match convention {
+    let wanted = pack.rig().dims.context_frames;
+    let checked = check_context(path, "context", &native, wanted, pack.shown());
+    let mut frames = checked.map_err(|error| match convention {
         Convention::Native => error,
         // `qpos` always has MuJoCo's axes.
         _ if error.field.contains(".qpos") => error,
@@ -189,17 +224,26 @@ fn start(
             ..error
         },
     })?;
+    let own = pack.worn().map(|worn| {
+        let given: Vec<_> = frames.iter().map(|frame| (frame.root, &frame.rotations[..])).collect();
+        worn.back(&given)
+    });
+    let given = own.and_then(|carried| {
+        let carried = carried.into_iter().map(|(root, rotations)| ContextFrame { root, rotations });
+        std::mem::replace(&mut frames, carried.collect()).pop()
+    });
     let count = frames.len();
     let wrong = || {
         path.field("context")
             .error(format!("has {count} keyframes"), "exactly 4")
     };
     let frames: &mut [ContextFrame; 4] = frames.as_mut_slice().try_into().map_err(|_| wrong())?;
-    Ok(Start::Context {
+    let start = Start::Context {
         roots: [0, 1, 2, 3].map(|index| frames[index].root),
         rotations: frames
             .iter_mut()
             .flat_map(|frame| frame.rotations.drain(..))
             .collect(),
-    })
+    };
+    Ok((start, given))
 }

@@ -8,9 +8,11 @@ use super::metrics::SessionMetrics;
 use super::words::Places;
 use super::{SessionError, WordsPacks};
 use crate::packs::{LoadedPack, PackTable};
+use crate::skeleton::Worn;
 use troupe_base::telemetry::{Seldom, Telemetry};
 use troupe_character::live::load::PlanLoad;
 use troupe_character::style::{StyleError, StyleTable};
+use troupe_motion::Skeleton;
 use troupe_motion::model::{Body, Rig};
 
 /// One body of a pack with a tenant's styles. Metrics and load are shared by the sessions of all
@@ -29,6 +31,8 @@ pub struct LivePack {
     pub words: Arc<WordsPacks>,
     /// Index of the body in the pack's bodies.
     place: usize,
+    /// The skeleton of the user's own that its characters wear.
+    worn: Option<Arc<Worn>>,
 }
 
 impl LivePack {
@@ -42,6 +46,7 @@ impl LivePack {
             words: Arc::default(),
             loaded,
             place: 0,
+            worn: None,
         }
     }
 
@@ -55,6 +60,38 @@ impl LivePack {
             load: self.load.clone(),
             words: Arc::new(words),
             place,
+            worn: None,
+        }
+    }
+
+    /// The same pack, whose characters wear a skeleton of the user's own.
+    pub(crate) fn wearing(&self, worn: Arc<Worn>) -> Self {
+        Self {
+            loaded: self.loaded.clone(),
+            metrics: self.metrics.clone(),
+            failures: self.failures.clone(),
+            load: self.load.clone(),
+            words: self.words.clone(),
+            place: self.place,
+            worn: Some(worn),
+        }
+    }
+
+    /// Index of the body in the pack's bodies.
+    pub(crate) fn place(&self) -> usize {
+        self.place
+    }
+
+    /// The skeleton of the user's own that its characters wear.
+    pub fn worn(&self) -> Option<&Arc<Worn>> {
+        self.worn.as_ref()
+    }
+
+    /// The skeleton of keyframes and frames: what its characters wear, or the pack's.
+    pub fn shown(&self) -> &Skeleton {
+        match &self.worn {
+            Some(worn) => worn.skeleton(),
+            None => &self.rig().skeleton,
         }
     }
 

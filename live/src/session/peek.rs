@@ -12,7 +12,8 @@ use super::LivePack;
 use super::cell::SessionCell;
 use super::describe;
 use super::encode::{BlockWriter, Form};
-use crate::wire::units;
+use crate::skeleton::Dress;
+use crate::wire::{Measure, units};
 use troupe_character::live::{
     CONTEXT_FRAMES, FrameOut, Intent, Peek, PerformCommand, PlanCause, PlanRecord, WaitingCommand,
 };
@@ -25,24 +26,30 @@ pub const MAX_PEEK_FRAMES: u32 = 64;
 
 /// The state of the session, at most `frames` of its future frames, and its newest plan.
 pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekResponse {
-    let (session, peek) = {
+    let (session, peek, dress) = {
         let live = cell.live();
         (
             describe::session_of(cell, &live, now),
             live.character.peek(frames),
+            live.dress.clone(),
         )
     };
     let (convention, pack) = (cell.convention(), cell.pack().rig());
     v1::PeekResponse {
         session: Some(session),
-        future: Some(future(&peek, cell.pack(), convention)),
-        plan: peek.plan.as_deref().map(|plan| plan_view(plan, pack, convention)),
+        future: Some(future(&peek, cell.pack(), dress, convention)),
+        plan: (peek.plan.as_deref()).map(|plan| plan_view(plan, pack, cell.measure())),
         in_flight: peek.in_flight,
         waiting: peek.waiting.map(|waiting| command(cell, &waiting)),
     }
 }
 
-fn future(peek: &Peek, live_pack: &LivePack, convention: Convention) -> v1::FrameBlock {
+fn future(
+    peek: &Peek,
+    live_pack: &LivePack,
+    mut dress: Option<Dress>,
+    convention: Convention,
+) -> v1::FrameBlock {
     let pack = live_pack.rig();
     let joints = pack.skeleton.joint_count();
     let form = Form {
@@ -62,28 +69,32 @@ fn future(peek: &Peek, live_pack: &LivePack, convention: Convention) -> v1::Fram
         out.contacts = contacts;
         out.rotations.clear();
         out.rotations.extend_from_slice(pose);
-        writer.write((0, index), &out, convention, &pack.skeleton);
+        if let Some(dress) = &mut dress {
+            out.frame = peek.first_frame + index as u64;
+            dress.put_on_later(&mut out);
+        }
+        writer.write((0, index), &out, convention, live_pack.shown());
     }
     writer.finish(|_| true)
 }
 
-fn plan_view(plan: &PlanRecord, pack: &Rig, convention: Convention) -> v1::PlanView {
+fn plan_view(plan: &PlanRecord, pack: &Rig, measure: Measure) -> v1::PlanView {
     let joints = pack.skeleton.joint_count();
     let shape = &plan.shape;
     let context = (0..CONTEXT_FRAMES).map(|index| v1::Keyframe {
         root: Some(v1::Root {
-            position: Some(units::position(shape.context_roots[index], convention)),
+            position: Some(units::position(shape.context_roots[index], measure)),
             heading: None,
         }),
         velocity: None,
         pose: Some(pose(
             &shape.context_rotations[index * joints..(index + 1) * joints],
             None,
-            convention,
+            measure,
         )),
         ..v1::Keyframe::default()
     });
-    let path = |roots: &[GlobalRoot]| roots.iter().flat_map(|&root| five(root, convention)).collect();
+    let path = |roots: &[GlobalRoot]| roots.iter().flat_map(|&root| five(root, measure)).collect();
     let targets = &shape.targets;
     v1::PlanView {
         number: plan.number,
@@ -100,9 +111,9 @@ fn plan_view(plan: &PlanRecord, pack: &Rig, convention: Convention) -> v1::PlanV
         targets: targets
             .targets
             .iter()
-            .map(|key| target(key, convention))
+            .map(|key| target(key, measure))
             .collect(),
-        root_r_g1: Some(root(targets.r_g1, convention)),
+        root_r_g1: Some(root(targets.r_g1, measure)),
         root_r_g2: path(&targets.r_g2),
         root_r_g3: path(&plan.trace.r_g3),
         root_r_g4: path(&plan.trace.r_g4),
@@ -119,52 +130,52 @@ fn plan_view(plan: &PlanRecord, pack: &Rig, convention: Convention) -> v1::PlanV
     }
 }
 
-fn root(root: GlobalRoot, convention: Convention) -> v1::Root {
+fn root(root: GlobalRoot, measure: Measure) -> v1::Root {
     v1::Root {
-        position: Some(units::position(root.position, convention)),
-        heading: Some(describe::heading(root, convention)),
+        position: Some(units::position(root.position, measure)),
+        heading: Some(describe::heading(root, measure.convention())),
     }
 }
 
 /// Position x, y, z, then cosine and sine of the heading.
-fn five(root: GlobalRoot, convention: Convention) -> [f32; 5] {
-    let Vec3 { x, y, z } = convention.position_from_native(root.position);
-    let (sin, cos) = convention.heading_from_native(root.heading).sin_cos();
+fn five(root: GlobalRoot, measure: Measure) -> [f32; 5] {
+    let Vec3 { x, y, z } = measure.position_from_native(root.position);
+    let (sin, cos) = measure.heading_from_native(root.heading).sin_cos();
     [x, y, z, cos, sin]
 }
 
-fn pose(rotations: &[Quat], height_m: Option<f32>, convention: Convention) -> v1::Pose {
+fn pose(rotations: &[Quat], height_m: Option<f32>, measure: Measure) -> v1::Pose {
     let wxyz = rotations
         .iter()
-        .flat_map(|&rotation| to_wxyz(convention.rotation_from_native(rotation)));
+        .flat_map(|&rotation| to_wxyz(measure.convention().rotation_from_native(rotation)));
     v1::Pose {
         rotations: wxyz.collect(),
-        root_height: height_m.map(|height| height * convention.units_per_metre()),
+        root_height: height_m.map(|height| height * measure.units_per_metre()),
     }
 }
 
-fn target(key: &TargetKey, convention: Convention) -> v1::Keyframe {
-    let unit = convention.units_per_metre();
+fn target(key: &TargetKey, measure: Measure) -> v1::Keyframe {
+    let unit = measure.units_per_metre();
     v1::Keyframe {
-        root: key.root.map(|key| root(key, convention)),
+        root: key.root.map(|key| root(key, measure)),
         velocity: key.velocity.map(|local| {
-            let ground = convention.position_from_native(Vec3::new(local.vx, 0.0, local.vz));
+            let ground = measure.position_from_native(Vec3::new(local.vx, 0.0, local.vz));
             // The message has the two axes of the ground: x, and the other one that is not up.
-            let second = match units::up_axis(convention) {
+            let second = match units::up_axis(measure.convention()) {
                 "z" => ground.y,
                 _ => ground.z,
             };
             v1::RootVelocity {
                 x: ground.x,
                 z: second,
-                angular: convention.heading_from_native(local.omega),
+                angular: measure.heading_from_native(local.omega),
                 height: Some(local.height * unit),
             }
         }),
         pose: key
             .rotations
             .as_ref()
-            .map(|rotations| pose(rotations, key.height_m, convention)),
+            .map(|rotations| pose(rotations, key.height_m, measure)),
         ..v1::Keyframe::default()
     }
 }
@@ -176,8 +187,8 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
         at_frame: Some(waiting.frame),
         priority: None,
         intent: Some(match &waiting.intent {
-            Intent::Locomote(command) => Asked::Locomote(locomote(command, cell.convention())),
-            Intent::FollowPath(path) => Asked::FollowPath(follow_path(path, cell.convention())),
+            Intent::Locomote(command) => Asked::Locomote(locomote(command, cell.measure())),
+            Intent::FollowPath(path) => Asked::FollowPath(follow_path(path, cell.measure())),
             Intent::Interact {
                 instance,
                 variant,
@@ -208,12 +219,12 @@ fn perform(words: &PerformCommand, fps: f32) -> v1::Perform {
     }
 }
 
-fn follow_path(path: &PathCommand, convention: Convention) -> v1::FollowPath {
+fn follow_path(path: &PathCommand, measure: Measure) -> v1::FollowPath {
     let point = |point: &PathPoint| v1::PathPoint {
-        position: Some(units::position(point.position, convention)),
+        position: Some(units::position(point.position, measure)),
         heading: point
             .heading
-            .map(|heading| convention.heading_from_native(heading)),
+            .map(|heading| measure.heading_from_native(heading)),
         time: Some(point.time_s),
     };
     v1::FollowPath {
@@ -224,7 +235,7 @@ fn follow_path(path: &PathCommand, convention: Convention) -> v1::FollowPath {
     }
 }
 
-fn locomote(command: &LocomotionCommand, convention: Convention) -> v1::Locomote {
+fn locomote(command: &LocomotionCommand, measure: Measure) -> v1::Locomote {
     let LocomotionCommand {
         velocity,
         facing,
@@ -233,10 +244,10 @@ fn locomote(command: &LocomotionCommand, convention: Convention) -> v1::Locomote
         height_m,
     } = command;
     v1::Locomote {
-        velocity: Some(units::position(*velocity, convention)),
-        facing: facing.map(|facing| convention.heading_from_native(facing)),
+        velocity: Some(units::position(*velocity, measure)),
+        facing: facing.map(|facing| measure.heading_from_native(facing)),
         style: style.name.clone(),
         gait: gait.clone().unwrap_or_default(),
-        height: height_m.map(|height| height * convention.units_per_metre()),
+        height: height_m.map(|height| height * measure.units_per_metre()),
     }
 }

@@ -93,6 +93,7 @@ impl Setup {
             scene: resident.cell().clone(),
             definitions: Arc::default(),
             holder: Holder::new(id),
+            scale: 1.0,
         });
         let style = Arc::new(walker_style());
         let options = CharacterOptions {
@@ -119,6 +120,7 @@ impl Setup {
             seed: 0,
             ttl: TTL,
             character: Character::in_world(self.pack.rig().clone(), options, start, command, world),
+            dress: None,
             style,
             priority: 0.5,
             resident,

@@ -12,6 +12,7 @@ use crate::wire::{check_frame, to_native, units};
 use troupe_base::turns::Turns;
 use troupe_character::live::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 use troupe_character::{FieldError, Path};
+use troupe_motion::{Quat, Vec3};
 
 /// The answer to a call that resumes sessions.
 #[derive(Debug, Default)]
@@ -72,8 +73,11 @@ impl Sessions {
         let found = live.character.frame();
         let restored = cell.take_woken();
         if let (true, Some(seen)) = (restored, seen) {
-            let joined = live.character.rejoin(&seen);
+            let joined = live.character.rejoin(&seen.last);
             joined.map_err(|error| unfit(path, error))?;
+            if let Some((root, rotations)) = &seen.own {
+                live.begin_at(*root, rotations);
+            }
         }
         drop(held);
         Ok(v1::ResumedSession {
@@ -84,12 +88,16 @@ impl Sessions {
     }
 }
 
+/// What a client saw last.
+struct Seen {
+    /// On the pack's skeleton.
+    last: LastSeen,
+    /// Root and rotations as the client gave them, on a skeleton of its own.
+    own: Option<(Vec3, Vec<Quat>)>,
+}
+
 /// The last frame that the client saw, according to its request. `None` if the request has none.
-fn seen(
-    path: &Path<'_>,
-    asked: &v1::SessionResume,
-    cell: &SessionCell,
-) -> Result<Option<LastSeen>, FieldError> {
+fn seen(path: &Path<'_>, asked: &v1::SessionResume, cell: &SessionCell) -> Result<Option<Seen>, FieldError> {
     let Some(frame) = asked.frame else {
         return match asked.pose {
             None => Ok(None),
@@ -99,12 +107,20 @@ fn seen(
         };
     };
     let Some(pose) = &asked.pose else {
-        return Ok(Some(LastSeen { frame, pose: None }));
+        let last = LastSeen { frame, pose: None };
+        return Ok(Some(Seen { last, own: None }));
     };
     let native = to_native(pose, cell.convention());
-    let shown = check_frame(&path.field("pose"), &native, cell.pack().rig())?;
-    let pose = Some((shown.root, shown.rotations));
-    Ok(Some(LastSeen { frame, pose }))
+    let shown = check_frame(&path.field("pose"), &native, cell.pack().shown())?;
+    let (pose, own) = match cell.pack().worn() {
+        Some(worn) => {
+            let back = worn.back(&[(shown.root, &shown.rotations)]).pop();
+            (back, Some((shown.root, shown.rotations)))
+        }
+        None => (Some((shown.root, shown.rotations)), None),
+    };
+    let last = LastSeen { frame, pose };
+    Ok(Some(Seen { last, own }))
 }
 
 fn unfit(path: &Path<'_>, error: RejoinError) -> FieldError {

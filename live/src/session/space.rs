@@ -50,6 +50,7 @@ impl Space {
             && self.sessions.registry().page(None, 1).1 == 0
             && self.store.scenes().all().is_empty()
             && self.store.definitions().snapshot().iter().len() == 0
+            && self.store.skeletons().count() == 0
             && self.added_styles() == 0
     }
 
@@ -218,6 +219,7 @@ impl Spaces {
         let folders = Folders {
             scenes: inside("scenes"),
             objects: inside("objects"),
+            skeletons: inside("skeletons"),
         };
         let rigs = packs.table().all().map(|loaded| &*loaded.pack.rig);
         let store = self.common.store.beside(folders, rigs);

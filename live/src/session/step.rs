@@ -143,7 +143,7 @@ struct CharacterStep {
 /// The result of a step.
 #[derive(Debug, Default)]
 pub struct Stepped {
-    /// Frames, one block for each pack and body.
+    /// Frames, one block for each pack, body and skeleton.
     pub blocks: Vec<v1::FrameBlock>,
     /// Results of the commands, in their order.
     pub commands: Vec<CommandResult>,
@@ -218,7 +218,7 @@ fn gather(
     for (slot, id) in ids.iter().enumerate() {
         let field = || format!("session_ids[{slot}]");
         let taken = registry.get(id, now, &field).and_then(|cell| {
-            form.check(&Path::root(), cell.pack().rig())?;
+            form.check(&Path::root(), cell.pack())?;
             cell.take(Owner::Step, &field)
         });
         let held = match taken {
@@ -318,12 +318,12 @@ impl CharacterStep {
                 return self.trouble.is_none();
             }
             if std::mem::take(&mut self.begun) {
-                live.character.sample(out);
+                live.sample(out);
                 writer.write(
                     (self.place, self.done),
                     out,
                     cell.convention(),
-                    &cell.pack().rig().skeleton,
+                    cell.pack().shown(),
                 );
                 self.done += 1;
             }
@@ -374,15 +374,15 @@ fn finish(
 /// Adds the events of a session and the object in its character's hand to the result.
 fn report(walker: &CharacterStep, stepped: &mut Stepped) {
     let cell = walker.held.cell();
-    let (slot, convention) = (walker.slot as u32, cell.convention());
+    let (slot, measure) = (walker.slot as u32, cell.measure());
     let mut live = cell.live();
     stepped
         .events
-        .extend(live.events.take(slot, cell.id(), convention));
+        .extend(live.events.take(slot, cell.id(), measure));
     if cell.scene().is_some() {
         stepped
             .held
-            .extend(events::held(&live.character, slot, convention));
+            .extend(events::held(&live.character, slot, measure));
     }
 }
 

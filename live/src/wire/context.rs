@@ -2,9 +2,8 @@
 
 use troupe_character::{FieldError, Path};
 use troupe_motion::conventions::Convention;
-use troupe_motion::model::Rig;
 use troupe_motion::rotation::{from_wxyz, to_wxyz};
-use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
+use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
 use super::keyframe::{self, Role};
@@ -18,7 +17,7 @@ pub struct ContextFrame {
     pub rotations: Vec<Quat>,
 }
 
-/// Checks the keyframes in the field `name` of `path`, and returns their frames.
+/// Checks the `wanted` keyframes in the field `name` of `path`, and returns their frames.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -26,9 +25,9 @@ pub fn check_context(
     path: &Path<'_>,
     name: &'static str,
     keys: &[v1::Keyframe],
-    rig: &Rig,
+    wanted: usize,
+    skeleton: &Skeleton,
 ) -> Result<Vec<ContextFrame>, FieldError> {
-    let wanted = rig.dims.context_frames;
     if keys.len() != wanted {
         let message = format!("has {} keyframes", keys.len());
         return Err(path
@@ -36,7 +35,7 @@ pub fn check_context(
             .error(message, format!("exactly {wanted}, or none")));
     }
     let each = keys.iter().enumerate();
-    each.map(|(index, key)| check_frame(&path.element(name, index), key, rig))
+    each.map(|(index, key)| check_frame(&path.element(name, index), key, skeleton))
         .collect()
 }
 
@@ -44,11 +43,15 @@ pub fn check_context(
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
-pub fn check_frame(path: &Path<'_>, key: &v1::Keyframe, rig: &Rig) -> Result<ContextFrame, FieldError> {
+pub fn check_frame(
+    path: &Path<'_>,
+    key: &v1::Keyframe,
+    skeleton: &Skeleton,
+) -> Result<ContextFrame, FieldError> {
     if key.velocity.is_some() {
         return Err(path.field("velocity").error("is given", "root and pose only"));
     }
-    let checked = keyframe::check(path, key, Role::Context, &rig.skeleton)?;
+    let checked = keyframe::check(path, key, Role::Context, skeleton)?;
     // A character's first position has no earlier frame, so the distance is from the origin.
     keyframe::check_reach(path, &checked, Vec3::ZERO)?;
     let world = SegmentFrame::from_root(GlobalRoot::new(Vec3::ZERO, 0.0));

@@ -1,18 +1,25 @@
 //! Checks the values of messages and converts between them and native units and axes.
 //!
 //! The rest of the crate knows only metres, radians and the native axes. [`units`] handles single
-//! values, [`keyframe`] keyframes, and [`context`] the keyframes from which a live character
-//! starts.
+//! values, [`keyframe`] keyframes, [`context`] the keyframes from which a live character starts,
+//! and [`body`] skeletons of joints.
 
+mod body;
 mod context;
 mod hinges;
 pub mod keyframe;
+mod measure;
+mod skeleton;
 pub mod units;
 
 pub use troupe_character::limits::MAX_DISTANCE_M;
 
+pub use body::inline_body;
 pub use context::check_frame;
+pub use measure::Measure;
+pub use skeleton::{joint_message, robot_message, vector_message};
 pub(crate) use context::{ContextFrame, check_context, to_native};
+pub(crate) use units::named;
 
 /// Maximum difference between the heights that one keyframe gives in several fields, metres.
 pub const HEIGHT_TOLERANCE_M: f32 = 1e-3;

@@ -5,9 +5,11 @@ use troupe_motion::rotation::to_wxyz;
 use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
 
-use super::MAX_PROMPT_CHARS;
+use super::{MAX_PROMPT_CHARS, Measure};
 use troupe_character::{FieldError, Path};
 
+/// Maximum length of the name of a session or an upload, characters.
+pub(crate) const MAX_NAME_CHARS: usize = 64;
 /// Maximum heading in both directions, radians. Beyond it, a 32-bit float is too coarse.
 pub(crate) const MAX_HEADING: f32 = 1000.0;
 
@@ -47,6 +49,27 @@ pub fn sentence(path: &Path<'_>, text: &str) -> Result<(), FieldError> {
     }
 }
 
+/// Whether a text may name a session or an upload: 1 to [`MAX_NAME_CHARS`] letters, digits, `-`, `_`
+/// or `.`.
+pub(crate) fn is_name(text: &str) -> bool {
+    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    (1..=MAX_NAME_CHARS).contains(&text.len()) && text.chars().all(fits)
+}
+
+/// Checks the name of an upload, which also names its file.
+pub(crate) fn named<'a>(path: &Path<'_>, text: &'a str) -> Result<&'a str, FieldError> {
+    match is_name(text) && !text.starts_with('.') {
+        true => Ok(text),
+        false => {
+            let start: String = text.chars().take(MAX_NAME_CHARS).collect();
+            Err(path.error(
+                format!("is {start:?}"),
+                format!("1 to {MAX_NAME_CHARS} letters, digits, '-', '_' or '.', without a dot in front"),
+            ))
+        }
+    }
+}
+
 /// Checks a number, which must be from `low` to `high`.
 pub fn within(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<f32, FieldError> {
     match (low..=high).contains(&value) {
@@ -68,24 +91,25 @@ pub fn count_within(path: &Path<'_>, value: u32, low: u32, high: u32) -> Result<
     }
 }
 
-/// Checks a heading in `convention` and makes it native.
-pub fn heading(path: &Path<'_>, value: f32, convention: Convention) -> Result<f32, FieldError> {
-    within(path, value, -MAX_HEADING, MAX_HEADING).map(|value| convention.heading_to_native(value))
+/// Checks a heading in the convention of `measure` and makes it native.
+pub fn heading(path: &Path<'_>, value: f32, measure: impl Into<Measure>) -> Result<f32, FieldError> {
+    within(path, value, -MAX_HEADING, MAX_HEADING).map(|value| measure.into().heading_to_native(value))
 }
 
-/// Checks a vector in `convention` and makes it native. Each of its numbers must be from -`limit`
-/// to `limit`, in metres or metres per second.
+/// Checks a vector in the convention of `measure` and makes it native. Each of its numbers must be
+/// from -`limit` to `limit`, in metres or metres per second of the character.
 pub fn vector(
     path: &Path<'_>,
     value: v1::Vec3,
     limit: f32,
-    convention: Convention,
+    measure: impl Into<Measure>,
 ) -> Result<Vec3, FieldError> {
-    let limit = limit * convention.units_per_metre();
+    let measure = measure.into();
+    let limit = limit * measure.units_per_metre();
     for (name, value) in [("x", value.x), ("y", value.y), ("z", value.z)] {
         within(&path.field(name), value, -limit, limit)?;
     }
-    Ok(convention.position_to_native(Vec3::new(value.x, value.y, value.z)))
+    Ok(measure.position_to_native(Vec3::new(value.x, value.y, value.z)))
 }
 
 /// Name of the axis that points up.
@@ -96,9 +120,9 @@ pub(crate) fn up_axis(convention: Convention) -> &'static str {
     }
 }
 
-/// Converts a native position to `convention`.
-pub fn position(value: Vec3, convention: Convention) -> v1::Vec3 {
-    let Vec3 { x, y, z } = convention.position_from_native(value);
+/// Converts a native position to the convention of `measure`.
+pub fn position(value: Vec3, measure: impl Into<Measure>) -> v1::Vec3 {
+    let Vec3 { x, y, z } = measure.into().position_from_native(value);
     v1::Vec3 { x, y, z }
 }
 

@@ -25,6 +25,7 @@ fn load(folder: &TempFolder) -> Store {
     let folders = Folders {
         scenes: Some(folder.path().join("scenes")),
         objects: Some(folder.path().join("objects")),
+        skeletons: Some(folder.path().join("skeletons")),
     };
     Store::load(folders, usize::MAX, [&walker_rig()]).unwrap()
 }

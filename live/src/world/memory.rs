@@ -1,4 +1,4 @@
-//! The memory that uploads of all tenants share: scenes, object definitions and styles.
+//! The memory that uploads of all tenants share: scenes, object definitions, styles and skeletons.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -39,7 +39,7 @@ impl Holder for StyleTable {
 /// With a new upload, all uploads together would exceed their memory limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "takes about {bytes} bytes, and all other scenes, definitions and styles take {taken}; \
+    "takes about {bytes} bytes, and all other scenes, definitions, styles and skeletons take {taken}; \
      allowed: at most {most} in all (max_scene_memory_mib)"
 )]
 pub struct NoMemory {

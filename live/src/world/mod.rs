@@ -23,5 +23,5 @@ mod store_tests;
 pub use calls::{ObjectOutcome, ObjectsChanged};
 pub use detect::CharacterPlace;
 pub use error::WorldError;
-pub use memory::{NoMemory, UploadMemory};
+pub use memory::{Holder as MemoryHolder, NoMemory, UploadMemory};
 pub use store::{Folders, LoadError, Store, StoreError};

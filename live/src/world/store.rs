@@ -14,8 +14,9 @@ use troupe_character::scene::{NamedScene, Scene, SceneDoc, SceneTable, TableErro
 use troupe_motion::model::Rig;
 
 use super::memory::{NoMemory, UploadMemory};
+use crate::skeleton::Skeletons;
 
-/// The folders of scenes and definitions. The server reads them at its start and writes uploads to
+/// The folders of scenes, definitions and skeletons. The server reads them at its start and writes uploads to
 /// them.
 #[derive(Debug, Clone, Default)]
 pub struct Folders {
@@ -24,13 +25,16 @@ pub struct Folders {
     /// Definitions: one folder per pack, with the pack's name, and one file per definition. `None`:
     /// uploads are lost when the server stops.
     pub objects: Option<PathBuf>,
+    /// Skeletons of users' own, one file each. `None`: uploads are lost when the server stops.
+    pub skeletons: Option<PathBuf>,
 }
 
-/// The scenes and definitions of a server, or of a tenant.
+/// The scenes, definitions and skeletons of a server, or of a tenant.
 #[derive(Debug)]
 pub struct Store {
     scenes: Arc<SceneTable>,
     definitions: Arc<Definitions>,
+    skeletons: Arc<Skeletons>,
     folders: Folders,
     memory: Arc<UploadMemory>,
     /// Facts about the scenes' files. The lock also allows only one upload or deletion at a time.
@@ -158,11 +162,14 @@ impl Store {
             }
         }
         let scenes = Arc::new(scenes);
+        let skeletons = Arc::new(Skeletons::load(folders.skeletons.clone())?);
         memory.count(&scenes);
         memory.count(&definitions);
+        memory.count(&skeletons);
         Ok(Self {
             scenes,
             definitions,
+            skeletons,
             folders,
             memory,
             kept: Mutex::new(kept),
@@ -177,6 +184,11 @@ impl Store {
     /// All object definitions by name.
     pub fn definitions(&self) -> &Arc<Definitions> {
         &self.definitions
+    }
+
+    /// The skeletons of users' own characters.
+    pub fn skeletons(&self) -> &Arc<Skeletons> {
+        &self.skeletons
     }
 
     /// The memory limit of all uploads of the server.

@@ -27,6 +27,7 @@ fn folders(folder: &TempFolder) -> Folders {
     Folders {
         scenes: Some(folder.path().join("scenes")),
         objects: Some(folder.path().join("objects")),
+        skeletons: Some(folder.path().join("skeletons")),
     }
 }
 

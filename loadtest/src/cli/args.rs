@@ -389,6 +389,9 @@ pub(super) struct LiveArgs {
     /// Ask for 32-bit floats instead of compact frames.
     #[arg(long, help_heading = LIVE)]
     pub(super) floats: bool,
+    /// File of a character, such as hero.glb, whose skeleton the characters wear.
+    #[arg(long, value_name = "FILE", help_heading = LIVE)]
+    pub(super) skeleton: Option<PathBuf>,
     /// Names of styles. Default: all styles of the pack that move from place to place.
     #[arg(long, value_delimiter = ',', value_name = "STYLES", help_heading = LIVE)]
     pub(super) styles: Vec<String>,

@@ -177,6 +177,7 @@ mod tests {
         v1::InBetweenRequest {
             pack: String::new(),
             characters: vec![character],
+            skeleton: String::new(),
         }
     }
 

@@ -193,6 +193,7 @@ fn made(clip: &Clip, pack: &Pack, of: &Requests, seed: u64) -> Result<Vec<v1::In
             characters: characters
                 .collect::<Result<_, _>>()
                 .map_err(troupe_client::ClientError::Request)?,
+            skeleton: pack.worn().to_owned(),
         })
     });
     requests.collect()

@@ -9,6 +9,7 @@ fn folder(list: &str) -> tempfile::TempDir {
             frame_count: Some(64),
             ..v1::Character::default()
         }],
+        skeleton: String::new(),
     };
     std::fs::write(folder.path().join("0.pb"), request.encode_to_vec()).unwrap();
     std::fs::write(folder.path().join("0.bin"), [1, 2, 3]).unwrap();

@@ -1,10 +1,11 @@
 //! Sessions of a load: opened before it, watched during it, closed after it.
 
 use std::collections::HashSet;
+use std::path::Path;
 use std::time::Duration;
 
 use tokio::task::JoinSet;
-use troupe_client::{Client, ConnectOptions, Pack, Session, SessionOptions};
+use troupe_client::{Client, ClientError, ConnectOptions, Pack, Session, SessionOptions};
 use troupe_proto::v1;
 
 use super::wander::{Walker, styles};
@@ -51,7 +52,10 @@ pub(super) async fn open_walkers(
     share: Share,
 ) -> Result<(Opened, Pack, Vec<Walker>), Failure> {
     let client = client(plan).await?;
-    let pack = client.pack(&live.pack).await?;
+    let mut pack = client.pack(&live.pack).await?;
+    if let Some(file) = &live.skeleton {
+        pack = wearing(&client, &pack, file).await?;
+    }
     let styles = styles(&client, &pack, &live.styles).await?;
     let first = share.before(live.characters);
     let numbers = first..first + share.part(live.characters);
@@ -82,6 +86,14 @@ pub(super) async fn open_walkers(
         session.id().clone_into(&mut walker.id);
     }
     Ok((Opened::new(client, &sessions), pack, walkers))
+}
+
+/// The pack whose characters wear the skeleton of a file. Processes of one load share it.
+async fn wearing(client: &Client, pack: &Pack, file: &Path) -> Result<Pack, Failure> {
+    let data = std::fs::read(file).map_err(|why| Failure::file(file, why))?;
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let own = client.put_skeleton("loadtest", (&name, data), pack, false).await?;
+    Ok(pack.wearing(&own).map_err(ClientError::from)?)
 }
 
 /// Opens sessions without walkers.

@@ -227,6 +227,7 @@ mod tests {
             rate_hz: 30,
             compact: true,
             pack: String::new(),
+            skeleton: None,
             styles: Vec::new(),
             command_every_s: 2.0,
             look_ahead: None,

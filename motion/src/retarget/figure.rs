@@ -108,6 +108,21 @@ impl Figure {
         Self::new(skeleton, &pose, None, doc)
     }
 
+    /// The figure of a body that stands in its neutral pose: world rotations, one a joint, with
+    /// joint 0 at height `root_y_m` over the ground. `doc` has all of its parts.
+    ///
+    /// # Errors
+    /// As [`Figure::new`].
+    pub fn standing(
+        skeleton: Arc<Skeleton>,
+        neutral: Vec<Quat>,
+        root_y_m: f32,
+        doc: &PartsDoc,
+    ) -> Result<Self, RetargetError> {
+        let parts = Parts::with(&skeleton, &neutral, doc).map_err(RetargetError::Parts)?;
+        Self::of_parts(skeleton, parts, neutral, Some(root_y_m))
+    }
+
     fn of_parts(
         skeleton: Arc<Skeleton>,
         parts: Parts,
@@ -172,6 +187,17 @@ impl Figure {
     /// The parts of the body.
     pub fn parts(&self) -> &Parts {
         &self.parts
+    }
+
+    /// World rotations of the neutral pose, one a joint.
+    pub fn neutral(&self) -> &[Quat] {
+        &self.neutral
+    }
+
+    /// Place of joint 0 in the neutral pose. The middle of the hips is above the origin, and the
+    /// ground at height 0.
+    pub fn root(&self) -> Vec3 {
+        self.places[0]
     }
 
     /// Length of the legs from the hips to the ankles, metres.

@@ -53,6 +53,7 @@ fn request() -> InBetweenRequest {
             }],
             ..Character::default()
         }],
+        skeleton: String::new(),
     }
 }
 

@@ -99,7 +99,7 @@ impl Work {
             positions: false,
             six_d: false,
         };
-        let mut writer = BlockWriter::new(&self.pack.rig, form, characters, 1);
+        let mut writer = BlockWriter::new(&self.pack.rig.skeleton, form, characters, 1);
         for character in 0..characters {
             writer.name(character as u32);
             writer.write(
@@ -141,6 +141,7 @@ fn request(clip: &Clip) -> v1::InBetweenRequest {
             frame_count: Some(FRAMES as u32),
             ..v1::Character::default()
         }],
+        skeleton: String::new(),
     }
 }
 

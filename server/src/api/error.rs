@@ -2,7 +2,7 @@
 //! HTTP status and body, MMCP code and metric label.
 //!
 //! The layers below have their own error types. Each domain has a file with its rows of the table
-//! ([`row`]): [`edge`], [`batch`], [`world`], [`session`]. Rows of the API's own errors are here.
+//! ([`row`]): [`edge`], [`batch`], [`world`], [`skeleton`], [`session`]. Rows of the API's own errors are here.
 //! [`form`] turns rows into answers, [`mmcp`] into answers of that protocol.
 
 mod batch;
@@ -11,6 +11,7 @@ mod form;
 mod mmcp;
 mod row;
 mod session;
+mod skeleton;
 mod world;
 
 use std::time::Duration;
@@ -144,6 +145,7 @@ impl Tabled for ServiceError {
             },
             Self::UnknownPack(error) => error.row(),
             Self::CannotDo(error) => error.row(),
+            Self::Skeleton(error) => error.row(),
             Self::World(error) => error.row(),
             Self::Session(error) => error.row(),
             Self::Batch(error) => error.row(),

@@ -1,6 +1,7 @@
-//! gRPC: the Motion, Sessions and Scenes services, health and reflection.
+//! gRPC: the Motion, Sessions, Scenes and Skeletons services, health and reflection.
 
 mod scenes;
+mod skeletons;
 mod sessions;
 
 use std::convert::Infallible;
@@ -19,9 +20,11 @@ use tonic_reflection::server::{Builder, Error};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_server::{Motion, MotionServer};
 use troupe_proto::v1::scenes_server::ScenesServer;
+use troupe_proto::v1::skeletons_server::SkeletonsServer;
 use troupe_proto::v1::sessions_server::SessionsServer;
 
 use self::scenes::ScenesApi;
+use self::skeletons::SkeletonsApi;
 use self::sessions::SessionsApi;
 use super::ours::ours;
 use super::track::{self, Tracker};
@@ -41,6 +44,7 @@ pub async fn set_serving(health: &HealthReporter, serving: bool) {
         MotionServer::<MotionApi>::NAME,
         SessionsServer::<SessionsApi>::NAME,
         ScenesServer::<ScenesApi>::NAME,
+        SkeletonsServer::<SkeletonsApi>::NAME,
     ] {
         health.set_service_status(service, status).await;
     }
@@ -157,6 +161,10 @@ pub(super) fn router(
         .max_decoding_message_size(limits.message_bytes)
         .max_encoding_message_size(usize::MAX);
     let router = mount(router, scenes);
+    let skeletons = SkeletonsServer::new(SkeletonsApi(service.clone()))
+        .max_decoding_message_size(limits.message_bytes)
+        .max_encoding_message_size(usize::MAX);
+    let router = mount(router, skeletons);
     let router = mount(router, sessions(limits.message_bytes))
         .layer(middleware::from_fn_with_state(tracker, track::grpc));
     let router = router.merge(self::health(health));

@@ -5,6 +5,7 @@ pub(super) mod json;
 pub(super) mod mmcp;
 pub(super) mod parts;
 pub(super) mod scenes;
+mod skeletons;
 pub(super) mod sessions;
 mod site;
 mod tickets;
@@ -66,6 +67,8 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
             scenes::delete_object
         ))
         .routes(routes!(scenes::detect))
+        .routes(routes!(skeletons::list))
+        .routes(routes!(skeletons::get, skeletons::put, skeletons::delete))
         .routes(routes!(mmcp::capabilities))
         .routes(routes!(mmcp::generate))
 }

@@ -18,7 +18,7 @@ const KEY: &str = "key";
         title = "Troupe",
         description = "Live characters and motion in-betweening, for many characters at once. Right-handed, Y up, +Z forward; \
                        metres, seconds, radians; quaternions as w, x, y, z. Sessions may have another convention. The \
-                       same messages travel over gRPC as troupe.v1.Motion, troupe.v1.Sessions and troupe.v1.Scenes on the same port. A \
+                       same messages travel over gRPC as troupe.v1.Motion, troupe.v1.Sessions, troupe.v1.Scenes and troupe.v1.Skeletons on the same port. A \
                        missing field takes its default (0, false or empty); unknown fields are refused.",
     ),
     components(schemas(troupe_proto::v1::DriveRequest, ErrorBody, MmcpError)),
@@ -28,6 +28,7 @@ const KEY: &str = "key";
         (name = "styles", description = "Ways to move"),
         (name = "scenes", description = "What characters stand on and use"),
         (name = "objects", description = "What characters can do with things"),
+        (name = "skeletons", description = "Skeletons of users' own characters"),
         (name = "mmcp", description = "The Motion Model Context Protocol, which tools such as Blender's Proscenium speak"),
         (name = "operations", description = "What operators need"),
     )
@@ -152,7 +153,7 @@ fn add_responses(operation: &mut Operation) {
     if tagged("mmcp") {
         return add_mmcp_errors(operation);
     }
-    let needs_packs = ["motion", "styles", "scenes", "objects"].into_iter().any(tagged);
+    let needs_packs = ["motion", "styles", "scenes", "objects", "skeletons"].into_iter().any(tagged);
     let has_body = operation.request_body.is_some();
     let has_parameters = operation.parameters.is_some();
     let keyed = !tagged("operations");

@@ -9,7 +9,7 @@ use troupe_edge::clients::Role;
 /// Paths that need no key. Health checks, documentation and viewer hold nothing that is private to
 /// a server.
 const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
-/// Prefixes of the procedures that write styles, scenes and definitions.
+/// Prefixes of the procedures that write styles, scenes, definitions and skeletons.
 const WRITES: [&str; 5] = ["Put", "Delete", "Add", "Move", "Remove"];
 /// Endings of HTTP paths that write with a method other than PUT and DELETE.
 const HTTP_WRITES: [&str; 3] = ["/add", "/move", "/remove"];
@@ -50,13 +50,15 @@ mod tests {
     use troupe_proto::rpc::RPCS;
 
     /// The procedures that only authors may call. All others are for everybody with a key.
-    const AUTHORS: [&str; 8] = [
+    const AUTHORS: [&str; 10] = [
         "AddObjects",
         "DeleteObjectDefinition",
         "DeleteScene",
+        "DeleteSkeleton",
         "MoveObjects",
         "PutObjectDefinition",
         "PutScene",
+        "PutSkeleton",
         "PutStyle",
         "RemoveObjects",
     ];

@@ -275,6 +275,7 @@ mod tests {
         v1::InBetweenRequest {
             pack: "human".into(),
             characters: vec![character; characters],
+            skeleton: String::new(),
         }
     }
 

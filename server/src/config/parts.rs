@@ -204,11 +204,12 @@ impl Config {
         }
     }
 
-    /// The folders of scenes and object definitions.
+    /// The folders of scenes, object definitions and skeletons.
     pub fn world_folders(&self) -> Folders {
         Folders {
             scenes: self.scenes.clone().or_else(|| self.in_store("scenes")),
             objects: self.objects.clone().or_else(|| self.in_store("objects")),
+            skeletons: self.in_store("skeletons"),
         }
     }
 

@@ -381,6 +381,7 @@ pub fn request(characters: usize) -> v1::InBetweenRequest {
     v1::InBetweenRequest {
         pack: String::new(),
         characters,
+        skeleton: String::new(),
     }
 }
 

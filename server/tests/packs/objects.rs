@@ -67,6 +67,7 @@ impl Studio {
             scene: Arc::clone(&scene),
             definitions: Arc::clone(&self.definitions),
             holder: Holder::new("hero"),
+            scale: 1.0,
         };
         let options = CharacterOptions {
             seed: 5,

@@ -436,6 +436,7 @@ async fn a_body_of_many_empty_messages_is_refused_before_it_takes_memory() {
     let character = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![v1::Character::default()],
+        skeleton: String::new(),
     };
     assert_eq!(character.encode_to_vec(), [0x12, 0]);
     let keyframes = [&[0x12, 0xc0, 0x9a, 0x0c], context.as_slice()].concat();

@@ -177,6 +177,7 @@ async fn in_between_and_sessions_do_not_know_the_family() {
     let request = v1::InBetweenRequest {
         pack: WORDS.to_owned(),
         characters: vec![common::character(1.0), common::character(2.0)],
+        skeleton: String::new(),
     };
     let answer = server
         .grpc()

@@ -151,6 +151,7 @@ async fn fill(server: &TestServer, character: v1::Character) -> Result<v1::Frame
     let request = v1::InBetweenRequest {
         pack: G1.into(),
         characters: vec![character],
+        skeleton: String::new(),
     };
     let answer = server.grpc().await.in_between(request).await?.into_inner();
     Ok(answer.characters.into_iter().next().unwrap().frames.unwrap())
@@ -295,6 +296,7 @@ async fn packs_without_a_robot_refuse_qpos() {
     let mut asked = v1::InBetweenRequest {
         pack: "toy".into(),
         characters: vec![character(0.0)],
+        skeleton: String::new(),
     };
     asked.characters[0].return_qpos = true;
     let status = client.in_between(asked.clone()).await.unwrap_err();

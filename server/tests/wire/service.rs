@@ -159,6 +159,7 @@ async fn concurrent_callers_share_batches_and_get_their_own_frames() {
             let asked = v1::InBetweenRequest {
                 pack: String::new(),
                 characters: vec![character(x)],
+                skeleton: String::new(),
             };
             client.in_between(asked).await.unwrap().into_inner()
         }

@@ -67,6 +67,7 @@ fn plan(character: v1::Character, rig: &Rig) -> Result<Plan, FieldError> {
     let request = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![character],
+        skeleton: String::new(),
     };
     let limits = RequestLimits { max_characters: 1 };
     prepare(&request, rig, limits).map(|(_, mut plans)| plans.remove(0))

@@ -103,6 +103,7 @@ fn a_live_plan_asks_as_a_single_request_would() {
     let request = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![character],
+        skeleton: String::new(),
     };
     let limits = RequestLimits { max_characters: 1 };
     let (single, plan) = prepare(&request, &rig, limits).unwrap();

@@ -6,7 +6,6 @@
 //! pins roots and poses to the keyframes, moves the segment back into the world, holds standing
 //! feet still, and brings a robot's poses onto its hinges.
 
-mod body;
 mod describe;
 mod feasible;
 mod finish;

@@ -13,10 +13,9 @@ use troupe_motion::model::{Body, Rig};
 use troupe_motion::path::{GroundPath, PathPoint, distance};
 use troupe_proto::v1;
 
-use super::body::inline_body;
 use super::prepare::check_keyframes;
 use troupe_live::wire::keyframe::Role;
-use troupe_live::wire::{MAX_DISTANCE_M, units};
+use troupe_live::wire::{MAX_DISTANCE_M, inline_body, units};
 
 pub use strict::{path_judge, refuse_path, refuse_walk, walk_judge};
 pub use walk::{MAX_PATH_KEYFRAMES, Walking, prepare_walk};
@@ -107,7 +106,7 @@ fn body(
         Some(_) if !goal.body.is_empty() => {
             Err(field.error("is given beside a skeleton", "only one of the two"))
         }
-        Some(skeleton) => inline_body(&path.field("skeleton"), skeleton, pack, notes).map(Arc::new),
+        Some(skeleton) => inline_body(&path.field("skeleton"), skeleton, &pack.rig, notes).map(Arc::new),
         None => pack.body(&goal.body).cloned().ok_or_else(|| {
             let names: Vec<&str> = pack.bodies.iter().map(|body| &*body.name).collect();
             field.error(format!("is {:?}", cut(&goal.body)), names.join(", "))

@@ -46,6 +46,7 @@ fn prepared(character: v1::Character) -> Result<(KeyframeTask, Plan), FieldError
     let request = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![character],
+        skeleton: String::new(),
     };
     let (mut items, mut plans) = prepare(&request, &toy_rig(), LIMITS)?;
     Ok((items.remove(0), plans.remove(0)))
@@ -196,6 +197,7 @@ fn keyframes_alone_can_ask_for_more_tokens() {
     let mut request = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![character()],
+        skeleton: String::new(),
     };
     let (items, _) = prepare(&request, &pack, LIMITS).unwrap();
     assert_eq!(items[0].allowed_counts[..3], [false, true, true]);
@@ -317,6 +319,7 @@ fn the_number_of_characters_is_limited() {
         let request = v1::InBetweenRequest {
             pack: String::new(),
             characters: vec![character(); count],
+            skeleton: String::new(),
         };
         let error = prepare(&request, &toy_rig(), LIMITS).unwrap_err();
         assert_eq!(

@@ -46,6 +46,7 @@ fn prepared(character: v1::Character) -> Result<(KeyframeTask, Plan), FieldError
     let request = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![character],
+        skeleton: String::new(),
     };
     let (mut items, mut plans) = prepare(&request, &toy_rig(), RequestLimits { max_characters: 1 })?;
     Ok((items.remove(0), plans.remove(0)))

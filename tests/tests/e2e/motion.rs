@@ -32,6 +32,7 @@ pub fn request(characters: impl IntoIterator<Item = v1::Character>) -> v1::InBet
     v1::InBetweenRequest {
         pack: String::new(),
         characters: characters.into_iter().collect(),
+        skeleton: String::new(),
     }
 }
 

@@ -103,6 +103,7 @@ def test_kinds_are_names_without_the_take():
     assert kind_of("dataset-1_walk_old_002.bvh") == kind_of("dataset-1_walk_old_001.bvh") == "dataset-1_walk_old"
     assert kind_of("folder/jump 3.bvh") == "folder/jump"
     assert kind_of("dance.bvh") == "dance"
+    assert kind_of("walk_old_002_part1_M.bvh") == kind_of("walk_old_002_M.bvh") == "walk_old"
 
 
 def test_rare_kinds_are_drawn_more_often_than_their_length(cache: Path, tmp_path: Path):

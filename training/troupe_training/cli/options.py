@@ -123,6 +123,21 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "help": "list of cells CONTENT_STYLE to hold out, or to show apart; splits/bandai-namco-cells.txt is one",
     },
     "--mirror": {"action": "store_true", "help": "also train on every clip with left and right swapped"},
+    "--retarget": {
+        "metavar": "SKELETON",
+        "help": "bring clips of other skeletons onto this one: the name of a file in the folder, or a file of motion, a "
+        "character, a robot's URDF or MJCF, or a pack.toml",
+    },
+    "--carried": {
+        "type": Path,
+        "metavar": "FOLDER",
+        "help": "with --retarget: also write the clips that were carried over here, as BVH at 30 frames a second",
+    },
+    "--force": {"action": "store_true", "help": "take clips whose figures are beyond the bar of --retarget"},
+    "--fit-ground": {
+        "action": "store_true",
+        "help": "with --retarget: put clips of other skeletons on the ground, as far as their feet stand",
+    },
     "--workers": {"type": int, "default": os.cpu_count(), "help": "parsing processes"},
     # folders
     "--cache": {"type": Path, "default": Path("runs/cache"), "help": "folder of cached features, `prepare` writes it"},

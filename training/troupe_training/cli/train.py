@@ -14,6 +14,7 @@ from troupe_training.data.joint_source import JointSource
 from troupe_training.data.limits import measure as measure_limits
 from troupe_training.data.prepare import Choice
 from troupe_training.data.prepare import prepare as prepare_cache
+from troupe_training.data.retarget import RetargetSource
 from troupe_training.data.store import ClipStore
 from troupe_training.export.evaluator import export_evaluator
 from troupe_training.export.manifest import About, write_limits
@@ -27,6 +28,8 @@ from troupe_training.train.motionbricks.refine import DRAWS
 from troupe_training.train.motionbricks.stages import PACK_STAGES, train_stage
 from troupe_training.train.trainer import Budget, Job
 
+ROBOT_READING = ("fps", "quaternion", "degrees", "joint_order")  # options of reading that are for robots' files
+DESCRIPTIONS = (".urdf", ".xml")  # endings of robots' descriptions
 CURVE_FRAMES = ModelConfig.root_curve_frames
 # Minutes, seed and learning rate of a stage if the command line does not say them.
 DEFAULTS = {
@@ -63,7 +66,18 @@ FILES = (
     "--include",
     "--test-name",
 )
-DATA = (*FILES, "--split-list", "--cells", "--mirror", "--workers", "--cache")
+DATA = (
+    *FILES,
+    "--retarget",
+    "--force",
+    "--fit-ground",
+    "--carried",
+    "--split-list",
+    "--cells",
+    "--mirror",
+    "--workers",
+    "--cache",
+)
 COMPUTING = ("--minutes", "--steps", "--frames-per-step", "--seed", "--device", "--threads")
 TRAINING = ("--run", "--preset", "--balance", *COMPUTING)
 ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
@@ -85,8 +99,33 @@ def _choice(args: argparse.Namespace) -> Choice:
 
 
 def _source(args: argparse.Namespace) -> MotionSource:
-    """The reader of the data: of a robot's files if a URDF is given, else of files of joints."""
-    return robot_of(args) or JointSource(args.contact_joints, args.scale, reading(args))
+    """The reader of the data: of a robot's files if a URDF is given, else of files of joints, onto one skeleton if wanted."""
+    if args.retarget is None:
+        if args.force or args.fit_ground or args.carried:
+            raise SystemExit(
+                "--force, --fit-ground and --carried are for clips of other skeletons: they need --retarget"
+            )
+        return robot_of(args) or JointSource(args.contact_joints, args.scale, reading(args))
+    if args.urdf is not None:
+        raise SystemExit(
+            "--retarget takes the place of --urdf: give it the URDF of the robot that clips are brought onto"
+        )
+    joints, robots = args, None
+    if Path(args.retarget).suffix.lower() in DESCRIPTIONS:
+        joints, own = _apart(args)
+        robots = robot_of(own)
+    inner = JointSource(joints.contact_joints, joints.scale, reading(joints))
+    return RetargetSource(inner, args.retarget, args.force, args.fit_ground, robots, args.carried)
+
+
+def _apart(args: argparse.Namespace) -> tuple[argparse.Namespace, argparse.Namespace]:
+    """Options for the files of joints that are brought onto a robot, and those for the robot's own files."""
+    given = vars(args)
+    for_robots = dict.fromkeys(ROBOT_READING)
+    for_joints = dict.fromkeys(name for name in READING if name not in ROBOT_READING)
+    joints = argparse.Namespace(**given | for_robots | {"contact_joints": None})
+    robots = argparse.Namespace(**given | for_joints | {"scale": None, "urdf": Path(args.retarget)})
+    return joints, robots
 
 
 def _prepare_once(args: argparse.Namespace) -> None:
@@ -101,8 +140,9 @@ def _prepare_once(args: argparse.Namespace) -> None:
         raise SystemExit(f"{args.cache} was made from {made['source']}; {advice}")
     wanted = _source(args).options() | asdict(_choice(args))
     options = made.get("options", wanted)
-    # Options of the reader are there only if they were given.
-    for option in [*options, *(key for key in [*READING, "legs"] if key in wanted and key not in options)]:
+    # Options of the reader and of other skeletons are there only if they were given.
+    optional = [*READING, "legs", "retarget", "force", "fit_ground"]
+    for option in [*options, *(key for key in optional if key in wanted and key not in options)]:
         value = options.get(option)
         if value != wanted.get(option):
             raise SystemExit(f"{args.cache} was made with {option} = {value}, not {wanted.get(option)}; {advice}")

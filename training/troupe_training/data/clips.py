@@ -41,6 +41,7 @@ class FileMotion:
     rotations: np.ndarray  # [F, J, 3, 3]
     notes: list[str] = field(default_factory=list)
     report: dict[str, Any] | None = None  # what the reader understood of the file
+    carried: dict[str, Any] | None = None  # from which skeleton it was carried over, and with which figures
 
 
 @dataclass

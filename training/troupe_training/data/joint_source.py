@@ -39,8 +39,12 @@ class JointSource:
 
     def load(self, path: Path, animation: str | None = None) -> FileMotion:
         """Reads one file, or one of its animations. Raises `ValueError` with the reason if it cannot be used."""
+        return file_motion(self.read(path, animation))
+
+    def read(self, path: Path, animation: str | None = None) -> troupe_reader.Clip:
+        """The same as the reader gives it, at the file's rate."""
         options: FileOptions = {"agreement": self._agreement, **self._reading(), "animation": animation}
-        return file_motion(troupe_reader.read(path, name=path.name, **options))
+        return troupe_reader.read(path, name=path.name, **options)
 
     def _reading(self) -> FileOptions:
         return {"unit": self.scale, **self._given} if self.scale is not None else self._given

@@ -9,6 +9,7 @@ clips share.
 import json
 import re
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -34,6 +35,7 @@ from troupe_training.data.conventions import FPS
 from troupe_training.data.joint_source import JointSource
 from troupe_training.data.mirror import mirror_of
 from troupe_training.data.reader import printed, understood
+from troupe_training.data.retarget import RetargetSource, carried_line
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.data.store import ClipEntry
 
@@ -74,6 +76,7 @@ class Loaded:
     clips: list[Clip] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     report: dict[str, Any] | None = None
+    carried: dict[str, Any] | None = None
     dropped: str | None = None
 
 
@@ -95,7 +98,7 @@ def _load(name: str, path: Path, source: MotionSource, animation: str | None = N
         clips, notes = cut(name, motion)
     except (ValueError, LookupError, ArithmeticError, OSError, MemoryError) as error:
         return _dropped(name, path, error)
-    return Loaded(name, motion.names, motion.parents, motion.offsets, clips, notes, motion.report)
+    return Loaded(name, motion.names, motion.parents, motion.offsets, clips, notes, motion.report, motion.carried)
 
 
 def _dropped(name: str, path: Path, error: Exception) -> Loaded:
@@ -133,8 +136,9 @@ def load_all(files: list[Path], source: MotionSource, workers: int, what: str) -
         source.survey(files)
     except (OSError, ValueError) as error:
         raise SystemExit(f"{what}: {error}") from error
-    with ProcessPoolExecutor(workers) as pool:
-        results = pool.map(partial(load_file, source=source), files, chunksize=1 + len(files) // (16 * workers))
+    load = partial(load_file, source=source)
+    with ProcessPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
+        results = pool.map(load, files, chunksize=1 + len(files) // (16 * workers)) if pool else map(load, files)
         loaded = [one for of_file in tqdm(results, total=len(files), desc=what) for one in of_file]
     if all(one.dropped for one in loaded):
         raise SystemExit(f"{what}: none of {len(files)} files can be used, e.g. {loaded[0].file}: {loaded[0].dropped}")
@@ -172,6 +176,8 @@ def prepare(
     ``split_list`` also gets the names of the test files, one a line.
     """
     source, choice = source or JointSource(), choice or Choice()
+    if isinstance(source, RetargetSource):
+        workers = 1  # it holds figures, which do not go to other processes
     loaded = load_all(files_of(folder, source, choice.include), source, workers, "prepare")
     drop_odd_skeletons(loaded)
     kept = [one for one in loaded if one.dropped is None]
@@ -198,6 +204,8 @@ def prepare(
     tested = [choice.tests(c) for c in clips]
     about = {"source": str(folder.resolve()), "options": source.options() | asdict(choice), "understood": table}
     held_out = [choice.holds_out(c) for c in clips]
+    carried = {one.file: one.carried for one in kept if one.carried is not None}
+    about |= {"carried": carried} if carried else {}
     _write(cache, skeleton, clips, tested, held_out, about | {"dropped": dropped, "notes": notes})
     if split_list is not None:
         names = sorted({c.file for c, test in zip(clips, tested, strict=True) if test})
@@ -207,6 +215,8 @@ def prepare(
             f"{sum(held_out)} clips are of held-out cells: neither trained on nor, but for the test clips among them, tested"
         )
     print(*printed(table), sep="\n")
+    for file, figures in carried.items():
+        print(carried_line(file, figures))
     _report(clips, sum(tested), dropped, notes)
 
 

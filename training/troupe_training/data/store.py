@@ -109,8 +109,12 @@ def joined(clips: Sequence[ClipEntry]) -> list[ClipEntry]:
 
 
 def kind_of(name: str) -> str:
-    """The kind of a clip: its file name without the take's number, ``walk_old_002.bvh`` to ``walk_old``."""
-    return re.sub(r"[\W_]*\d*$", "", Path(name).with_suffix("").as_posix())
+    """The kind of a clip: its file name without the take's number, ``walk_old_002.bvh`` to ``walk_old``.
+
+    Parts of a take and its mirror image, ``walk_old_002_part1_M.bvh``, are of the same kind.
+    """
+    take = re.sub(r"(_part\d+)?(_M)?$", "", Path(name).with_suffix("").as_posix())
+    return re.sub(r"[\W_]*\d*$", "", take)
 
 
 class ClipStore:

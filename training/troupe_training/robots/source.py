@@ -36,12 +36,19 @@ class RobotSource:
         self._given: FileOptions = given or {}
         self._urdf, self._end_effectors, self._legs = urdf, list(end_effectors), list(legs)
         description = describe(urdf, self._end_effectors, self._legs)
-        self._skeleton: troupe_reader.Skeleton | None = description.skeleton
+        self._read: troupe_reader.Skeleton | None = description.skeleton
         self.robot = build_robot(description, contact_names)
 
     def __getstate__(self) -> dict[str, Any]:
         """For another process, which reads the description again."""
-        return self.__dict__ | {"_skeleton": None}
+        return self.__dict__ | {"_read": None}
+
+    @property
+    def joints(self) -> troupe_reader.Skeleton:
+        """The robot's joints and hinges as its description has them."""
+        if self._read is None:
+            self._read = describe(self._urdf, self._end_effectors, self._legs).skeleton
+        return self._read
 
     def options(self) -> dict[str, Any]:
         """Options that the result depends on besides the files. Caches with others are made again."""
@@ -54,9 +61,7 @@ class RobotSource:
 
     def load(self, path: Path, animation: str | None = None) -> FileMotion:
         """Reads one file. Raises `ValueError` with the frame and the joint if it does not fit the robot."""
-        if self._skeleton is None:
-            self._skeleton = describe(self._urdf, self._end_effectors, self._legs).skeleton
-        options: FileOptions = {**self._given, "skeleton": self._skeleton, "fps": self.fps}
+        options: FileOptions = {**self._given, "skeleton": self.joints, "fps": self.fps}
         return file_motion(troupe_reader.read(path, name=path.name, **options))
 
     def skeleton(self, names: list[str], parents: list[int], offsets: np.ndarray, clips: list[Clip]) -> Skeleton:

@@ -63,8 +63,8 @@ function LivePointer() {
     <>
       Click the ground to go there, click a character to select it. Drag to turn the camera, drag with the second button
       to move it, turn the wheel to come nearer. The camera comes along when your character walks out of the picture.
-      With a gamepad the left stick goes, the right stick faces, and A runs. Drop a skinned glb on the page to give the
-      selected body its skin.
+      With a gamepad the left stick goes, the right stick faces, and A runs. Drop a skinned glb or vrm on the page, and
+      the selected body wears it.
     </>
   );
 }

@@ -1,5 +1,6 @@
 // Which pack, which clip, and the keyframes at the gap's end.
 import {
+  Alert,
   Button,
   Checkbox,
   FileButton,
@@ -15,6 +16,7 @@ import {
 import { FolderOpen, Footprints, Minus, Plus, RotateCcw } from 'lucide-react';
 import { useState } from 'react';
 import { Panel } from '../app/Panel';
+import { Faults, FiguresTable } from '../bodies/FiguresTable';
 import { report } from '../live/store';
 import type { Editor } from './editor';
 import { ROOT } from './editor';
@@ -89,10 +91,61 @@ export function ClipPanel({ editor }: { editor: Editor }) {
           </Text>
         )}
         <UnderstoodTable />
+        <OwnRigInfo />
         {doc && <TroubleAlert isOfFile />}
+        <OwnRigChoice editor={editor} />
         <ReadAs editor={editor} />
       </Stack>
     </Panel>
+  );
+}
+
+/** How motion is carried between the user's own rig and the pack's body. */
+function OwnRigInfo() {
+  const own = useEditor((state) => state.own);
+  if (!own) return null;
+  const { there, certificate } = own;
+  return (
+    <Stack gap={4} role="group" aria-label="Own rig">
+      <Text size="xs">
+        On its own rig. Keyframes are carried to pack {own.pack.pack} at {there.scale.toFixed(2)} times the size, and
+        its answers back. Your keyframes hold exactly.
+      </Text>
+      {certificate.faults.length > 0 && (
+        <Alert color="yellow" variant="light" p="xs" title="Beyond the bar">
+          <Faults certificate={certificate} />
+        </Alert>
+      )}
+      <FiguresTable certificate={certificate} />
+    </Stack>
+  );
+}
+
+/** A file that is not opened on the pack's body, but could be on its own rig. */
+function OwnRigChoice({ editor }: { editor: Editor }) {
+  const { own, refused, reading, trouble, isBusy } = useEditor();
+  if (own || !reading || (!refused && !trouble?.isOfFile)) return null;
+  const button = (label: string) => (
+    <Button
+      size="compact-xs"
+      variant="light"
+      loading={isBusy}
+      onClick={() => {
+        void editor.openOnOwn();
+      }}
+    >
+      {label}
+    </Button>
+  );
+  if (!refused) return button('Open it on its own rig');
+  return (
+    <>
+      <Alert color="red" variant="light" p="xs" title={`${refused.file} is beyond the bar`}>
+        <Faults certificate={refused.certificate} />
+        {button('Use its rig anyway')}
+      </Alert>
+      <FiguresTable certificate={refused.certificate} />
+    </>
   );
 }
 

@@ -18,6 +18,7 @@ import { Editor, WALK } from './editor';
 import { FillPanel, TroubleAlert } from './FillPanel';
 import { installEditorHooks } from './hooks';
 import { HELP, useEditorKeys } from './keys';
+import type { OwnRig } from './own';
 import { readEditorLink, writeEditorLink } from './link';
 import { EditorScene } from './scene';
 import { withEnd, withStart } from './segment';
@@ -54,6 +55,7 @@ function useEditorOn({ stage, api }: ModeProps): Running | undefined {
     const uninstall = installEditorHooks(editor, scene);
     // Another clip, another view.
     const unsubscribe = useEditor.subscribe((now, before) => {
+      if (now.own !== before.own) dress(stage, now.own, before.own);
       if (now.captured !== before.captured || (now.layout !== before.layout && now.filled)) scene.lookAtGap();
     });
     const abort = new AbortController();
@@ -70,10 +72,17 @@ function useEditorOn({ stage, api }: ModeProps): Running | undefined {
       uninstall();
       scene.dispose();
       editor.dispose();
+      dress(stage, undefined, useEditor.getState().own);
       useRunning.setState({ running: undefined });
     };
   }, [stage, api]);
   return useRunning((state) => state.running);
+}
+
+/** Shows the mesh of the user's own rig. Without one, or if it does not fit, the rig has capsules. */
+function dress(stage: Stage, own: OwnRig | undefined, before: OwnRig | undefined): void {
+  if (before?.glb) stage.setSkin(before.rig.skeleton, null).catch(report);
+  if (own?.glb) stage.setSkin(own.rig.skeleton, own.glb.buffer).catch(report);
 }
 
 /** Opens what the address says. */
@@ -183,7 +192,7 @@ function DropArea({ editor, isOver }: { editor: Editor; isOver: boolean }) {
         Drop a clip
       </Text>
       <Text size="sm" c="dimmed" mb="md">
-        BVH, glb, or CSV for robots, with the joints of pack {pack ?? '…'}.
+        BVH, glb, vrm, or CSV for robots. With other joints than those of pack {pack ?? '…'} it keeps its own rig.
       </Text>
       {isEmpty && <OpenButtons editor={editor} />}
       {isEmpty && <TroubleAlert />}

@@ -1,23 +1,25 @@
 // The editor at work: opens clips, changes the document, asks the server, hands out files.
 import { Quaternion, Vector3 } from 'three';
 import { notice } from '../live/store';
+import { sourceOf } from '../retarget/source';
 import { forward } from '../stage/kinematics';
 import type { Pose } from '../stage/types';
 import type { Api } from '../wire/api';
 import { ApiError } from '../wire/api';
 import type { Clip, Rig } from './clip';
 import { copyPose, goOnFrom, join, poseAt, quaternionAt, slice } from './clip';
-import { readClip, save, writeClip, type Format } from './files';
+import { bytesOf, readClip, save, writeClip, type Format } from './files';
 import type { HandlePoint } from './handles';
 import { begin, change, endGesture, redo, undo } from './history';
 import { reach } from './ik';
 import { limbsOf, type Limb } from './limbs';
+import { carried, dressed, openOwn, ownVariant, packDoc, type OwnRig } from './own';
 import { fillRequest, variantsOf, type FillOptions } from './request';
-import { Misread, optionsFor, type Given, type Row } from './reading';
+import { Misread, needsOwnRig, optionsFor, type Given, type Row } from './reading';
 import { rigOf } from './rig';
 import type { Doc, Gap, Target } from './segment';
 import * as segment from './segment';
-import { chosenVariant, docOf, useEditor, type Reading } from './store';
+import { chosenVariant, docOf, packRigOf, useEditor, type Reading } from './store';
 import { serversWalk } from './walk';
 
 /** Name of the clip that the server makes. */
@@ -49,25 +51,31 @@ export class Editor {
   async choosePack(name: string): Promise<void> {
     const rig = this.rigs.get(name) ?? rigOf(await this.api.pack(name));
     this.rigs.set(name, rig);
-    const { rig: before, reading } = useEditor.getState();
-    if (before === rig) return;
+    const { reading } = useEditor.getState();
+    if (packRigOf(useEditor.getState()) === rig) return;
     const given = reading?.given;
-    useEditor.setState({ rig });
+    useEditor.setState({ rig, own: undefined });
     this.clear();
     if (this.opened) await this.open(this.opened, given);
   }
 
-  /** Opens a file. The reader's options decide what it leaves open. */
+  /**
+   * Opens a file. The reader's options decide what it leaves open. One with another skeleton than the pack's is opened
+   * on its own rig.
+   */
   async open(file: File, given: Given = {}): Promise<void> {
-    const { rig, reading } = useEditor.getState();
+    const { reading, ...state } = useEditor.getState();
+    const rig = packRigOf(state);
     if (!rig) return;
     await this.busy(async () => {
       const isOpen = this.opened === file && reading?.isOpen === true;
       this.opened = file;
       const as = { file: file.name, options: await optionsFor(rig), given, isOpen };
       try {
-        const { clip, rows, animations } = await readClip(file, rig, given);
-        this.show(clip, file.name, rows);
+        const animations = await this.readOnPack(file, rig, given).catch((error: unknown) => {
+          if (needsOwnRig(error, file.name)) return this.readOnOwn(file, rig, given, error);
+          throw error;
+        });
         this.showReading({ ...as, animations, asked: [] });
       } catch (error) {
         const { animations, options: asked } = error instanceof Misread ? error : { animations: [], options: [] };
@@ -77,6 +85,61 @@ export class Editor {
     }, true);
   }
 
+  /** Opens the last file on its own rig, even if its figures are beyond the bar. */
+  async openOnOwn(): Promise<void> {
+    const { reading, ...state } = useEditor.getState();
+    const rig = packRigOf(state);
+    const file = this.opened;
+    if (!rig || !file) return;
+    const given = reading?.given ?? {};
+    await this.busy(async () => {
+      const animations = await this.readOnOwn(file, rig, given, undefined, true);
+      this.showReading({
+        file: file.name,
+        options: await optionsFor(rig),
+        given,
+        animations,
+        asked: [],
+        isOpen: false,
+      });
+    }, true);
+  }
+
+  private async readOnPack(file: File, rig: Rig, given: Given): Promise<readonly string[]> {
+    const { clip, rows, animations } = await readClip(file, rig, given);
+    useEditor.setState({ rig, own: undefined });
+    this.show(clip, file.name, rows);
+    return animations;
+  }
+
+  /** Opens a file on its own rig. `why` it is not on the pack's. */
+  private async readOnOwn(
+    file: File,
+    pack: Rig,
+    given: Given,
+    why: Misread | undefined,
+    anyway = false,
+  ): Promise<readonly string[]> {
+    const bytes = await bytesOf(file);
+    const found = await sourceOf(this.api, pack.pack, '')
+      .then((source) => openOwn(file.name, bytes, pack, source, given))
+      .catch((error: unknown) => {
+        if (!why) throw error;
+        why.message += `. On its own rig: ${error instanceof Error ? error.message : String(error)}`;
+        throw why;
+      });
+    const { own, rows, animations } = found;
+    if (own.certificate.faults.length > 0 && !anyway) {
+      this.clear();
+      useEditor.setState({ rig: pack, own: undefined, refused: { file: file.name, certificate: own.certificate } });
+      return animations;
+    }
+    const clip = found.clip ?? carried(own.back, await serversWalk(this.api, pack));
+    useEditor.setState({ rig: own.rig, own });
+    this.show(clip, file.name, rows);
+    return animations;
+  }
+
   /** Reads the file again with another value of an option. Without one, the file decides. */
   async readAs(option: string, value: string | undefined): Promise<void> {
     const { reading, isBusy } = useEditor.getState();
@@ -84,12 +147,14 @@ export class Editor {
     await this.open(this.opened, { ...reading.given, [option]: value });
   }
 
-  /** Opens a clip that the server's own character walks. */
+  /** Opens a clip that the server's own character walks. On the user's own rig it is carried over to that. */
   async walk(): Promise<void> {
-    const { rig } = useEditor.getState();
-    if (!rig) return;
+    const { own, ...state } = useEditor.getState();
+    const pack = packRigOf({ ...state, own });
+    if (!pack) return;
     await this.busy(async () => {
-      this.show(await serversWalk(this.api, rig), WALK);
+      const walk = await serversWalk(this.api, pack);
+      this.show(own ? carried(own.back, walk) : walk, WALK);
       this.opened = undefined;
     });
   }
@@ -220,15 +285,18 @@ export class Editor {
 
   /** Asks for all variants in one request. */
   async fill(): Promise<void> {
-    const { rig, isBusy } = useEditor.getState();
+    const { rig, own, isBusy } = useEditor.getState();
     const { doc } = this;
     if (!rig || !doc || isBusy) return;
     const options = this.options();
     const ask = ++this.asked;
     await this.busy(async () => {
-      const answer = await this.api.inBetween(fillRequest(rig, doc, options));
+      const answer = await this.api.inBetween(
+        own ? fillRequest(own.pack, packDoc(own, doc), options) : fillRequest(rig, doc, options),
+      );
       if (ask !== this.asked) return;
-      const variants = variantsOf(rig, answer, options.seeds);
+      const made = variantsOf(rig, answer, options.seeds);
+      const variants = own ? made.map((variant) => ownVariant(own, doc, variant)) : made;
       const total_us = Number(answer.timing?.total_us ?? 0);
       const filled = { doc, variants, options, pack: answer.pack, version: answer.pack_version, total_us };
       useEditor.setState({ filled, chosen: 0 });
@@ -267,13 +335,19 @@ export class Editor {
   }
 
   async export(format: Format, scope: Scope): Promise<void> {
-    const { rig, file } = useEditor.getState();
+    const { rig, own, file } = useEditor.getState();
     const variant = chosenVariant(useEditor.getState());
     const clip = scope === 'segment' ? variant?.clip : (this.filledClip() ?? this.doc?.clip);
     if (!rig || !clip) return;
     const stem = file.replace(/\.[^.]*$/, '') || 'clip';
     const seed = variant ? `-seed-${variant.seed}` : '';
-    save(await writeClip(clip, rig, format), `${stem}${seed}${scope === 'segment' ? '-gap' : ''}.${format}`);
+    const name = `${stem}${seed}${scope === 'segment' ? '-gap' : ''}`;
+    save(this.withMesh(own, clip, format, name) ?? (await writeClip(clip, rig, format)), `${name}.${format}`);
+  }
+
+  /** A glb of the user's own keeps its mesh. */
+  private withMesh(own: OwnRig | undefined, clip: Clip, format: Format, name: string): Blob | undefined {
+    return own && format === 'glb' ? dressed(own, clip, name) : undefined;
   }
 
   /** Answers that are still under way change nothing any more. */
@@ -289,6 +363,7 @@ export class Editor {
       captured: undefined,
       understood: [],
       reading: undefined,
+      refused: undefined,
       file: '',
       filled: undefined,
       frame: 0,

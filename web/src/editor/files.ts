@@ -11,7 +11,7 @@ export type Format = 'bvh' | 'glb' | 'csv';
 const MOST_BYTES = 256 * 1024 * 1024;
 
 /** What a file chooser offers. */
-export const ACCEPTED = '.bvh,.glb,.gltf,.csv,.npz,.npy';
+export const ACCEPTED = '.bvh,.glb,.gltf,.vrm,.csv,.npz,.npy';
 
 /** Formats that a clip of a rig can be written as. */
 export function formatsFor(rig: Rig): Format[] {
@@ -19,8 +19,12 @@ export function formatsFor(rig: Rig): Format[] {
 }
 
 export async function readClip(file: File, rig: Rig, given: Given): Promise<Understood> {
+  return understand(file.name, await bytesOf(file), rig, given);
+}
+
+export async function bytesOf(file: File): Promise<Uint8Array<ArrayBuffer>> {
   if (file.size > MOST_BYTES) throw new Error(`${file.name}: has ${file.size} bytes; at most ${MOST_BYTES} are read`);
-  return understand(file.name, new Uint8Array(await file.arrayBuffer()), rig, given);
+  return new Uint8Array(await file.arrayBuffer());
 }
 
 export async function writeClip(clip: Clip, rig: Rig, format: Format): Promise<Blob> {

@@ -1,10 +1,9 @@
-// Files of motion, read by the reader of the server and the command line (bindings/web). It is
-// loaded with the first file. `scripts/web.sh reader` builds it into src/reader.
-import type { Read } from '../reader/troupe_reader_web';
-import wasm from '../reader/troupe_reader_web_bg.wasm?url';
+// Files of motion, read by the reader of the server and the command line.
+import { Vector3 } from 'three';
+import type { Body, Read } from '../reader/troupe_reader_web';
+import type { Skeleton } from '../stage/types';
+import { loadReader, type Reader } from '../retarget/reader';
 import { MOST_FRAMES, type Clip, type Rig } from './clip';
-
-type Reader = typeof import('../reader/troupe_reader_web');
 
 /** What was understood of a file: what, its value, and one line of evidence. */
 export type Row = readonly [what: string, value: string, evidence: string];
@@ -38,6 +37,8 @@ export interface Understood {
 export class Misread extends Error {
   /** The options that decide. */
   readonly options: readonly Choice[];
+  /** Whether the file has another skeleton than the pack. */
+  readonly isOtherBody: boolean;
 
   constructor(
     cause: unknown,
@@ -45,29 +46,19 @@ export class Misread extends Error {
     readonly animations: readonly string[],
   ) {
     super(cause instanceof Error ? cause.message : String(cause), { cause });
-    const { options = '[]' } = Object(cause) as { options?: string };
+    const { options = '[]', is_other_body = false } = Object(cause) as { options?: string; is_other_body?: boolean };
     this.options = JSON.parse(options) as Choice[];
+    this.isOtherBody = is_other_body;
   }
+}
+
+/** Whether a file that was refused has another skeleton than the pack, or a character without a motion. */
+export function needsOwnRig(error: unknown, name: string): error is Misread {
+  return error instanceof Misread && (error.isOtherBody || (isScene(name) && error.animations.length === 0));
 }
 
 /** Speed of hinges for the reader, which only plays them, rad/s. */
 const ANY_SPEED = 1000;
-
-let loading: Promise<Reader> | undefined;
-
-/** The reader, from its address or its bytes. A failed try does not stay. */
-export function loadReader(source: string | BufferSource = wasm): Promise<Reader> {
-  loading ??= import('../reader/troupe_reader_web')
-    .then(async (reader) => {
-      await reader.default({ module_or_path: source });
-      return reader;
-    })
-    .catch((error: unknown) => {
-      loading = undefined;
-      throw error;
-    });
-  return loading;
-}
 
 /** The reader's options for a body: those of robots' files for robots alone. */
 export async function optionsFor(rig: Rig): Promise<Option[]> {
@@ -79,21 +70,75 @@ export async function optionsFor(rig: Rig): Promise<Option[]> {
 /** A file on a pack's skeleton, at the pack's rate. Of several animations it is the longest, unless one is given. */
 export async function understand(name: string, bytes: Uint8Array, rig: Rig, given: Given = {}): Promise<Understood> {
   const reader = await loadReader();
-  const animations = /\.gl(b|tf)$/i.test(name) ? reader.animations(bytes) : [];
+  const animations = animationsOf(reader, name, bytes);
   const options = { ...tablesOf(rig), resample_fps: rig.fps, ...valuesOf(given, await optionsFor(rig)) };
-  const read = (more: object) => {
+  const longest = longestOf(name, animations, given, (more) =>
+    taken(reader.read(name, bytes, JSON.stringify({ ...options, ...more }))),
+  );
+  return { ...longest, animations };
+}
+
+/** A file on its own skeleton. */
+export interface OwnUnderstood {
+  /** None for a character's file without a motion. */
+  clip: Clip | undefined;
+  rows: readonly Row[];
+  animations: readonly string[];
+  skeleton: Skeleton;
+  /** The body's left in the first joint's own frame, unit length. */
+  leftAxis: Vector3;
+  body: Body;
+}
+
+/** A file on its own skeleton, at a pack's rate. A character's file without animations has no clip. */
+export async function understandOwn(
+  name: string,
+  bytes: Uint8Array,
+  pack: Rig,
+  given: Given = {},
+): Promise<OwnUnderstood> {
+  const reader = await loadReader();
+  const animations = animationsOf(reader, name, bytes);
+  if (isScene(name) && animations.length === 0) {
+    const found = ownOf(name, reader.character(name, bytes));
+    return { ...found, animations, clip: undefined };
+  }
+  const options = { resample_fps: pack.fps, ...valuesOf(given, await optionsFor(pack)) };
+  const longest = longestOf(name, animations, given, (more) =>
+    ownOf(name, reader.read(name, bytes, JSON.stringify({ ...options, ...more }))),
+  );
+  return { ...longest, animations };
+}
+
+/** Whether a file is one of a scene, whose animations have names. */
+function isScene(name: string): boolean {
+  return /\.(gl(b|tf)|vrm)$/i.test(name);
+}
+
+function animationsOf(reader: Reader, name: string, bytes: Uint8Array): string[] {
+  return isScene(name) ? reader.animations(bytes) : [];
+}
+
+/** Reads a file: of several animations the longest, unless one is given. */
+function longestOf<T extends { clip: Clip }>(
+  name: string,
+  animations: readonly string[],
+  given: Given,
+  read: (more: object) => T,
+): T {
+  const tried = (more: object): T => {
     try {
-      return taken(reader.read(name, bytes, JSON.stringify({ ...options, ...more })));
+      return read(more);
     } catch (error) {
       throw new Misread(error, animations);
     }
   };
   const isOpen = animations.length > 1 && given['animation'] === undefined;
-  const found = isOpen ? animations.map((animation) => read({ animation })) : [read({})];
+  const found = isOpen ? animations.map((animation) => tried({ animation })) : [tried({})];
   const longest = found.reduce((best, one) => (one.clip.frames > best.clip.frames ? one : best));
   const { frames } = longest.clip;
   if (frames > MOST_FRAMES) throw new Error(`${name}: has ${frames} frames; at most ${MOST_FRAMES} are read`);
-  return { ...longest, animations };
+  return longest;
 }
 
 /** What is given, as the reader takes it. Options that the body does not have are left out. */
@@ -118,8 +163,21 @@ function taken(read: Read): Omit<Understood, 'animations'> {
   return { clip, rows };
 }
 
+/** Copies what was read on its own skeleton, and frees it. */
+function ownOf(name: string, read: Read): Omit<OwnUnderstood, 'animations' | 'clip'> & { clip: Clip } {
+  const { names, parents, offsets } = read;
+  const leftAxis = new Vector3().fromArray(read.left_axis);
+  try {
+    const body = read.body('');
+    return { ...taken(read), skeleton: { names, parents, offsets }, leftAxis, body };
+  } catch (error) {
+    read.free();
+    throw new Error(`${name}: ${error instanceof Error ? error.message : String(error)}`, { cause: error });
+  }
+}
+
 /** A rig as the tables of a pack's manifest. */
-function tablesOf({ pack, skeleton, leftAxis, hinges, mimics }: Rig): object {
+export function tablesOf({ pack, skeleton, leftAxis, hinges, mimics }: Rig): { skeleton: object; robot?: object } {
   const { names, parents, offsets } = skeleton;
   const joints = names.map((name, j) => ({
     name,

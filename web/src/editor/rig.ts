@@ -1,6 +1,6 @@
 // From a pack's description to a rig.
 import { Quaternion, Vector3 } from 'three';
-import type { Pack, Vec3 } from '../wire/types';
+import type { Body, Pack, Vec3 } from '../wire/types';
 import { skeletonOf } from '../live/bodies';
 import type { Rig } from './clip';
 
@@ -12,16 +12,18 @@ function quaternion(q: { x: number; y: number; z: number; w: number } | null | u
   return q ? new Quaternion(q.x, q.y, q.z, q.w) : new Quaternion();
 }
 
-export function rigOf(pack: Pack): Rig {
-  const skeleton = skeletonOf(pack.joints);
-  const hinges = (pack.robot?.hinges ?? []).map(({ joint, axis, rest, lower, upper }) => ({
+/** The rig of a pack, or of one of its bodies. */
+export function rigOf(pack: Pack, body?: Body): Rig {
+  const { joints, contact_joints, left_axis, robot } = body ?? pack;
+  const skeleton = skeletonOf(joints);
+  const hinges = (robot?.hinges ?? []).map(({ joint, axis, rest, lower, upper }) => ({
     joint: skeleton.names.indexOf(joint),
     axis: vector(axis),
     rest: quaternion(rest),
     lower_rad: lower,
     upper_rad: upper,
   }));
-  const mimics = (pack.robot?.mimics ?? []).map(({ joint, follows, multiplier, offset, axis, rest }) => ({
+  const mimics = (robot?.mimics ?? []).map(({ joint, follows, multiplier, offset, axis, rest }) => ({
     joint: skeleton.names.indexOf(joint),
     follows: skeleton.names.indexOf(follows),
     multiplier,
@@ -33,10 +35,10 @@ export function rigOf(pack: Pack): Rig {
     pack: pack.name,
     fps: pack.fps,
     skeleton,
-    leftAxis: pack.left_axis ? vector(pack.left_axis) : new Vector3(1, 0, 0),
+    leftAxis: left_axis ? vector(left_axis) : new Vector3(1, 0, 0),
     hinges,
     mimics,
-    contactJoints: pack.contact_joints.map((name) => skeleton.names.indexOf(name)),
+    contactJoints: contact_joints.map((name) => skeleton.names.indexOf(name)),
     limits: {
       contextFrames: pack.context_frames,
       maxTargets: pack.max_targets,

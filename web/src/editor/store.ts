@@ -1,8 +1,10 @@
 // What the editor's panels show and change.
 import { create } from 'zustand';
+import type { Certificate } from '../retarget/certificate';
 import type { Pack } from '../wire/types';
 import type { Clip, Rig } from './clip';
 import type { History } from './history';
+import type { OwnRig } from './own';
 import type { Choice, Given, Option, Row } from './reading';
 import type { FillOptions, Variant } from './request';
 import type { Doc, Range } from './segment';
@@ -54,9 +56,20 @@ export interface Reading {
   isOpen: boolean;
 }
 
+/** A file on a rig of the user's own that was not opened. */
+export interface Refused {
+  file: string;
+  certificate: Certificate;
+}
+
 export interface EditorState {
   packs: readonly Pack[];
+  /** What the clip is on: the pack's body, or the user's own rig. */
   rig: Rig | undefined;
+  /** The user's own rig, if the clip is on it. */
+  own: OwnRig | undefined;
+  /** A rig whose figures are beyond the bar, until it is used all the same. */
+  refused: Refused | undefined;
   /** Name of the clip; empty without one. */
   file: string;
   /** What was understood of the file; empty for a clip without one. */
@@ -92,6 +105,8 @@ export const MOST_POSE_STEPS = 10;
 export const INITIAL: EditorState = {
   packs: [],
   rig: undefined,
+  own: undefined,
+  refused: undefined,
   file: '',
   understood: [],
   reading: undefined,
@@ -114,6 +129,11 @@ export const INITIAL: EditorState = {
 };
 
 export const useEditor = create<EditorState>(() => INITIAL);
+
+/** The rig of the pack whose server fills gaps. */
+export function packRigOf({ rig, own }: Pick<EditorState, 'rig' | 'own'>): Rig | undefined {
+  return own?.pack ?? rig;
+}
 
 export function docOf({ history }: EditorState): Doc | undefined {
   return history?.now;

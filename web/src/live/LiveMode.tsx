@@ -3,6 +3,7 @@ import { useEffect, useState } from 'react';
 import { create } from 'zustand';
 import type { ModeProps } from '../app/modes';
 import { Help } from '../app/Help';
+import { OutfitPanel } from '../bodies/OutfitPanel';
 import { ApiError } from '../wire/api';
 import { InsidePanel } from '../inside/InsidePanel';
 import { NumbersPanel } from '../numbers/NumbersPanel';
@@ -106,6 +107,7 @@ export function LiveMode(props: ModeProps) {
       <aside className="side" aria-label="Panels">
         <PlayerPanel live={live} />
         <CrowdPanel live={live} />
+        <OutfitPanel room={live} />
         <InsidePanel live={live} />
         <NumbersPanel live={live} />
       </aside>

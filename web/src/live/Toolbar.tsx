@@ -2,8 +2,10 @@ import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { CircleHelp, Crosshair, Moon, Pause, Play, RotateCcw, Spline, Sun, UserRoundSearch } from 'lucide-react';
 import { Tool } from '../app/Tool';
 import { PeopleTool } from '../bodies/PeopleTool';
+import { WearTool } from '../bodies/WearTool';
 import type { Live } from './live';
-import { useLive } from './store';
+import { giveSkin } from './stage-events';
+import { report, useLive } from './store';
 
 export function Toolbar({ live, onHelp }: { live: Live; onHelp: () => void }) {
   const tool = useLive((state) => state.tool);
@@ -53,6 +55,11 @@ export function Toolbar({ live, onHelp }: { live: Live; onHelp: () => void }) {
       />
       <hr />
       <PeopleTool />
+      <WearTool
+        onFile={(file) => {
+          giveSkin(live, [file]).catch(report);
+        }}
+      />
       <Tool
         label="Light or dark (T)"
         icon={scheme === 'dark' ? Sun : Moon}

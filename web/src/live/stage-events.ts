@@ -1,4 +1,5 @@
 // The loop of the screen, and what the pointer does on the stage.
+import { wear } from '../bodies/wardrobe';
 import type { Stage } from '../stage/types';
 import type { Live } from './live';
 import { notice, report, useLive } from './store';
@@ -31,9 +32,7 @@ export function runStage(live: Live): () => void {
     onTime: (ms) => {
       live.meters.frame_ms.add(ms);
     },
-    onFiles: async ([file]) => {
-      if (file) await giveSkin(live, file);
-    },
+    onFiles: (files) => giveSkin(live, files),
   });
 }
 
@@ -96,11 +95,14 @@ function takeFiles(onFiles: NonNullable<StageEvents['onFiles']>, signal: AbortSi
   );
 }
 
-/** A glb that is dropped becomes the skin of the selected character's body. */
-async function giveSkin(live: Live, file: File): Promise<void> {
+/** A character that is dropped becomes the skin of the selected character's body. A TOML beside it corrects its parts. */
+export async function giveSkin(live: Live, files: readonly File[]): Promise<void> {
   const one = live.crowd.all.get(useLive.getState().selected ?? '') ?? live.own;
-  if (!one) return;
-  if (!file.name.toLowerCase().endsWith('.glb')) throw new Error(`${file.name}: is not a glb; drop a skinned glb file`);
-  const done = await live.stage.setSkin(one.kind.skeleton, await file.arrayBuffer());
-  if (done) notice(`${file.name} is the skin of ${one.kind.key}: ${done.joints} joints, ${done.triangles} triangles.`);
+  const isParts = ({ name }: File) => name.toLowerCase().endsWith('.toml');
+  const file = files.find((each) => !isParts(each)) ?? files[0];
+  if (!one || !file) return;
+  const corrections = (await files.find(isParts)?.text()) ?? '';
+  const { kind, state, joints, triangles, fit } = await wear(live, one.kind, file, { corrections });
+  if (state === 'refused') notice(`${file.name} is refused: ${fit!.certificate.faults[0]}.`, 'error');
+  else notice(`${file.name} is the skin of ${kind.key}: ${joints} joints, ${triangles} triangles.`);
 }

@@ -1,6 +1,223 @@
 /* @ts-self-types="./troupe_reader_web.d.ts" */
 
 /**
+ * A body that motion is carried from or to.
+ */
+export class Body {
+    static __wrap(ptr) {
+        const obj = Object.create(Body.prototype);
+        obj.__wbg_ptr = ptr;
+        BodyFinalization.register(obj, obj.__wbg_ptr, obj);
+        return obj;
+    }
+    __destroy_into_raw() {
+        const ptr = this.__wbg_ptr;
+        this.__wbg_ptr = 0;
+        BodyFinalization.unregister(this);
+        return ptr;
+    }
+    free() {
+        const ptr = this.__destroy_into_raw();
+        wasm.__wbg_body_free(ptr, 0);
+    }
+    /**
+     * The character's file (.glb, .vrm) with a motion on its skeleton as one animation more.
+     *
+     * # Errors
+     * If the motion does not fit the skeleton, or if the file cannot take it, with the joint.
+     * @param {Uint8Array | number[]} file
+     * @param {string} name
+     * @param {number} fps
+     * @param {Float32Array | number[]} roots
+     * @param {Float32Array | number[]} rotations
+     * @returns {Uint8Array}
+     */
+    dress(file, name, fps, roots, rotations) {
+        const val5 = +fps;
+        let ptr0, len0, ptr1, len1, ptr2, len2, ptr3, len3;
+        try {
+            ptr0 = passArray8ToWasm0(file, wasm.__wbindgen_malloc);
+            len0 = WASM_VECTOR_LEN;
+            ptr1 = passStringToWasm0(name, wasm.__wbindgen_malloc, wasm.__wbindgen_realloc);
+            len1 = WASM_VECTOR_LEN;
+            ptr2 = passArrayF32ToWasm0(roots, wasm.__wbindgen_malloc);
+            len2 = WASM_VECTOR_LEN;
+            ptr3 = passArrayF32ToWasm0(rotations, wasm.__wbindgen_malloc);
+            len3 = WASM_VECTOR_LEN;
+        } catch (e) {
+            if (ptr3) { wasm.__wbindgen_free(ptr3, len3 * 4, 4); }
+            if (ptr2) { wasm.__wbindgen_free(ptr2, len2 * 4, 4); }
+            if (ptr1) { wasm.__wbindgen_free(ptr1, len1 * 1, 1); }
+            if (ptr0) { wasm.__wbindgen_free(ptr0, len0 * 1, 1); }
+            throw e;
+        }
+        const ret = wasm.body_dress(this.__wbg_ptr, ptr0, len0, ptr1, len1, val5, ptr2, len2, ptr3, len3);
+        if (ret[3]) {
+            throw takeFromExternrefTable0(ret[2]);
+        }
+        var v6 = getArrayU8FromWasm0(ret[0], ret[1]).slice();
+        wasm.__wbindgen_free(ret[0], ret[1] * 1, 1);
+        return v6;
+    }
+    /**
+     * The parts that were found, as TOML. A corrected text goes to [`Read::body`].
+     *
+     * # Errors
+     * None that is known: parts are names.
+     * @returns {string}
+     */
+    parts() {
+        let deferred2_0;
+        let deferred2_1;
+        try {
+            const ret = wasm.body_parts(this.__wbg_ptr);
+            var ptr1 = ret[0];
+            var len1 = ret[1];
+            if (ret[3]) {
+                ptr1 = 0; len1 = 0;
+                throw takeFromExternrefTable0(ret[2]);
+            }
+            deferred2_0 = ptr1;
+            deferred2_1 = len1;
+            return getStringFromWasm0(ptr1, len1);
+        } finally {
+            wasm.__wbindgen_free(deferred2_0, deferred2_1, 1);
+        }
+    }
+}
+if (Symbol.dispose) Body.prototype[Symbol.dispose] = Body.prototype.free;
+
+/**
+ * A motion on the target's joints.
+ */
+export class Carried {
+    static __wrap(ptr) {
+        const obj = Object.create(Carried.prototype);
+        obj.__wbg_ptr = ptr;
+        CarriedFinalization.register(obj, obj.__wbg_ptr, obj);
+        return obj;
+    }
+    __destroy_into_raw() {
+        const ptr = this.__wbg_ptr;
+        this.__wbg_ptr = 0;
+        CarriedFinalization.unregister(this);
+        return ptr;
+    }
+    free() {
+        const ptr = this.__destroy_into_raw();
+        wasm.__wbg_carried_free(ptr, 0);
+    }
+    /**
+     * 3 a frame: world places of joint 0, metres in the target's size.
+     * @returns {Float32Array}
+     */
+    get roots() {
+        const ret = wasm.carried_roots(this.__wbg_ptr);
+        var v1 = getArrayF32FromWasm0(ret[0], ret[1]).slice();
+        wasm.__wbindgen_free(ret[0], ret[1] * 4, 4);
+        return v1;
+    }
+    /**
+     * 4 a joint and frame: joint 0 in the world, others relative to their parents.
+     * @returns {Float32Array}
+     */
+    get rotations() {
+        const ret = wasm.carried_rotations(this.__wbg_ptr);
+        var v1 = getArrayF32FromWasm0(ret[0], ret[1]).slice();
+        wasm.__wbindgen_free(ret[0], ret[1] * 4, 4);
+        return v1;
+    }
+}
+if (Symbol.dispose) Carried.prototype[Symbol.dispose] = Carried.prototype.free;
+
+/**
+ * Retargeters of many characters, each with its own state. Poses go in and out through memory that
+ * JavaScript sees: it writes the poses and marks the members that have a new one, and [`pose`]
+ * carries those over. Nothing is allocated for a frame.
+ *
+ * [`pose`]: Crowd::pose
+ */
+export class Crowd {
+    static __wrap(ptr) {
+        const obj = Object.create(Crowd.prototype);
+        obj.__wbg_ptr = ptr;
+        CrowdFinalization.register(obj, obj.__wbg_ptr, obj);
+        return obj;
+    }
+    __destroy_into_raw() {
+        const ptr = this.__wbg_ptr;
+        this.__wbg_ptr = 0;
+        CrowdFinalization.unregister(this);
+        return ptr;
+    }
+    free() {
+        const ptr = this.__destroy_into_raw();
+        wasm.__wbg_crowd_free(ptr, 0);
+    }
+    /**
+     * Address of the marks: a byte a member, 1 if it has a new pose.
+     * @returns {number}
+     */
+    due() {
+        const ret = wasm.crowd_due(this.__wbg_ptr);
+        return ret >>> 0;
+    }
+    /**
+     * Makes room for `count` members. Addresses change.
+     * @param {number} count
+     */
+    grow(count) {
+        wasm.crowd_grow(this.__wbg_ptr, count);
+    }
+    /**
+     * Address of the target's roots: 3 floats a member.
+     * @returns {number}
+     */
+    own_roots() {
+        const ret = wasm.crowd_own_roots(this.__wbg_ptr);
+        return ret >>> 0;
+    }
+    /**
+     * Address of the target's rotations: 4 floats a joint and member.
+     * @returns {number}
+     */
+    own_rotations() {
+        const ret = wasm.crowd_own_rotations(this.__wbg_ptr);
+        return ret >>> 0;
+    }
+    /**
+     * Carries over the poses of the members that are marked, and takes the marks away.
+     */
+    pose() {
+        wasm.crowd_pose(this.__wbg_ptr);
+    }
+    /**
+     * Lets a member begin a motion.
+     * @param {number} member
+     */
+    reset(member) {
+        wasm.crowd_reset(this.__wbg_ptr, member);
+    }
+    /**
+     * Address of the source's roots: 3 floats a member.
+     * @returns {number}
+     */
+    roots() {
+        const ret = wasm.crowd_roots(this.__wbg_ptr);
+        return ret >>> 0;
+    }
+    /**
+     * Address of the source's rotations: 4 floats a joint and member.
+     * @returns {number}
+     */
+    rotations() {
+        const ret = wasm.crowd_rotations(this.__wbg_ptr);
+        return ret >>> 0;
+    }
+}
+if (Symbol.dispose) Crowd.prototype[Symbol.dispose] = Crowd.prototype.free;
+
+/**
  * A file that was read.
  */
 export class Read {
@@ -21,6 +238,24 @@ export class Read {
         wasm.__wbg_read_free(ptr, 0);
     }
     /**
+     * The body of the file. `parts` (TOML) corrects what is found of it; it may be empty.
+     *
+     * # Errors
+     * If no body is found or if it does not stand, with the joint or the angle; or if `parts` is
+     * wrong, with the line.
+     * @param {string} parts
+     * @returns {Body}
+     */
+    body(parts) {
+        const ptr0 = passStringToWasm0(parts, wasm.__wbindgen_malloc, wasm.__wbindgen_realloc);
+        const len0 = WASM_VECTOR_LEN;
+        const ret = wasm.read_body(this.__wbg_ptr, ptr0, len0);
+        if (ret[2]) {
+            throw takeFromExternrefTable0(ret[1]);
+        }
+        return Body.__wrap(ret[0]);
+    }
+    /**
      * Frames a second.
      * @returns {number}
      */
@@ -35,6 +270,16 @@ export class Read {
     get frames() {
         const ret = wasm.read_frames(this.__wbg_ptr);
         return ret >>> 0;
+    }
+    /**
+     * The body's left in joint 0's own frame of reference, unit length.
+     * @returns {Float32Array}
+     */
+    get left_axis() {
+        const ret = wasm.read_left_axis(this.__wbg_ptr);
+        var v1 = getArrayF32FromWasm0(ret[0], ret[1]).slice();
+        wasm.__wbindgen_free(ret[0], ret[1] * 4, 4);
+        return v1;
     }
     /**
      * Names of the joints.
@@ -115,6 +360,111 @@ export class Read {
 if (Symbol.dispose) Read.prototype[Symbol.dispose] = Read.prototype.free;
 
 /**
+ * Carries motion of one body over to another.
+ */
+export class Retargeter {
+    __destroy_into_raw() {
+        const ptr = this.__wbg_ptr;
+        this.__wbg_ptr = 0;
+        RetargeterFinalization.unregister(this);
+        return ptr;
+    }
+    free() {
+        const ptr = this.__destroy_into_raw();
+        wasm.__wbg_retargeter_free(ptr, 0);
+    }
+    /**
+     * A motion of the source on the target, from its first frame on.
+     *
+     * # Errors
+     * If the numbers are not whole frames of the source's joints.
+     * @param {Float32Array | number[]} roots
+     * @param {Float32Array | number[]} rotations
+     * @returns {Carried}
+     */
+    carry(roots, rotations) {
+        let ptr0, len0, ptr1, len1;
+        try {
+            ptr0 = passArrayF32ToWasm0(roots, wasm.__wbindgen_malloc);
+            len0 = WASM_VECTOR_LEN;
+            ptr1 = passArrayF32ToWasm0(rotations, wasm.__wbindgen_malloc);
+            len1 = WASM_VECTOR_LEN;
+        } catch (e) {
+            if (ptr1) { wasm.__wbindgen_free(ptr1, len1 * 4, 4); }
+            if (ptr0) { wasm.__wbindgen_free(ptr0, len0 * 4, 4); }
+            throw e;
+        }
+        const ret = wasm.retargeter_carry(this.__wbg_ptr, ptr0, len0, ptr1, len1);
+        if (ret[2]) {
+            throw takeFromExternrefTable0(ret[1]);
+        }
+        return Carried.__wrap(ret[0]);
+    }
+    /**
+     * What is kept of built-in motions, as JSON: `trials`, each with its name and figures, and
+     * `faults`, which are sentences. Without faults motion may be carried over.
+     *
+     * # Errors
+     * None that is known: figures are numbers.
+     * @returns {string}
+     */
+    certificate() {
+        let deferred2_0;
+        let deferred2_1;
+        try {
+            const ret = wasm.retargeter_certificate(this.__wbg_ptr);
+            var ptr1 = ret[0];
+            var len1 = ret[1];
+            if (ret[3]) {
+                ptr1 = 0; len1 = 0;
+                throw takeFromExternrefTable0(ret[2]);
+            }
+            deferred2_0 = ptr1;
+            deferred2_1 = len1;
+            return getStringFromWasm0(ptr1, len1);
+        } finally {
+            wasm.__wbindgen_free(deferred2_0, deferred2_1, 1);
+        }
+    }
+    /**
+     * A crowd without members that carries poses as this one does.
+     * @returns {Crowd}
+     */
+    crowd() {
+        const ret = wasm.retargeter_crowd(this.__wbg_ptr);
+        return Crowd.__wrap(ret);
+    }
+    /**
+     * A retargeter from one body to another.
+     *
+     * # Errors
+     * If only one of the bodies stands on four legs.
+     * @param {Body} source
+     * @param {Body} target
+     */
+    constructor(source, target) {
+        _assertClass(source, Body);
+        _assertClass(target, Body);
+        const ret = wasm.retargeter_new(source.__wbg_ptr, target.__wbg_ptr);
+        if (ret[2]) {
+            throw takeFromExternrefTable0(ret[1]);
+        }
+        this.__wbg_ptr = ret[0];
+        RetargeterFinalization.register(this, this.__wbg_ptr, this);
+        return this;
+    }
+    /**
+     * Length of the target's legs by that of the source's.
+     * @returns {number}
+     */
+    get scale() {
+        const ret = wasm.retargeter_scale(this.__wbg_ptr);
+        return ret;
+    }
+}
+if (Symbol.dispose) Retargeter.prototype[Symbol.dispose] = Retargeter.prototype.free;
+
+/**
  * Names of a glTF file's animations.
  *
  * # Errors
@@ -132,6 +482,71 @@ export function animations(bytes) {
     var v2 = getArrayJsValueFromWasm0(ret[0], ret[1]);
     wasm.__wbindgen_free(ret[0], ret[1] * 4, 4);
     return v2;
+}
+
+/**
+ * The body of a pack. `tables` (JSON) has those of its manifest: `skeleton` and, of robots,
+ * `robot`. A robot's body needs no motion. Others show theirs by a motion that begins standing:
+ * `roots` has 3 numbers a frame, `rotations` 4 a joint and frame.
+ *
+ * # Errors
+ * If the tables or the motion are wrong, if no body is found, or if it does not stand.
+ * @param {string} tables
+ * @param {number} fps
+ * @param {Float32Array | number[]} roots
+ * @param {Float32Array | number[]} rotations
+ * @returns {Body}
+ */
+export function body_of_pack(tables, fps, roots, rotations) {
+    const val4 = +fps;
+    let ptr0, len0, ptr1, len1, ptr2, len2;
+    try {
+        ptr0 = passStringToWasm0(tables, wasm.__wbindgen_malloc, wasm.__wbindgen_realloc);
+        len0 = WASM_VECTOR_LEN;
+        ptr1 = passArrayF32ToWasm0(roots, wasm.__wbindgen_malloc);
+        len1 = WASM_VECTOR_LEN;
+        ptr2 = passArrayF32ToWasm0(rotations, wasm.__wbindgen_malloc);
+        len2 = WASM_VECTOR_LEN;
+    } catch (e) {
+        if (ptr2) { wasm.__wbindgen_free(ptr2, len2 * 4, 4); }
+        if (ptr1) { wasm.__wbindgen_free(ptr1, len1 * 4, 4); }
+        if (ptr0) { wasm.__wbindgen_free(ptr0, len0 * 1, 1); }
+        throw e;
+    }
+    const ret = wasm.body_of_pack(ptr0, len0, val4, ptr1, len1, ptr2, len2);
+    if (ret[2]) {
+        throw takeFromExternrefTable0(ret[1]);
+    }
+    return Body.__wrap(ret[0]);
+}
+
+/**
+ * Reads a character's file: its joints at rest, as one frame, if it is glTF with a skin. Other
+ * files are read with their motion.
+ *
+ * # Errors
+ * As [`read`].
+ * @param {string} name
+ * @param {Uint8Array | number[]} bytes
+ * @returns {Read}
+ */
+export function character(name, bytes) {
+    let ptr0, len0, ptr1, len1;
+    try {
+        ptr0 = passStringToWasm0(name, wasm.__wbindgen_malloc, wasm.__wbindgen_realloc);
+        len0 = WASM_VECTOR_LEN;
+        ptr1 = passArray8ToWasm0(bytes, wasm.__wbindgen_malloc);
+        len1 = WASM_VECTOR_LEN;
+    } catch (e) {
+        if (ptr1) { wasm.__wbindgen_free(ptr1, len1 * 1, 1); }
+        if (ptr0) { wasm.__wbindgen_free(ptr0, len0 * 1, 1); }
+        throw e;
+    }
+    const ret = wasm.character(ptr0, len0, ptr1, len1);
+    if (ret[2]) {
+        throw takeFromExternrefTable0(ret[1]);
+    }
+    return Read.__wrap(ret[0]);
 }
 
 /**
@@ -166,7 +581,7 @@ export function options() {
  * # Errors
  * An `Error` with the reader's own words, or with what is wrong with the options. If the file is
  * wrong, its property `options` is JSON: a list of the options that decide, each with the values
- * that fit.
+ * that fit. `is_other_body` is set if the file has another skeleton than the given one.
  * @param {string} name
  * @param {Uint8Array | number[]} bytes
  * @param {string} options
@@ -231,14 +646,32 @@ function __wbg_get_imports() {
     };
 }
 
+const BodyFinalization = (typeof FinalizationRegistry === 'undefined')
+    ? { register: () => {}, unregister: () => {} }
+    : new FinalizationRegistry(ptr => wasm.__wbg_body_free(ptr, 1));
+const CarriedFinalization = (typeof FinalizationRegistry === 'undefined')
+    ? { register: () => {}, unregister: () => {} }
+    : new FinalizationRegistry(ptr => wasm.__wbg_carried_free(ptr, 1));
+const CrowdFinalization = (typeof FinalizationRegistry === 'undefined')
+    ? { register: () => {}, unregister: () => {} }
+    : new FinalizationRegistry(ptr => wasm.__wbg_crowd_free(ptr, 1));
 const ReadFinalization = (typeof FinalizationRegistry === 'undefined')
     ? { register: () => {}, unregister: () => {} }
     : new FinalizationRegistry(ptr => wasm.__wbg_read_free(ptr, 1));
+const RetargeterFinalization = (typeof FinalizationRegistry === 'undefined')
+    ? { register: () => {}, unregister: () => {} }
+    : new FinalizationRegistry(ptr => wasm.__wbg_retargeter_free(ptr, 1));
 
 function addToExternrefTable0(obj) {
     const idx = wasm.__externref_table_alloc();
     wasm.__wbindgen_externrefs.set(idx, obj);
     return idx;
+}
+
+function _assertClass(instance, klass) {
+    if (!(instance instanceof klass)) {
+        throw new Error(`expected instance of ${klass.name}`);
+    }
 }
 
 function getArrayF32FromWasm0(ptr, len) {
@@ -260,6 +693,11 @@ function getArrayJsValueFromWasm0(ptr, len) {
     }
     wasm.__externref_drop_slice(ptr, len);
     return result;
+}
+
+function getArrayU8FromWasm0(ptr, len) {
+    ptr = ptr >>> 0;
+    return getUint8ArrayMemory0().subarray(ptr / 1, ptr / 1 + len);
 }
 
 let cachedDataViewMemory0 = null;
@@ -311,6 +749,13 @@ function handleError(f, args) {
 function passArray8ToWasm0(arg, malloc) {
     const ptr = malloc(arg.length * 1, 1) >>> 0;
     getUint8ArrayMemory0().set(arg, ptr / 1);
+    WASM_VECTOR_LEN = arg.length;
+    return ptr;
+}
+
+function passArrayF32ToWasm0(arg, malloc) {
+    const ptr = malloc(arg.length * 4, 4) >>> 0;
+    getFloat32ArrayMemory0().set(arg, ptr / 4);
     WASM_VECTOR_LEN = arg.length;
     return ptr;
 }

@@ -9,7 +9,8 @@ import { hitCapsules, type Ray } from './picking';
 import { rigOf } from './rig';
 import { flatten, writeEnds, type FlatRig } from './rig-ends';
 import { Skin } from './skin';
-import type { CharacterLook, Pose, Skeleton, SkinReport, Theme } from './types';
+import { OtherBones } from './skin-fit';
+import type { Carrier, CharacterLook, Pose, Skeleton, SkinReport, Theme } from './types';
 
 const GHOST_OPACITY = 0.4;
 
@@ -48,8 +49,6 @@ export class Characters {
   private person: Object3D | null = null;
   private askedPersons = 0;
   private readonly persons = new Map<string, Skin | null>();
-  /** Neutral poses learnt from skins in the pack's own frames, by the key of the skeleton. */
-  private readonly neutrals = new Map<string, Float32Array>();
   private readonly ghostSets = new Map<string, Ghosts>();
   private readonly colour = new Color();
   private ends = new Float32Array(0);
@@ -111,15 +110,13 @@ export class Characters {
     this.paintGhosts(ghosts);
   }
 
-  async setSkin(skeleton: Skeleton, glb: ArrayBuffer | null): Promise<SkinReport | null> {
+  async setSkin(skeleton: Skeleton, glb: ArrayBuffer | null, carrier?: Carrier): Promise<SkinReport | null> {
     const { key } = this.shapeOf(skeleton);
-    const neutral = skeleton.neutral ?? this.neutrals.get(key);
-    const skin = glb && Skin.fit(neutral ? { ...skeleton, neutral } : skeleton, await Skin.read(glb), this.edge);
+    const skin = glb && Skin.fit(skeleton, await Skin.read(glb), this.edge, carrier);
     const old = this.skins.get(key);
     if (skin) {
       this.skins.set(key, skin);
       this.object.add(skin.object);
-      if (skin.neutral) this.neutrals.set(key, skin.neutral);
     } else {
       this.skins.delete(key);
     }
@@ -167,6 +164,7 @@ export class Characters {
 
   /** Hands what has changed to the graphics card. */
   flush(): void {
+    for (const skin of this.skins.values()) skin.flush();
     this.solid.flush();
     this.ghostly.flush();
   }
@@ -210,7 +208,6 @@ export class Characters {
     this.persons.set(key, skin);
     if (!skin) return null;
     this.object.add(skin.object);
-    if (skin.neutral) this.neutrals.set(key, skin.neutral);
     return skin;
   }
 
@@ -237,8 +234,10 @@ export class Characters {
 /** A skin whose bones have the skeleton's own frames, or null. */
 function fitted(skeleton: Skeleton, read: Object3D, edge: EdgeUniform): Skin | null {
   if (!Skin.hasBonesOf(skeleton, read)) return null;
-  const skin = Skin.fit(skeleton, read, edge);
-  if (skin.report.native) return skin;
-  skin.dispose();
-  return null;
+  try {
+    return Skin.fit(skeleton, read, edge);
+  } catch (error) {
+    if (error instanceof OtherBones) return null;
+    throw error;
+  }
 }

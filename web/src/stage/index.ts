@@ -19,6 +19,7 @@ import { Lights } from './light';
 import { Overlays } from './overlays';
 import { hitGround, type Ray } from './picking';
 import type {
+  Carrier,
   CharacterLook,
   DrawOptions,
   LineStyle,
@@ -33,6 +34,7 @@ import type {
 import { View } from './view';
 
 export type * from './types';
+export { OtherBones } from './skin-fit';
 export { ACCENT, PALETTE, tintColour } from './colours';
 
 const MAX_PIXEL_RATIO = 2;
@@ -178,8 +180,8 @@ class TroupeStage implements Stage {
     return character?.isPosed ? character.joints.positions : undefined;
   }
 
-  setSkin(skeleton: Skeleton, glb: ArrayBuffer | null): Promise<SkinReport | null> {
-    return this.characters.setSkin(skeleton, glb);
+  setSkin(skeleton: Skeleton, glb: ArrayBuffer | null, carrier?: Carrier): Promise<SkinReport | null> {
+    return this.characters.setSkin(skeleton, glb, carrier);
   }
 
   setPerson(glb: ArrayBuffer | null): Promise<void> {

@@ -7,16 +7,20 @@ export class Joints {
   readonly positions: Float32Array;
   /** 4 per joint, x y z w. */
   readonly rotations: Float32Array;
+  /** The same relative to the parents; the first joint's in the world. */
+  readonly local: Float32Array;
 
   constructor(readonly skeleton: Skeleton) {
     const count = skeleton.names.length;
     this.positions = new Float32Array(count * 3);
     this.rotations = new Float32Array(count * 4);
     for (let j = 0; j < count; j++) this.rotations[j * 4 + 3] = 1;
+    this.local = this.rotations.slice();
   }
 
   /** Takes over a pose. */
   update(pose: Pose): void {
+    for (let i = 0; i < this.local.length; i++) this.local[i] = pose.rotations[i]!;
     forward(this.skeleton, pose.root, pose.rotations, this.positions, this.rotations);
   }
 }

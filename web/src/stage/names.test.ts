@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { mapNames, partKey } from './names';
+import { partKey } from './names';
 
 const SPELLINGS: [string, string[]][] = [
   [
@@ -28,45 +28,4 @@ test.each(SPELLINGS)('%s has many spellings', (key, names) => {
 test('a name that ends in an l has no side', () => {
   expect(partKey('pelvis_roll')).toBe('pelvisroll');
   expect(partKey('Skull')).toBe('skull');
-});
-
-const JOINTS = ['Hips', 'Spine', 'Chest', 'Neck', 'Head', 'Shoulder_L', 'UpperArm_L', 'LowerArm_L', 'Hand_L'];
-
-test("Mixamo's bones are found, in any order, and fingers are left alone", () => {
-  const bones = [
-    'LeftHandIndex1',
-    'LeftHand',
-    'LeftForeArm',
-    'LeftArm',
-    'LeftShoulder',
-    'Head',
-    'Neck',
-    'Spine2',
-    'Spine1',
-    'Spine',
-    'Hips',
-  ];
-  const { bones: found, missing } = mapNames(
-    JOINTS,
-    bones.map((bone) => `mixamorig:${bone}`),
-  );
-  expect(missing).toEqual([]);
-  const names = Array.from(found, (bone) => bones[bone]);
-  expect(names).toEqual([
-    'Hips',
-    'Spine',
-    'Spine2',
-    'Neck',
-    'Head',
-    'LeftShoulder',
-    'LeftArm',
-    'LeftForeArm',
-    'LeftHand',
-  ]);
-});
-
-test('joints without a bone are named', () => {
-  const { bones, missing } = mapNames(JOINTS, ['Hips', 'Spine', 'Chest', 'Neck', 'Head']);
-  expect(missing).toEqual(['Shoulder_L', 'UpperArm_L', 'LowerArm_L', 'Hand_L']);
-  expect(Array.from(bones)).toEqual([0, 1, 2, 3, 4, -1, -1, -1, -1]);
 });

@@ -20,10 +20,10 @@ import {
 } from 'three';
 import { GLTFLoader } from 'three/examples/jsm/loaders/GLTFLoader.js';
 import type { BodyView } from './body';
-import type { Joints } from './kinematics';
+import { forward } from './kinematics';
 import { bodyMaterials, type BodyMaterials, type EdgeUniform } from './material';
 import { fitBones, type Fit, type RestBone } from './skin-fit';
-import type { Skeleton, SkinReport } from './types';
+import type { Carrier, Pose, Skeleton, SkinReport } from './types';
 
 const DECLARE = `
 attribute vec4 skinIndex;
@@ -68,15 +68,21 @@ interface Part {
 export class Skin {
   readonly object = new Group();
   readonly report: SkinReport;
-  readonly neutral: Float32Array | null;
   private readonly fit: Fit;
   private readonly parts: Part[] = [];
   private capacity = 16;
   private readonly taken: boolean[] = [];
+  /** Rows whose pose the carrier has, but the picture not yet. */
+  private readonly waiting = new Set<number>();
   private readonly positions: Float32Array;
   private readonly rotations: Float32Array;
 
-  private constructor(skeleton: Skeleton, root: Object3D, edge: EdgeUniform) {
+  private constructor(
+    skeleton: Skeleton,
+    root: Object3D,
+    edge: EdgeUniform,
+    private readonly carrier: Carrier | undefined,
+  ) {
     root.updateMatrixWorld(true);
     const meshes: SkinnedMesh[] = [];
     root.traverse((node) => {
@@ -86,14 +92,14 @@ export class Skin {
       throw new Error('The glb file has no skinned mesh: it needs a mesh with a skin (joints and weights).');
     const { bones, indices } = restBones(meshes);
     this.fit = fitBones(skeleton, bones);
-    this.neutral = this.fit.neutral;
+    carrier?.grow(this.capacity);
     this.positions = new Float32Array(skeleton.names.length * 3);
     this.rotations = new Float32Array(skeleton.names.length * 4);
     for (const mesh of meshes) this.addPart(mesh, indices, edge);
     const triangles = meshes.reduce((sum, { geometry }) => {
       return sum + (geometry.index?.count ?? geometry.getAttribute('position').count) / 3;
     }, 0);
-    this.report = { joints: skeleton.names.length, triangles, native: this.fit.native };
+    this.report = { joints: this.fit.joints, triangles };
   }
 
   /** Reads a glb file. */
@@ -106,9 +112,9 @@ export class Skin {
     return gltf.scene;
   }
 
-  /** Fits what was read to a skeleton, or throws an error that says what is missing. */
-  static fit(skeleton: Skeleton, read: Object3D, edge: EdgeUniform): Skin {
-    return new Skin(skeleton, read, edge);
+  /** Fits what was read to a skeleton, or to the carrier's own. Throws an error that says what does not fit. */
+  static fit(skeleton: Skeleton, read: Object3D, edge: EdgeUniform, carrier?: Carrier): Skin {
+    return new Skin(carrier?.skeleton ?? skeleton, read, edge, carrier);
   }
 
   /** Whether what was read has a bone of each joint's name, and no other bones. */
@@ -126,24 +132,40 @@ export class Skin {
     if (row < 0) row = this.taken.push(true) - 1;
     this.taken[row] = true;
     if (row >= this.capacity) this.grow(row + 1);
+    this.carrier?.reset(row);
     this.listRows();
     const body = row;
     return {
       pose: (joints) => {
-        this.pose(body, joints);
+        if (this.carrier) {
+          this.carrier.put(body, joints.positions.subarray(0, 3), joints.local);
+          this.waiting.add(body);
+        } else {
+          this.write(body, joints.positions, joints.rotations);
+        }
       },
       tint: (colour, opacity) => {
         this.tint(body, colour, opacity);
       },
       dispose: () => {
         this.taken[body] = false;
+        this.waiting.delete(body);
         this.listRows();
       },
     };
   }
 
+  /** Carries over the poses that wait. Call it before the picture is drawn. */
+  flush(): void {
+    if (!this.carrier || this.waiting.size === 0) return;
+    this.carrier.carry();
+    for (const row of this.waiting) this.writeCarried(row, this.carrier, this.carrier.pose(row));
+    this.waiting.clear();
+  }
+
   dispose(): void {
     this.object.removeFromParent();
+    this.carrier?.dispose();
     for (const part of this.parts) {
       part.geometry.dispose();
       part.materials.dispose();
@@ -151,14 +173,25 @@ export class Skin {
     }
   }
 
-  private pose(row: number, joints: Joints): void {
-    const { fit, positions, rotations } = this;
-    fit.follow(joints, positions, rotations);
+  /** A pose of the carrier, at the size of the pack's body: roots over the ground stay where the server has them. */
+  private writeCarried(row: number, { skeleton, scale, ground_m }: Carrier, { root, rotations }: Pose): void {
+    const { positions } = this;
+    forward(skeleton, root, rotations, positions, this.rotations);
+    for (let p = 0; p < positions.length; p += 3) {
+      positions[p]! /= scale;
+      positions[p + 1] = (positions[p + 1]! - ground_m) / scale + ground_m;
+      positions[p + 2]! /= scale;
+    }
+    this.write(row, positions, this.rotations);
+  }
+
+  /** Places (3) and rotations (4) of the joints in the world. */
+  private write(row: number, positions: Float32Array, rotations: Float32Array): void {
     for (const part of this.parts) {
       const count = part.bones.length;
       let o = row * count * 12;
       for (let b = 0; b < count; b++, o += 12) {
-        const joint = fit.drivers[part.bones[b]!]!;
+        const joint = this.fit.drivers[part.bones[b]!]!;
         writeBone(rotations, joint * 4, positions, joint * 3, part.constants, b * 12, part.data, o);
       }
       part.texture.needsUpdate = true;
@@ -192,6 +225,7 @@ export class Skin {
 
   private grow(rows: number): void {
     this.capacity = Math.max(this.capacity * 2, rows);
+    this.carrier?.grow(this.capacity);
     for (const part of this.parts) {
       const { data, colours } = part;
       part.texture.dispose();
@@ -206,8 +240,14 @@ export class Skin {
     const bones = Int16Array.from(mesh.skeleton.bones, (bone) => indices.get(bone.uuid)!);
     const constants = new Float32Array(bones.length * 12);
     const matrix = new Matrix4();
+    const size = new Matrix4();
+    if (this.carrier) size.makeScale(1 / this.carrier.scale, 1 / this.carrier.scale, 1 / this.carrier.scale);
     bones.forEach((bone, b) => {
-      matrix.copy(this.fit.relative[bone]!).multiply(mesh.skeleton.boneInverses[b]!).multiply(mesh.bindMatrix);
+      matrix
+        .copy(size)
+        .multiply(this.fit.relative[bone]!)
+        .multiply(mesh.skeleton.boneInverses[b]!)
+        .multiply(mesh.bindMatrix);
       toRows(matrix, constants, b * 12);
     });
     const material = (Array.isArray(mesh.material) ? mesh.material[0] : mesh.material) as unknown;

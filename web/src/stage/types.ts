@@ -7,11 +7,6 @@ export interface Skeleton {
   parents: Int16Array;
   /** 3 per joint: the place in the parent's frame. */
   offsets: Float32Array;
-  /**
-   * 4 per joint, optional: world rotations of a neutral pose, in which the body stands and faces +Z.
-   * Foreign skins are fitted to it. Without it the pose with identity rotations counts as neutral.
-   */
-  neutral?: Float32Array;
 }
 
 /** One character's pose. Arrays may be views; they are read at once. */
@@ -22,6 +17,27 @@ export interface Pose {
   rotations: Float32Array;
   /** Per contact joint, 1 where it stands. */
   contacts?: Uint8Array;
+}
+
+/** Carries poses of a pack's skeleton over to a character with another one, for many members of a crowd. */
+export interface Carrier {
+  /** The character's own skeleton. Its joints are bones of the character's file. */
+  readonly skeleton: Skeleton;
+  /** Length of the character's legs by that of the pack's body. The stage draws it smaller by this. */
+  readonly scale: number;
+  /** Height of the ground, metres: the same in both sizes. */
+  readonly ground_m: number;
+  /** Makes room for members. */
+  grow(members: number): void;
+  /** A member begins a motion. */
+  reset(member: number): void;
+  /** Takes a member's pose on the pack's skeleton. */
+  put(member: number, root: Float32Array, rotations: Float32Array): void;
+  /** Carries over what was put since the last call. */
+  carry(): void;
+  /** A member's pose in the character's own size, as views that are valid until the next call. */
+  pose(member: number): Pose;
+  dispose(): void;
 }
 
 export type Theme = 'light' | 'dark';
@@ -53,12 +69,11 @@ export interface LineStyle {
   dashed?: boolean;
 }
 
-/** What became of a skin: the joints that its own bones move, and bones that follow their parents. */
+/** What became of a skin. */
 export interface SkinReport {
+  /** Joints that move its bones. Other bones go along with the bone that they hang on. */
   joints: number;
   triangles: number;
-  /** Whether the bones have the pack's own frames, so that poses apply as they are. */
-  native: boolean;
 }
 
 export interface DrawOptions {
@@ -96,10 +111,11 @@ export interface Stage {
   /** Joint positions of a character as last posed, for labels, handles and tests (3 per joint). */
   jointPositions(id: string): Float32Array | undefined;
   /**
-   * Gives all characters of a skeleton the skin of a glb file. Throws an error that names the joints without a bone.
-   * null brings the capsules back. Skeletons with equal joints and offsets share it.
+   * Gives all characters of a skeleton the skin of a glb file. Its bones are the skeleton's own joints, or a carrier's.
+   * Throws `OtherBones` for a file that needs a carrier. null brings back what they looked like before. Skeletons with
+   * equal joints and offsets share it. The stage disposes of the carrier.
    */
-  setSkin(skeleton: Skeleton, glb: ArrayBuffer | null): Promise<SkinReport | null>;
+  setSkin(skeleton: Skeleton, glb: ArrayBuffer | null, carrier?: Carrier): Promise<SkinReport | null>;
   /**
    * Gives the skin of a glb file to all characters whose joints are exactly its bones, unless they have one by `setSkin`.
    * null brings the capsules back.

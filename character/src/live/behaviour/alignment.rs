@@ -10,7 +10,7 @@ use super::footing::STEP_M;
 use super::using::Using;
 use crate::object::{Anchor, Motion, Origin, Set};
 use crate::primitives::object::Entry;
-use crate::scene::{BoxTrace, Scene, Surface, Transform};
+use crate::scene::{ScaledScene, Surface, Transform};
 
 /// Half the width and depth of the box that must fit along the way, metres.
 const HALF_WIDTH_M: f32 = 0.15;
@@ -31,7 +31,7 @@ impl Using {
     /// over the table's edge.
     pub(super) fn align(
         &mut self,
-        scene: &Scene,
+        scene: &ScaledScene,
         object: Transform,
         root: Vec3,
         parts: &CharacterParts<'_>,
@@ -89,11 +89,11 @@ impl Using {
 
     /// What stands in the way from `root`, on ground of height `level`, to the start of the first
     /// set.
-    pub(super) fn blocked(&self, scene: &Scene, root: Vec3, level: f32) -> Option<String> {
+    pub(super) fn blocked(&self, scene: &ScaledScene, root: Vec3, level: f32) -> Option<String> {
         self.blocked_to(self.approach.as_ref()?.entry(), scene, root, level)
     }
 
-    fn blocked_to(&self, entry: &Entry, scene: &Scene, root: Vec3, level: f32) -> Option<String> {
+    fn blocked_to(&self, entry: &Entry, scene: &ScaledScene, root: Vec3, level: f32) -> Option<String> {
         if entry.anywhere {
             return None;
         }
@@ -119,7 +119,7 @@ fn stops(set: &Set) -> bool {
 
 /// What stands between `from` and `to` for a character on ground of height `level`, apart from the
 /// object `own`.
-fn blocked(scene: &Scene, from: Vec3, to: Vec3, level: f32, own: &str) -> Option<String> {
+fn blocked(scene: &ScaledScene, from: Vec3, to: Vec3, level: f32, own: &str) -> Option<String> {
     let (low, high) = (level + STEP_M + 0.05, level + HEAD_M);
     let sweep = (to - from).with_y(0.0);
     if sweep.length() < STAYS_M {
@@ -127,10 +127,9 @@ fn blocked(scene: &Scene, from: Vec3, to: Vec3, level: f32, own: &str) -> Option
     }
     let start = Transform::upright(from.with_y(0.5 * (low + high)), sweep.x.atan2(sweep.z));
     let half = Vec3::new(HALF_WIDTH_M, 0.5 * (high - low), HALF_WIDTH_M);
-    let trace = BoxTrace::new(start, half, sweep).ok()?;
     scene
-        .first_solid(&trace, Some(own))
-        .map(|(_, surface)| match surface {
+        .first_solid(start, half, sweep, Some(own))
+        .map(|surface| match surface {
             Surface::Ground => "the ground".to_owned(),
             Surface::Collider(id) => format!("collider {id:?}"),
             Surface::Object(id) => format!("object {id:?}"),

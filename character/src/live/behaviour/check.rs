@@ -12,7 +12,7 @@ use super::using::Using;
 use super::{Behaviour, CharacterParts, Doing};
 use crate::object::{Action, Definition};
 use crate::primitives::object::Interaction;
-use crate::scene::{Instance, Scene, SceneError, State};
+use crate::scene::{Instance, ScaledScene, Scene, SceneError, State};
 
 /// What is settled about an interaction before it begins.
 pub(super) struct Checked {
@@ -45,11 +45,10 @@ impl Behaviour {
         root: Vec3,
         parts: &CharacterParts<'_>,
     ) -> Result<Checked, CommandError> {
-        let scene = self.world.scene.snapshot();
+        let scene = self.world.snapshot();
         let unknown = || CommandError::UnknownObject { id: Arc::clone(id) };
         let instance = scene.instance(id).ok_or_else(unknown)?;
-        let listed = self.world.definitions.get(&instance.object);
-        let definition = listed.map_err(|_| unknown())?.definition;
+        let definition = self.world.definition(&instance.object).ok_or_else(unknown)?;
         if definition.pack != parts.rig.name() {
             return Err(CommandError::WrongPack {
                 id: Arc::clone(id),
@@ -140,7 +139,7 @@ impl Behaviour {
             }
         };
         self.begun += 1;
-        let scene = self.world.scene.snapshot();
+        let scene = self.world.snapshot();
         let using = checked.using(&scene, root, parts, frame);
         self.events.push(
             frame,
@@ -187,7 +186,7 @@ impl Behaviour {
 }
 
 impl Checked {
-    fn using(&self, scene: &Scene, root: Vec3, parts: &CharacterParts<'_>, frame: i64) -> Using {
+    fn using(&self, scene: &ScaledScene, root: Vec3, parts: &CharacterParts<'_>, frame: i64) -> Using {
         let interaction = Interaction::new(Arc::clone(&self.definition), self.variant);
         Using::new(
             &self.instance,

@@ -364,6 +364,7 @@ fn variants_are_chosen_by_seed() {
             scene: std::sync::Arc::clone(&rig.scene),
             definitions: std::sync::Arc::clone(&rig.definitions),
             holder: Holder::new("s"),
+            scale: 1.0,
         };
         let start = Start::Standing(troupe_motion::GlobalRoot::new(Vec3::ZERO, 0.0));
         let standing = LocomotionCommand::standing(&rig.style);

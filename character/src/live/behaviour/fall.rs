@@ -12,7 +12,7 @@ use super::footing::DEEPEST_M;
 use super::hand::Refused;
 use super::{Behaviour, CharacterParts, Doing, Next};
 use crate::primitives::recipe::STANDING_MPS;
-use crate::scene::{RayHit, Scene};
+use crate::scene::{RayHit, ScaledScene};
 
 /// Frames over which the velocity at the edge is measured.
 const VELOCITY_FRAMES: i64 = 3;
@@ -48,10 +48,18 @@ pub(super) struct Fall {
 impl Behaviour {
     /// Writes the fall into the buffer from frame `frame` on. Answers whether the character falls:
     /// not without anything to land on.
-    pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
-        let (fps, level) = (parts.rig.fps, parts.post.footing.level());
+    pub(super) fn begin_fall(
+        &mut self,
+        scene: &ScaledScene,
+        frame: i64,
+        parts: &mut CharacterParts<'_>,
+    ) -> bool {
+        // In the metres of a large body things fall more slowly. The fall is worked out in a time
+        // of its own, in which they fall at the usual rate: one of its seconds lasts `second_s`.
+        let second_s = scene.scale().sqrt();
+        let (fps, level) = (parts.rig.fps * second_s, parts.post.footing.level());
         let shown = parts.shown(frame);
-        let velocity = parts.velocity(frame, VELOCITY_FRAMES);
+        let velocity = parts.velocity(frame, VELOCITY_FRAMES) * second_s;
         let Some(landing) = landing(scene, shown.root.with_y(level), velocity, fps) else {
             return false;
         };
@@ -106,7 +114,7 @@ impl Behaviour {
             up: frame + 1 + up as i64,
             upright: frame + fall.motion.roots.len() as i64,
             height_m,
-            impact_mps: fall.impact_mps,
+            impact_mps: fall.impact_mps / second_s,
         });
         parts.hold(frame.max(self.upright() - parts.timeline.look_ahead()));
         true
@@ -177,7 +185,7 @@ struct Landing {
 
 /// Where a body that leaves from `foot`, the ground point under its root, lands. At a wall it falls
 /// straight down, and stands on whatever is there, however steep.
-fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landing> {
+fn landing(scene: &ScaledScene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landing> {
     let throw = Throw {
         position: foot,
         velocity,
@@ -201,7 +209,7 @@ fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landin
     };
     if let Some(point) = wall {
         let wall_s = stops_s(point);
-        let below = scene.support(throw.at(wall_s), DEEPEST_M, None)?;
+        let below = scene.support(throw.at(wall_s), DEEPEST_M / scene.scale(), None)?;
         return (!below.is_inside()).then_some(Landing {
             floor_m: below.point.y,
             wall_s: Some(wall_s),

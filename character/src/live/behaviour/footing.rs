@@ -12,16 +12,16 @@ use troupe_motion::terrain::{Lift, Terrain, lift_frame, lifts};
 use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::super::buffer::MotionBuffer;
-use crate::scene::{Scene, Surface};
+use crate::scene::{ScaledScene, Surface};
 
 /// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2.
 /// Beyond this limit the rear knee bends deeply and feet accelerate three times as much as on flat
 /// ground. Anything higher, up to the hips, is a wall.
 pub(super) const STEP_M: f32 = 0.3;
-/// Greatest depth at which a surface is looked for, metres.
+/// Greatest depth at which a surface is looked for, metres of the scene.
 pub(super) const DEEPEST_M: f32 = 2.0e4;
-/// Greatest depth of a surface to stand on or fall to, metres. A deeper fall would take longer than
-/// [`MAX_FALL_S`], and does not begin.
+/// Greatest depth of a surface to stand on or fall to, both in metres of the scene and of the
+/// character. A deeper fall would take longer than [`MAX_FALL_S`], and does not begin.
 ///
 /// [`MAX_FALL_S`]: troupe_motion::ballistic::MAX_FALL_S
 const DEEPEST_FALL_M: f32 = 1950.0;
@@ -56,9 +56,10 @@ pub(super) enum Support {
 }
 
 /// What is at `place` (x and z count) for a character that stands at height `level`.
-pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
+pub(super) fn support(scene: &ScaledScene, place: Vec3, level: f32) -> Support {
     let from = place.with_y(level + LOOK_FROM_M);
-    match scene.support(from, LOOK_FROM_M + DEEPEST_FALL_M, None) {
+    let deepest_m = DEEPEST_FALL_M.min(DEEPEST_FALL_M / scene.scale());
+    match scene.support(from, LOOK_FROM_M + deepest_m, None) {
         None => Support::Below(None),
         Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M + LEVEL_M => Support::Above,
         Some(hit) if hit.point.y < level - STEP_M - LEVEL_M => Support::Below(Some(hit.point.y)),
@@ -68,7 +69,7 @@ pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
 
 /// What a character stands on. Its root is at `place`, and it stood at height `level`. If there is
 /// nothing under the root, ground near enough for the feet counts too.
-pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
+pub(super) fn stands_on(scene: &ScaledScene, place: Vec3, level: f32) -> Support {
     let below = support(scene, place, level);
     let Support::Below(_) = below else {
         return below;
@@ -87,7 +88,7 @@ pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
 
 /// Height of what to stand on at `place` after the ground changed, for a character that stood at
 /// height `level`. `None` if the ground has gone, or a wall has come.
-fn height_after_change(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
+fn height_after_change(scene: &ScaledScene, place: Vec3, level: f32) -> Option<f32> {
     match stands_on(scene, place, level) {
         Support::At(height) => Some(height),
         Support::Above => risen(scene, place, level),
@@ -99,7 +100,7 @@ fn height_after_change(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
 
 /// Height of the ground that has risen above `level` at `place`. An object that was moved there
 /// does not count.
-fn risen(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
+fn risen(scene: &ScaledScene, place: Vec3, level: f32) -> Option<f32> {
     [LOOK_FROM_M, RISES_M].into_iter().find_map(|up| {
         let hit = scene.support(place.with_y(level + up), up, None)?;
         let is_object = matches!(hit.surface, Surface::Object(_));
@@ -160,14 +161,14 @@ impl Footing {
     }
 
     /// Notes that the character stands on its feet with its root at `place`.
-    pub(super) fn stands(&mut self, scene: &Scene, place: Vec3) {
+    pub(super) fn stands(&mut self, scene: &ScaledScene, place: Vec3) {
         self.stood = Some((place.with_y(self.level), scene.revision()));
     }
 
     /// Height of what is under the root at `place`, if the ground that the character stands on has
     /// risen, or sunk by a step, since [`Footing::stands`]. The check looks at where the character
     /// stood then: ground does not change because somebody walks into something.
-    pub(super) fn shifted(&self, scene: &Scene, place: Vec3) -> Option<f32> {
+    pub(super) fn shifted(&self, scene: &ScaledScene, place: Vec3) -> Option<f32> {
         let (stood, revision) = self.stood?;
         if scene.revision() == revision {
             return None;
@@ -219,6 +220,11 @@ impl Footing {
         root: &mut Vec3,
         rotations: &mut [Quat],
     ) {
+        lift_frame(skeleton, &self.legs, root, rotations, &self.between(frame, part));
+    }
+
+    /// The lift `part` of the way (0 to 1) from `frame` to the next.
+    pub(super) fn between(&self, frame: i64, part: f32) -> Lift {
         let (a, b) = (self.at(frame), self.at(frame + 1));
         let between = |a: f32, b: f32| a + (b - a) * part;
         let mut lift = Lift {
@@ -228,7 +234,7 @@ impl Footing {
         for (to, (a, b)) in lift.feet_m.iter_mut().zip(a.feet_m.into_iter().zip(b.feet_m)) {
             *to = between(a, b);
         }
-        lift_frame(skeleton, &self.legs, root, rotations, &lift);
+        lift
     }
 
     /// Lifts the frames after `shown` evenly by `level`: there the character is in the air, or
@@ -262,7 +268,13 @@ impl Footing {
     }
 
     /// Works out the lifts of the frames after `shown`, because they or the ground have changed.
-    pub(super) fn renew(&mut self, shown: i64, buffer: &MotionBuffer, scene: &Scene, skeleton: &Skeleton) {
+    pub(super) fn renew(
+        &mut self,
+        shown: i64,
+        buffer: &MotionBuffer,
+        scene: &ScaledScene,
+        skeleton: &Skeleton,
+    ) {
         // Frames up to `shown` may lie ahead.
         self.keep(buffer.first(), shown);
         let from = self.first.max(shown - BEFORE_FRAMES);
@@ -296,7 +308,7 @@ impl Footing {
 
     /// Notes what is under the root step by step in the frames to come. Answers whether any of it,
     /// or anything near it, differs in height from where the character stands now.
-    fn look_ahead(&mut self, from: i64, last: i64, buffer: &MotionBuffer, scene: &Scene) -> bool {
+    fn look_ahead(&mut self, from: i64, last: i64, buffer: &MotionBuffer, scene: &ScaledScene) -> bool {
         self.levels.clear();
         let roots = buffer.range(from, last).roots;
         if self.is_plain(roots, scene) {
@@ -323,7 +335,7 @@ impl Footing {
 
     /// Whether there is only the ground plane along the way, at the height at which the character
     /// stands. Mostly so.
-    fn is_plain(&self, roots: &[Vec3], scene: &Scene) -> bool {
+    fn is_plain(&self, roots: &[Vec3], scene: &ScaledScene) -> bool {
         const MARGIN: Vec3 = Vec3::new(1.0, STEP_M, 1.0);
         let low = roots.iter().copied().fold(Vec3::INFINITY, Vec3::min);
         let high = roots.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
@@ -336,7 +348,7 @@ impl Footing {
     }
 
     /// Whether a foot may land on ground of another height beside the way.
-    fn near_steps(&self, scene: &Scene) -> bool {
+    fn near_steps(&self, scene: &ScaledScene) -> bool {
         const ASIDE_M: f32 = 0.3;
         self.levels.iter().step_by(4).any(|&(root, height)| {
             AROUND.iter().any(|&way| {
@@ -349,7 +361,7 @@ impl Footing {
 
 /// Height of the ground under a foot: within a step of what the root is over when it is nearest.
 /// NaN if there is none.
-fn ground(scene: &Scene, levels: &[(Vec3, f32)], level: f32, x: f32, z: f32) -> f32 {
+fn ground(scene: &ScaledScene, levels: &[(Vec3, f32)], level: f32, x: f32, z: f32) -> f32 {
     let foot = Vec3::new(x, 0.0, z);
     let nearest = (levels.iter()).min_by(|a, b| {
         let far = |(root, _): &(Vec3, f32)| (root.with_y(0.0) - foot).length_squared();

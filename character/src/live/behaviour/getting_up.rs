@@ -9,11 +9,16 @@ use troupe_motion::stance::stance_transition;
 use super::super::buffer::Frames;
 use super::{Behaviour, CharacterParts, Doing};
 use crate::primitives::object::recipe::LOW_STANCE;
-use crate::scene::Scene;
+use crate::scene::ScaledScene;
 
 impl Behaviour {
     /// Whether the character is standing up or must stand up. After that its locomotion goes on.
-    pub(super) fn settle_rise(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
+    pub(super) fn settle_rise(
+        &mut self,
+        scene: &ScaledScene,
+        frame: i64,
+        parts: &mut CharacterParts<'_>,
+    ) -> bool {
         let splice = frame + parts.timeline.look_ahead();
         if let Some(until) = self.gets_up_until {
             if splice < until {

@@ -8,7 +8,7 @@ use super::super::{Activity, Character, Clock, EventKind, PerformanceEnd, Start,
 use super::footing::{Support, stands_on};
 use super::testing::*;
 use crate::primitives::LocomotionCommand;
-use crate::scene::{Holder, Scene, SceneError, State, Surface, Transform};
+use crate::scene::{Holder, ScaledScene, Scene, SceneError, State, Surface, Transform};
 
 #[test]
 fn an_empty_scene_on_flat_ground_changes_no_bit() {
@@ -432,7 +432,7 @@ fn a_bottomless_pit_starts_no_fall() {
                 Ok::<(), SceneError>(())
             })
             .unwrap();
-        let below = stands_on(&rig.scene.snapshot(), Vec3::ZERO, 1.0);
+        let below = stands_on(&ScaledScene::new(rig.scene.snapshot(), 1.0), Vec3::ZERO, 1.0);
         let want = Support::Below(falls.then_some(-deep));
         assert_eq!(below, want);
         let mut rig = rig;
@@ -457,6 +457,7 @@ fn a_character_that_starts_inside_something_stands_on_its_feet() {
         scene: Arc::clone(&rig.scene),
         definitions: Arc::clone(&rig.definitions),
         holder: Holder::new("b"),
+        scale: 1.0,
     };
     let mut character = Character::in_world(doll_rig(), options(), start, standing, Some(world));
     assert!((character.view().root.position.y - 0.9).abs() < 1e-5);

@@ -10,7 +10,7 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::super::{FailReason, World};
 use crate::object::{Definition, Socket};
-use crate::scene::{MAX_COORDINATE_M, Scene, SceneError, Transform};
+use crate::scene::{MAX_COORDINATE_M, ScaledScene, Scene, SceneError, Transform};
 
 /// Frames over which an object turns in the hand before it is put down.
 const REST_FRAMES: f32 = 10.0;
@@ -78,7 +78,7 @@ impl Hand {
             },
             message: error.to_string(),
         })?;
-        let from = joint(skeleton, of, posed).inverse() * there;
+        let from = joint(skeleton, of, posed).inverse() * there.scaled(1.0 / world.scale);
         Ok(Self {
             instance: Arc::clone(instance),
             definition: Arc::clone(definition),
@@ -116,7 +116,7 @@ impl Hand {
         }
         let upright = Quat::from_rotation_arc(at.rotation * Vec3::Y, Vec3::Y) * at.rotation;
         let rotation = at.rotation.slerp(upright, share);
-        let middle = self.definition.body.volume.center();
+        let middle = self.definition.middle_m;
         Transform::new(at.point(middle) - rotation * middle, rotation)
     }
 
@@ -140,15 +140,16 @@ impl Hand {
     /// it.
     pub(super) fn on_release(
         &self,
-        scene: &Scene,
+        scene: &ScaledScene,
         skeleton: &Skeleton,
         posed: Posed<'_>,
     ) -> Option<(f32, Transform)> {
         let socket = self.socket()?;
         let joint = joint(skeleton, socket, posed);
         let at = self.raised(socket, joint * self.held, 1.0);
-        let placed = self.definition.place(scene, &self.instance, at).ok()?.transform;
-        let middle = self.definition.body.volume.center();
+        let found = (self.definition).place(scene.scene(), &self.instance, at.scaled(scene.scale()));
+        let placed = found.ok()?.transform.scaled(1.0 / scene.scale());
+        let middle = self.definition.middle_m;
         let lift = placed.point(middle).y - at.point(middle).y;
         Some((lift, joint.inverse() * placed))
     }
@@ -175,7 +176,7 @@ impl Hand {
         let scene = world.scene.snapshot();
         let placement = self
             .definition
-            .place(&scene, &self.instance, at)
+            .place(&scene, &self.instance, at.scaled(world.scale))
             .map_err(|error| Refused {
                 reason: FailReason::NoPlace,
                 message: error.to_string(),
@@ -190,6 +191,7 @@ impl Hand {
             return Some(transform);
         }
         let scene = world.scene.snapshot();
+        let at = at.scaled(world.scale);
         let from = at.position + Vec3::Y * self.definition.release.lift_m;
         let below = scene.support(from, super::footing::DEEPEST_M, Some(&self.instance));
         let upright = Transform::upright(at.position, at.heading());
@@ -204,8 +206,9 @@ impl Hand {
         self.release(world, transform).ok()
     }
 
-    /// Frees the object in the scene, at `transform`. If that is beyond the edge of the world,
-    /// which a scene would refuse, it is freed at the edge.
+    /// Frees the object in the scene, at `transform` in metres of the scene. If that is beyond the
+    /// edge of the world, which a scene would refuse, it is freed at the edge. Returns its place in
+    /// the character's metres.
     fn release(&self, world: &World, mut transform: Transform) -> Result<Transform, Refused> {
         let edge = Vec3::splat(MAX_COORDINATE_M);
         transform.position = transform.position.clamp(-edge, edge);
@@ -214,7 +217,7 @@ impl Hand {
             reason: FailReason::Removed,
             message: error.to_string(),
         })?;
-        Ok(transform)
+        Ok(transform.scaled(1.0 / world.scale))
     }
 }
 

@@ -43,6 +43,8 @@ mod random_tests;
 #[cfg(test)]
 mod shift_tests;
 #[cfg(test)]
+mod size_tests;
+#[cfg(test)]
 mod skill_tests;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -63,7 +65,7 @@ use super::{
     World,
 };
 use crate::primitives::PlanTargets;
-use crate::scene::{Scene, Transform};
+use crate::scene::{ScaledScene, Transform};
 
 use carry::Carry;
 use fall::Fall;
@@ -135,8 +137,9 @@ impl Behaviour {
     /// height of the feet.
     pub(super) fn floor_under(world: &World, place: Vec3, hips_m: f32) -> f32 {
         const ABOVE_M: f32 = 0.05;
-        let scene = world.scene.snapshot();
-        match scene.support(place + Vec3::Y * ABOVE_M, footing::DEEPEST_M, None) {
+        let scene = world.snapshot();
+        let depth_m = footing::DEEPEST_M / scene.scale();
+        match scene.support(place + Vec3::Y * ABOVE_M, depth_m, None) {
             Some(hit) if hit.is_inside() => place.y - hips_m,
             Some(hit) => hit.point.y,
             None => scene.ground_y_m(),
@@ -163,7 +166,15 @@ impl Behaviour {
         Some(HeldObject {
             instance: Arc::clone(&hand.instance),
             transform: hand.transform(&body_of.skeleton, frame, posed),
+            joint: hand.socket().map_or(0, |socket| socket.joint),
         })
+    }
+
+    /// Adds the joints that a keyframe holds at places of the scene at `frame`, or will soon.
+    pub(super) fn reaches(&self, frame: i64, into: &mut Vec<usize>) {
+        if let Doing::Using(using) = &self.doing {
+            using.reaches(frame, into);
+        }
     }
 
     /// Whether the hand holds an object.
@@ -311,7 +322,7 @@ impl Behaviour {
     pub(super) fn moved(&mut self, shown: i64, parts: &mut CharacterParts<'_>) {
         parts.post.carry.due(shown);
         self.settle_arm(shown, parts);
-        let scene = self.world.scene.snapshot();
+        let scene = self.world.snapshot();
         parts.renew_footing(shown, &scene);
     }
 
@@ -327,7 +338,7 @@ impl Behaviour {
     }
 
     fn decide(&mut self, frame: i64, parts: &mut CharacterParts<'_>) -> Next {
-        let scene = self.world.scene.snapshot();
+        let scene = self.world.snapshot();
         if let Some(from) = parts.post.footing.take_changed() {
             parts.renew_footing(from, &scene);
         }
@@ -347,7 +358,7 @@ impl Behaviour {
 
     /// Notices that the object in the hand was removed from the scene, or put there again. That
     /// ends its use too.
-    fn watch_hand(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) {
+    fn watch_hand(&mut self, scene: &ScaledScene, frame: i64, parts: &mut CharacterParts<'_>) {
         let lost = |hand: &mut Hand| {
             let there = scene.instance(&hand.instance);
             there.is_none_or(|it| it.state.holder() != Some(&self.world.holder))
@@ -375,7 +386,7 @@ impl Behaviour {
     /// Looks at what a character on its feet stands on: notes a step, and follows ground that has
     /// moved. If the ground ends, a fall begins, unless the character is busy with an object.
     /// Answers whether a fall began.
-    fn lose_ground(&mut self, scene: &Scene, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
+    fn lose_ground(&mut self, scene: &ScaledScene, frame: i64, parts: &mut CharacterParts<'_>) -> bool {
         let may_fall = match &self.doing {
             Doing::Locomotion => true,
             Doing::Using(using) => using.approaches(),

@@ -8,7 +8,7 @@ use super::super::timeline::Timeline;
 use super::super::{CROSSFADE_FRAMES, CharacterOptions};
 use super::PostProcess;
 use crate::primitives::{Locomotion, LocomotionCommand};
-use crate::scene::Scene;
+use crate::scene::ScaledScene;
 use crate::skill::Skills;
 use troupe_motion::model::Rig;
 
@@ -88,7 +88,7 @@ impl CharacterParts<'_> {
     }
 
     /// Works out the lifts after frame `shown`, because the buffer's frames or the ground changed.
-    pub(super) fn renew_footing(&mut self, shown: i64, scene: &Scene) {
+    pub(super) fn renew_footing(&mut self, shown: i64, scene: &ScaledScene) {
         let skeleton = &self.rig.skeleton;
         self.post
             .footing
@@ -96,7 +96,7 @@ impl CharacterParts<'_> {
     }
 
     /// Moves the character to ground of height `height`, from the frame after `shown` on.
-    pub(super) fn shift_footing(&mut self, shown: i64, height: f32, scene: &Scene) {
+    pub(super) fn shift_footing(&mut self, shown: i64, height: f32, scene: &ScaledScene) {
         if let Some(there) = self.post.footing.shift(shown, height) {
             self.renew_footing(there, scene);
         }

@@ -2,6 +2,7 @@
 //! arm that carries.
 
 use serde::{Deserialize, Serialize};
+use troupe_motion::terrain::Lift;
 use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::{Carry, Footing};
@@ -20,6 +21,11 @@ impl PostProcess {
             footing: Footing::new(skeleton, level),
             carry: Carry::default(),
         }
+    }
+
+    /// How far the ground lifts what is shown, `part` of the way (0 to 1) from `frame` to the next.
+    pub(in crate::live) fn lift(&self, frame: i64, part: f32) -> Lift {
+        self.footing.between(frame, part)
     }
 
     /// Changes a frame of the buffer to how it is shown, `part` of the way (0 to 1) from `frame` to

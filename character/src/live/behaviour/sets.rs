@@ -20,7 +20,7 @@ use crate::primitives::object::{
     BodyParts, Key, Unreachable, Way, keys, stance_frames, suits_stance, targets,
 };
 use crate::primitives::recipe::VELOCITY_FRAMES;
-use crate::scene::{Scene, Transform};
+use crate::scene::{ScaledScene, Transform};
 
 /// An object may be put down this far below or above its keyframe, metres: the hand follows the
 /// surface. Farther below, the object falls.
@@ -51,7 +51,7 @@ impl Using {
     /// object of `hand`.
     pub(super) fn prepare(
         &self,
-        scene: &Scene,
+        scene: &ScaledScene,
         index: usize,
         splice: i64,
         hand: Option<&Hand>,
@@ -85,6 +85,7 @@ impl Using {
                 .joints
                 .get(joint)
                 .map(|joint| joint.name.as_str());
+            let short_m = short_m * scene.scale();
             Refused {
                 reason: FailReason::OutOfReach,
                 message: format!(
@@ -159,7 +160,7 @@ fn onto_surface(
 /// Height of what the character stands on at the last keyframe of `set`: what is under its root,
 /// unless the hips are low. A seated character keeps its feet on the ground where it stood, at
 /// height `level`.
-fn ground_at(scene: &Scene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) -> f32 {
+fn ground_at(scene: &ScaledScene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) -> f32 {
     let last = set
         .keyframes
         .last()
@@ -179,11 +180,13 @@ impl Prepared {
         suits_stance(set, &self.keys, parts.flat(self.splice)) || self.is_there(set, parts)
     }
 
-    /// Refuses a keyframe that is more than `farthest_m` away.
+    /// Refuses a keyframe that is more than `farthest_m` away, in words in metres of the scene, of
+    /// which a metre has `scale`.
     pub(super) fn check_way(
         &self,
         set: &Set,
         farthest_m: f32,
+        scale: f32,
         parts: &CharacterParts<'_>,
     ) -> Result<(), Refused> {
         let from = parts.flat(self.splice).root;
@@ -194,8 +197,10 @@ impl Prepared {
             false => Err(Refused {
                 reason: FailReason::OutOfReach,
                 message: format!(
-                    "set {:?}: its keyframe is {way:.1} m away; allowed: up to {farthest_m} m",
-                    set.name
+                    "set {:?}: its keyframe is {:.1} m away; allowed: up to {:.1} m",
+                    set.name,
+                    way * scale,
+                    farthest_m * scale
                 ),
             }),
         }

@@ -127,7 +127,8 @@ pub fn keys(
     let mut before = GlobalRoot::of_pose(from.root, pelvis, body.skeleton.left_axis);
     let mut keys = Vec::with_capacity(set.keyframes.len());
     for keyframe in &set.keyframes {
-        let key = key(&anchor.keyframe(keyframe), ground_y, body, before)?;
+        let world = anchor.keyframe(keyframe);
+        let key = key(&world, keyframe.pose_scale, ground_y, body, before)?;
         before = key.global_root(body.skeleton.left_axis);
         keys.push(key);
     }
@@ -136,6 +137,7 @@ pub fn keys(
 
 fn key(
     given: &WorldKeyframe,
+    pose_scale: Option<f32>,
     ground_y: f32,
     body: &BodyParts<'_>,
     before: GlobalRoot,
@@ -150,7 +152,13 @@ fn key(
         ..given.root_or(standing)
     };
     let (root_m, rotations) = match &given.rotations {
-        Some(rotations) => (root.position, rotations.clone()),
+        Some(rotations) => {
+            let rotations = match pose_scale {
+                Some(scale) => on_own_legs(root.position, rotations, scale, body),
+                None => rotations.clone(),
+            };
+            (root.position, rotations)
+        }
         None => upright(root, before, body),
     };
     let points: Vec<(usize, Vec3)> = (given.points.iter())
@@ -224,6 +232,21 @@ fn upright(root: GlobalRoot, before: GlobalRoot, body: &BodyParts<'_>) -> (Vec3,
     };
     let posed = pose_at(body.skeleton, body.legs, base, root.position, 0.0);
     (posed.root, posed.rotations)
+}
+
+/// The pose `rotations` with its root at `root`, after its height was divided by `scale`. At the
+/// undivided height the pose has its feet where they belong. They stay there if the legs reach;
+/// otherwise they dangle.
+fn on_own_legs(root: Vec3, rotations: &[Quat], scale: f32, body: &BodyParts<'_>) -> Vec<Quat> {
+    let written = Posed {
+        root: root.with_y(root.y * scale),
+        rotations,
+    };
+    let made = pose_at(body.skeleton, body.legs, written, root, 0.0);
+    match made.short_m <= REACHED_M {
+        true => made.rotations,
+        false => rotations.to_vec(),
+    }
 }
 
 /// Whether the motion to these keyframes of `set` is made without the networks, for a character

@@ -134,12 +134,14 @@ class Character(_message.Message):
     def __init__(self, id: _Optional[str] = ..., context: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., frame_count: _Optional[int] = ..., allowed_token_counts: _Optional[_Iterable[int]] = ..., seed: _Optional[int] = ..., temperature: _Optional[float] = ..., pose_steps: _Optional[int] = ..., return_intermediates: _Optional[bool] = ..., return_positions: _Optional[bool] = ..., return_six_d: _Optional[bool] = ..., return_qpos: _Optional[bool] = ..., hold_feet: _Optional[bool] = ..., strict: _Optional[bool] = ..., root: _Optional[_Iterable[_Union[RootKey, _Mapping]]] = ...) -> None: ...
 
 class InBetweenRequest(_message.Message):
-    __slots__ = ("pack", "characters")
+    __slots__ = ("pack", "characters", "skeleton")
     PACK_FIELD_NUMBER: _ClassVar[int]
     CHARACTERS_FIELD_NUMBER: _ClassVar[int]
+    SKELETON_FIELD_NUMBER: _ClassVar[int]
     pack: str
     characters: _containers.RepeatedCompositeFieldContainer[Character]
-    def __init__(self, pack: _Optional[str] = ..., characters: _Optional[_Iterable[_Union[Character, _Mapping]]] = ...) -> None: ...
+    skeleton: str
+    def __init__(self, pack: _Optional[str] = ..., characters: _Optional[_Iterable[_Union[Character, _Mapping]]] = ..., skeleton: _Optional[str] = ...) -> None: ...
 
 class Frames(_message.Message):
     __slots__ = ("frame_count", "root_positions", "rotations", "contacts", "positions", "six_d", "qpos", "hinge_residuals", "clamped_hinges")
@@ -236,20 +238,22 @@ class CharacterResult(_message.Message):
     def __init__(self, id: _Optional[str] = ..., frames: _Optional[_Union[Frames, _Mapping]] = ..., intermediates: _Optional[_Union[Intermediates, _Mapping]] = ..., feasibility: _Optional[_Union[Feasibility, _Mapping]] = ...) -> None: ...
 
 class GenerateRequest(_message.Message):
-    __slots__ = ("pack", "prompt", "path", "past", "seed", "sampling")
+    __slots__ = ("pack", "prompt", "path", "past", "seed", "sampling", "skeleton")
     PACK_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
     PATH_FIELD_NUMBER: _ClassVar[int]
     PAST_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     SAMPLING_FIELD_NUMBER: _ClassVar[int]
+    SKELETON_FIELD_NUMBER: _ClassVar[int]
     pack: str
     prompt: Prompt
     path: PathGoal
     past: _containers.RepeatedCompositeFieldContainer[Keyframe]
     seed: int
     sampling: Sampling
-    def __init__(self, pack: _Optional[str] = ..., prompt: _Optional[_Union[Prompt, _Mapping]] = ..., path: _Optional[_Union[PathGoal, _Mapping]] = ..., past: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., seed: _Optional[int] = ..., sampling: _Optional[_Union[Sampling, _Mapping]] = ...) -> None: ...
+    skeleton: str
+    def __init__(self, pack: _Optional[str] = ..., prompt: _Optional[_Union[Prompt, _Mapping]] = ..., path: _Optional[_Union[PathGoal, _Mapping]] = ..., past: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., seed: _Optional[int] = ..., sampling: _Optional[_Union[Sampling, _Mapping]] = ..., skeleton: _Optional[str] = ...) -> None: ...
 
 class Sampling(_message.Message):
     __slots__ = ("temperature", "top_k", "top_p", "repetition")

@@ -50,7 +50,7 @@ ENCODING_COMPACT: Encoding
 ENCODING_QPOS: Encoding
 
 class SessionOptions(_message.Message):
-    __slots__ = ("id", "pack", "style", "seed", "convention", "position", "heading", "context", "ttl_ms", "look_ahead_frames", "replan_interval_frames", "root_ratio", "temperature", "priority", "scene", "body")
+    __slots__ = ("id", "pack", "style", "seed", "convention", "position", "heading", "context", "ttl_ms", "look_ahead_frames", "replan_interval_frames", "root_ratio", "temperature", "priority", "scene", "body", "skeleton")
     ID_FIELD_NUMBER: _ClassVar[int]
     PACK_FIELD_NUMBER: _ClassVar[int]
     STYLE_FIELD_NUMBER: _ClassVar[int]
@@ -67,6 +67,7 @@ class SessionOptions(_message.Message):
     PRIORITY_FIELD_NUMBER: _ClassVar[int]
     SCENE_FIELD_NUMBER: _ClassVar[int]
     BODY_FIELD_NUMBER: _ClassVar[int]
+    SKELETON_FIELD_NUMBER: _ClassVar[int]
     id: str
     pack: str
     style: str
@@ -83,7 +84,8 @@ class SessionOptions(_message.Message):
     priority: float
     scene: str
     body: str
-    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., context: _Optional[_Iterable[_Union[_motion_pb2.Keyframe, _Mapping]]] = ..., ttl_ms: _Optional[int] = ..., look_ahead_frames: _Optional[int] = ..., replan_interval_frames: _Optional[int] = ..., root_ratio: _Optional[float] = ..., temperature: _Optional[float] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., body: _Optional[str] = ...) -> None: ...
+    skeleton: str
+    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., context: _Optional[_Iterable[_Union[_motion_pb2.Keyframe, _Mapping]]] = ..., ttl_ms: _Optional[int] = ..., look_ahead_frames: _Optional[int] = ..., replan_interval_frames: _Optional[int] = ..., root_ratio: _Optional[float] = ..., temperature: _Optional[float] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ...) -> None: ...
 
 class CreateSessionsRequest(_message.Message):
     __slots__ = ("sessions",)
@@ -118,7 +120,7 @@ class SessionStats(_message.Message):
     def __init__(self, plans_for_command: _Optional[int] = ..., plans_for_low_buffer: _Optional[int] = ..., plans_for_interval: _Optional[int] = ..., late_plans: _Optional[int] = ..., underruns: _Optional[int] = ..., failed_plans: _Optional[int] = ..., events_dropped: _Optional[int] = ..., plans_for_object: _Optional[int] = ...) -> None: ...
 
 class Session(_message.Message):
-    __slots__ = ("id", "pack", "style", "seed", "convention", "frame", "position", "heading", "speed", "last_sequence", "clock", "ttl_ms", "expires_in_ms", "buffered_frames", "stats", "priority", "scene", "activity", "held", "body")
+    __slots__ = ("id", "pack", "style", "seed", "convention", "frame", "position", "heading", "speed", "last_sequence", "clock", "ttl_ms", "expires_in_ms", "buffered_frames", "stats", "priority", "scene", "activity", "held", "body", "skeleton")
     ID_FIELD_NUMBER: _ClassVar[int]
     PACK_FIELD_NUMBER: _ClassVar[int]
     STYLE_FIELD_NUMBER: _ClassVar[int]
@@ -139,6 +141,7 @@ class Session(_message.Message):
     ACTIVITY_FIELD_NUMBER: _ClassVar[int]
     HELD_FIELD_NUMBER: _ClassVar[int]
     BODY_FIELD_NUMBER: _ClassVar[int]
+    SKELETON_FIELD_NUMBER: _ClassVar[int]
     id: str
     pack: str
     style: str
@@ -159,7 +162,8 @@ class Session(_message.Message):
     activity: _event_pb2.Activity
     held: _event_pb2.HeldObject
     body: str
-    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., frame: _Optional[int] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., speed: _Optional[float] = ..., last_sequence: _Optional[int] = ..., clock: _Optional[_Union[Clock, str]] = ..., ttl_ms: _Optional[int] = ..., expires_in_ms: _Optional[int] = ..., buffered_frames: _Optional[int] = ..., stats: _Optional[_Union[SessionStats, _Mapping]] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., activity: _Optional[_Union[_event_pb2.Activity, _Mapping]] = ..., held: _Optional[_Union[_event_pb2.HeldObject, _Mapping]] = ..., body: _Optional[str] = ...) -> None: ...
+    skeleton: str
+    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., frame: _Optional[int] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., speed: _Optional[float] = ..., last_sequence: _Optional[int] = ..., clock: _Optional[_Union[Clock, str]] = ..., ttl_ms: _Optional[int] = ..., expires_in_ms: _Optional[int] = ..., buffered_frames: _Optional[int] = ..., stats: _Optional[_Union[SessionStats, _Mapping]] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., activity: _Optional[_Union[_event_pb2.Activity, _Mapping]] = ..., held: _Optional[_Union[_event_pb2.HeldObject, _Mapping]] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ...) -> None: ...
 
 class SessionResume(_message.Message):
     __slots__ = ("session_id", "frame", "pose")
@@ -364,7 +368,7 @@ class CommandResponse(_message.Message):
     def __init__(self, results: _Optional[_Iterable[_Union[CommandResult, _Mapping]]] = ...) -> None: ...
 
 class FrameBlock(_message.Message):
-    __slots__ = ("pack", "slots", "frame_count", "first_frames", "root_positions", "rotations", "packed_roots", "packed_rotations", "contacts", "positions", "six_d", "qpos", "hinge_residuals", "clamped_hinges", "body")
+    __slots__ = ("pack", "slots", "frame_count", "first_frames", "root_positions", "rotations", "packed_roots", "packed_rotations", "contacts", "positions", "six_d", "qpos", "hinge_residuals", "clamped_hinges", "body", "skeleton")
     PACK_FIELD_NUMBER: _ClassVar[int]
     SLOTS_FIELD_NUMBER: _ClassVar[int]
     FRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
@@ -380,6 +384,7 @@ class FrameBlock(_message.Message):
     HINGE_RESIDUALS_FIELD_NUMBER: _ClassVar[int]
     CLAMPED_HINGES_FIELD_NUMBER: _ClassVar[int]
     BODY_FIELD_NUMBER: _ClassVar[int]
+    SKELETON_FIELD_NUMBER: _ClassVar[int]
     pack: str
     slots: _containers.RepeatedScalarFieldContainer[int]
     frame_count: int
@@ -395,7 +400,8 @@ class FrameBlock(_message.Message):
     hinge_residuals: _containers.RepeatedScalarFieldContainer[float]
     clamped_hinges: _containers.RepeatedScalarFieldContainer[int]
     body: str
-    def __init__(self, pack: _Optional[str] = ..., slots: _Optional[_Iterable[int]] = ..., frame_count: _Optional[int] = ..., first_frames: _Optional[_Iterable[int]] = ..., root_positions: _Optional[_Iterable[float]] = ..., rotations: _Optional[_Iterable[float]] = ..., packed_roots: _Optional[bytes] = ..., packed_rotations: _Optional[bytes] = ..., contacts: _Optional[bytes] = ..., positions: _Optional[_Iterable[float]] = ..., six_d: _Optional[_Iterable[float]] = ..., qpos: _Optional[_Iterable[float]] = ..., hinge_residuals: _Optional[_Iterable[float]] = ..., clamped_hinges: _Optional[_Iterable[int]] = ..., body: _Optional[str] = ...) -> None: ...
+    skeleton: str
+    def __init__(self, pack: _Optional[str] = ..., slots: _Optional[_Iterable[int]] = ..., frame_count: _Optional[int] = ..., first_frames: _Optional[_Iterable[int]] = ..., root_positions: _Optional[_Iterable[float]] = ..., rotations: _Optional[_Iterable[float]] = ..., packed_roots: _Optional[bytes] = ..., packed_rotations: _Optional[bytes] = ..., contacts: _Optional[bytes] = ..., positions: _Optional[_Iterable[float]] = ..., six_d: _Optional[_Iterable[float]] = ..., qpos: _Optional[_Iterable[float]] = ..., hinge_residuals: _Optional[_Iterable[float]] = ..., clamped_hinges: _Optional[_Iterable[int]] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ...) -> None: ...
 
 class SessionProblem(_message.Message):
     __slots__ = ("slot", "session_id", "problem")

@@ -99,6 +99,7 @@ impl Runner {
             scene: Arc::new(SceneCell::new(scene)),
             definitions: definitions.clone(),
             holder: Holder::new("trial"),
+            scale: 1.0,
         };
         let options = CharacterOptions {
             seed: spec.seed,

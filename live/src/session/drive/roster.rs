@@ -106,7 +106,7 @@ impl Roster {
             });
         }
         let cell = self.registry.get(id, self.time.now(), &field)?;
-        form.check(&Path::root().field("open"), cell.pack().rig())?;
+        form.check(&Path::root().field("open"), cell.pack())?;
         let held = cell.take(Owner::Drive, &field)?;
         cell.show_to(self.audience.clone());
         let known = self
@@ -187,13 +187,13 @@ impl Roster {
                 );
                 live.character.under_load(strain);
                 live.character.advance(sub_frames, Clock::Runs);
-                live.character.sample(&mut self.out);
+                live.sample(&mut self.out);
                 let wants = cell.settle(&mut live);
                 if cell.scene().is_some() {
-                    in_hands.extend(events::held(&live.character, member.slot, cell.convention()));
+                    in_hands.extend(events::held(&live.character, member.slot, cell.measure()));
                 }
                 if let Some(happened) = &mut happened {
-                    happened.extend(live.events.take(member.slot, cell.id(), cell.convention()));
+                    happened.extend(live.events.take(member.slot, cell.id(), cell.measure()));
                 }
                 wants
             };
@@ -205,7 +205,7 @@ impl Roster {
                 (*place, 0),
                 &self.out,
                 cell.convention(),
-                &cell.pack().rig().skeleton,
+                cell.pack().shown(),
             );
             *place += 1;
             turn.pause().await;

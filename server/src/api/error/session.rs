@@ -16,6 +16,7 @@ impl Tabled for SessionError {
         match self {
             Self::Field(error) => error.row(),
             Self::UnknownPack(error) => error.row(),
+            Self::Skeleton(error) => error.row(),
             Self::UnknownBody(error) => error.row(),
             Self::CannotDo(error) => error.row(),
             Self::World(error) => error.row(),

@@ -17,7 +17,7 @@ impl Tabled for WorldError {
             Self::Definition { error, field } => error.row().field(field),
             Self::NoMemory { cause, field, .. } => {
                 FULL.because("TOO_MUCH_UPLOADED").field(field).allowed(format!(
-                    "at most {} bytes in all scenes, object definitions and styles",
+                    "at most {} bytes in all scenes, object definitions, styles and skeletons",
                     cause.most
                 ))
             }

@@ -124,6 +124,15 @@ pub(in crate::api) async fn body<S: Send + Sync>(
     if let Some(found) = wrong.filter(|_| !request.body().is_end_stream()) {
         return Err(ApiError::WrongType { found });
     }
+    bytes(request, state, limits).await
+}
+
+/// The bytes of a body of any kind.
+pub(in crate::api) async fn bytes<S: Send + Sync>(
+    request: Request,
+    state: &S,
+    limits: &BodyLimits,
+) -> Result<Bytes, ApiError> {
     let too_large = ApiError::TooLarge {
         limit_bytes: limits.bytes,
     };

@@ -25,7 +25,7 @@ fn same_name(field: &str, body: &str, path: &str) -> Result<(), FieldError> {
 }
 
 /// The name in the path. If the body has one too, it must be the same.
-fn agreed(field: &str, body: &str, path: Named<String>) -> Result<String, ApiError> {
+pub(super) fn agreed(field: &str, body: &str, path: Named<String>) -> Result<String, ApiError> {
     let name = named("name", path)?;
     same_name(field, body, &name)?;
     Ok(name)

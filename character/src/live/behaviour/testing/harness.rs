@@ -85,6 +85,8 @@ pub(crate) struct Harness {
     pub(crate) skills: Arc<Skills>,
     pub(crate) rig: Arc<Rig>,
     pub(crate) style: Arc<Style>,
+    /// Metres of the scene in a metre of the character.
+    pub(crate) scale: f32,
     pub(crate) clock: Clock,
     pub(crate) plans: Plans,
     /// Sub-frames of a tick.
@@ -115,12 +117,24 @@ impl Harness {
         name: &str,
         place: Vec3,
     ) -> Self {
+        Self::of_size(scene, definitions, name, (place, 1.0))
+    }
+
+    /// As [`Harness::in_scene`], with the place in metres of the scene, of which the character's
+    /// metre has `scale`.
+    pub(crate) fn of_size(
+        scene: Arc<SceneCell>,
+        definitions: Arc<Definitions>,
+        name: &str,
+        (place, scale): (Vec3, f32),
+    ) -> Self {
         let world = World {
             scene: Arc::clone(&scene),
             definitions: Arc::clone(&definitions),
             holder: Holder::new(name),
+            scale,
         };
-        Self::in_world(Some(world), scene, definitions, place)
+        Self::in_world(Some(world), scene, definitions, place / scale)
     }
 
     /// A character without a scene.
@@ -136,6 +150,7 @@ impl Harness {
         place: Vec3,
     ) -> Self {
         let (rig, style) = (doll_rig(), doll_style());
+        let scale = world.as_ref().map_or(1.0, |world| world.scale);
         let start = Start::Standing(GlobalRoot::new(place, 0.0));
         let standing = LocomotionCommand::standing(&style);
         let skills = skills(&rig);
@@ -147,6 +162,7 @@ impl Harness {
             skills,
             rig,
             style,
+            scale,
             clock: Clock::Waits,
             plans: Plans::AtOnce,
             sub_frames: SUB_FRAMES,

@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use troupe_motion::Vec3;
 
-use super::super::{Activity, FailReason};
+use super::super::{Activity, FailReason, REACH_LEAD_FRAMES};
 use super::CharacterParts;
 use super::hand::Refused;
 use super::sets::Prepared;
 use crate::object::{Definition, Hold, Origin, Set};
 use crate::primitives::object::{Approach, Entry, Input, Interaction, Key, KeyframeError, Output, Stretch};
-use crate::scene::{Instance, Scene, Transform};
+use crate::scene::{Instance, ScaledScene, Transform};
 
 /// This many failed plans in a row end an interaction.
 const MAX_FAILURES: u32 = 3;
@@ -70,12 +70,12 @@ impl Using {
         instance: &Instance,
         interaction: Interaction,
         wanted_approach: Option<usize>,
-        (scene, root): (&Scene, Vec3),
+        (scene, root): (&ScaledScene, Vec3),
         frame: i64,
         parts: &CharacterParts<'_>,
     ) -> Self {
         let mut using = Self::idle(Arc::clone(&instance.id), interaction, wanted_approach);
-        let entry = using.align(scene, instance.transform, root, parts);
+        let entry = using.align(scene, scene.place_of(instance), root, parts);
         let style = Arc::clone(&parts.locomotion.command().style);
         using.approach = Some(Approach::new(entry, style, frame));
         using
@@ -182,6 +182,28 @@ impl Using {
                 match reached && holds {
                     true => Activity::Held { instance, set },
                     false => Activity::Interacting { instance, set },
+                }
+            }
+        }
+    }
+
+    /// Adds the joints with points of the scene, from [`REACH_LEAD_FRAMES`] before their keyframe
+    /// to the end of its set.
+    pub(super) fn reaches(&self, frame: i64, into: &mut Vec<usize>) {
+        if self.leaves() {
+            return;
+        }
+        for (nth, made) in self.made.iter().enumerate() {
+            let Made { stretch, keys, .. } = made;
+            let of_scene = |set: &Set| set.origin == Origin::Object || made.rest.is_some();
+            let first = stretch.key + 1 - keys.len() as i64;
+            let end = (self.made.get(nth + 1)).map_or(i64::MAX, |next| next.stretch.from);
+            let is_on = (first - REACH_LEAD_FRAMES..=end).contains(&frame);
+            if is_on && self.set(stretch.set).is_some_and(of_scene) {
+                for &(joint, _) in keys.iter().flat_map(|key| &key.points) {
+                    if !into.contains(&joint) {
+                        into.push(joint);
+                    }
                 }
             }
         }

@@ -12,7 +12,7 @@ use super::{Asked, Using};
 use crate::primitives::object::recipe::REPLAN_LEFT_FRAMES;
 use crate::primitives::object::{Going, Here, Input, Want};
 use crate::primitives::recipe::VELOCITY_FRAMES;
-use crate::scene::{Holder, Instance, Scene, State, Transform};
+use crate::scene::{Holder, Instance, ScaledScene, State, Transform};
 
 /// An object that changes by more than this has moved: metres and radians.
 const MOVED: (f32, f32) = (0.02, 0.035);
@@ -34,7 +34,7 @@ impl Behaviour {
     /// Carries out an interaction at the frame that the cursor is at.
     pub(in crate::live::behaviour) fn settle_using(
         &mut self,
-        scene: &Scene,
+        scene: &ScaledScene,
         frame: i64,
         parts: &mut CharacterParts<'_>,
     ) -> Next {
@@ -49,7 +49,7 @@ impl Behaviour {
 
     fn go_on_using(
         &mut self,
-        scene: &Scene,
+        scene: &ScaledScene,
         frame: i64,
         parts: &mut CharacterParts<'_>,
     ) -> Result<Next, Refused> {
@@ -88,7 +88,7 @@ impl Behaviour {
 
 impl Using {
     /// The object, if it is in the scene and not another character's.
-    fn there<'a>(&self, scene: &'a Scene, own: &Holder) -> Result<&'a Arc<Instance>, Refused> {
+    fn there<'a>(&self, scene: &'a ScaledScene, own: &Holder) -> Result<&'a Arc<Instance>, Refused> {
         let there = scene.instance(&self.instance).ok_or_else(|| Refused {
             reason: FailReason::Removed,
             message: format!("object {:?} was removed from the scene", self.instance),
@@ -106,17 +106,18 @@ impl Using {
     /// made again.
     fn follow(
         &mut self,
-        scene: &Scene,
+        scene: &ScaledScene,
         there: &Instance,
         frame: i64,
         parts: &CharacterParts<'_>,
     ) -> Result<(), Refused> {
-        if !has_moved(self.object, there.transform) {
+        let object = scene.place_of(there);
+        if !has_moved(self.object, object) {
             return Ok(());
         }
         if self.approaches() {
             let root = parts.timeline.buffer().root(frame);
-            let entry = self.align(scene, there.transform, root, parts);
+            let entry = self.align(scene, object, root, parts);
             if let Some(approach) = &mut self.approach {
                 approach.redirect(entry);
             }
@@ -136,11 +137,12 @@ impl Using {
             if self.is_at_object() {
                 return Err(moved("while it was used"));
             }
-            self.object = there.transform;
+            self.object = object;
             return Ok(());
         };
-        if self.object.position.distance(there.transform.position) > FOLLOW_M {
-            return Err(moved(&format!("by more than {FOLLOW_M} m while it was used")));
+        if self.object.position.distance(object.position) > FOLLOW_M {
+            let metres = FOLLOW_M * scene.scale();
+            return Err(moved(&format!("by more than {metres:.1} m while it was used")));
         }
         if key - (frame + parts.timeline.look_ahead()) < REPLAN_LEFT_FRAMES {
             return Err(moved("too late to follow it"));
@@ -148,7 +150,7 @@ impl Using {
         self.interaction.on(Input::Again, &mut self.outputs);
         // If the set before is under way too, the next check has it made again as well.
         if self.follows().is_none() {
-            self.object = there.transform;
+            self.object = object;
         }
         Ok(())
     }
@@ -156,7 +158,7 @@ impl Using {
     /// Goes a frame further on the way to the object. Answers whether the first set may begin.
     fn approach(
         &mut self,
-        scene: &Scene,
+        scene: &ScaledScene,
         frame: i64,
         parts: &mut CharacterParts<'_>,
     ) -> Result<bool, Refused> {
@@ -196,7 +198,7 @@ impl Using {
                         .is_some_and(|approach| approach.entry().anywhere);
                     if let Some(there) = scene.instance(&self.instance).filter(|_| anywhere) {
                         // The character may have come to stand on another side than it was on.
-                        self.align(scene, there.transform, here.root.position, parts);
+                        self.align(scene, scene.place_of(there), here.root.position, parts);
                     }
                 }
                 Ok(!self.approaches())
@@ -209,7 +211,7 @@ impl Using {
     }
 
     /// Checks whether something has come in the way.
-    fn look(&mut self, scene: &Scene, frame: i64, parts: &CharacterParts<'_>) -> Result<(), Refused> {
+    fn look(&mut self, scene: &ScaledScene, frame: i64, parts: &CharacterParts<'_>) -> Result<(), Refused> {
         let (revision, looked_at) = self.looked;
         if scene.revision() == revision || frame - looked_at < LOOK_FRAMES {
             return Ok(());
@@ -228,7 +230,7 @@ impl Using {
     /// What the motion that comes next calls for. `waiting` is the command after it.
     fn next(
         &mut self,
-        scene: &Scene,
+        scene: &ScaledScene,
         frame: i64,
         (hand, waiting): (Option<&Hand>, Option<&Intent>),
         parts: &mut CharacterParts<'_>,
@@ -267,14 +269,14 @@ impl Using {
     /// Makes the motion of a set, or says what to ask the networks for.
     fn begin_set(
         &mut self,
-        scene: &Scene,
+        scene: &ScaledScene,
         set: usize,
         splice: i64,
         hand: Option<&Hand>,
         parts: &mut CharacterParts<'_>,
     ) -> Result<Next, Refused> {
         if let Some(there) = scene.instance(&self.instance) {
-            self.object = there.transform;
+            self.object = scene.place_of(there);
         }
         let still = self.interaction.now().is_some_and(|(now, _)| splice >= now.key);
         let prepared = self.prepare(scene, set, splice, hand, parts)?;
@@ -283,7 +285,8 @@ impl Using {
             return Ok(Next::Wait);
         };
         let is_stance = prepared.is_stance(set, parts);
-        prepared.check_way(set, if is_stance { FARTHEST_M.0 } else { FARTHEST_M.1 }, parts)?;
+        let farthest_m = if is_stance { FARTHEST_M.0 } else { FARTHEST_M.1 };
+        prepared.check_way(set, farthest_m, scene.scale(), parts)?;
         if is_stance {
             let key = prepared.write(set, still, parts);
             parts.renew_footing(splice, scene);

@@ -1,8 +1,7 @@
 //! Skeletons that come with a request.
 
 use troupe_character::{FieldError, Path};
-use troupe_engine::pack::Pack;
-use troupe_motion::model::{Body, BodyError, InlineJoint, InlineSkeleton};
+use troupe_motion::model::{Body, BodyError, InlineJoint, InlineSkeleton, Rig};
 use troupe_motion::rotation::from_wxyz;
 use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
@@ -11,14 +10,14 @@ use troupe_proto::v1;
 const NAME: &str = "skeleton";
 
 /// Makes a body from the skeleton that a request gives at `path`. `notes` gets a line for what was
-/// derived and may be meant otherwise.
+/// derived and may be meant otherwise. `rig` gives frame rate and sizes of segments.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
-pub(super) fn inline_body(
+pub fn inline_body(
     path: &Path<'_>,
     skeleton: &v1::BodySkeleton,
-    pack: &Pack,
+    rig: &Rig,
     notes: &mut Vec<String>,
 ) -> Result<Body, FieldError> {
     let mut joints = Vec::with_capacity(skeleton.joints.len());
@@ -44,7 +43,7 @@ pub(super) fn inline_body(
         robot: None,
     };
     inline
-        .body(NAME, pack.rig.fps, &pack.rig.dims, notes)
+        .body(NAME, rig.fps, &rig.dims, notes)
         .map_err(|error| field_error(path, error))
 }
 

@@ -1,0 +1,315 @@
+//! The skeletons of a tenant, and the folder that keeps them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+
+use troupe_character::document::{DocumentError, Format, forget, is_full, keep, read_kept};
+use troupe_character::{FieldError, Path};
+use troupe_motion::retarget::Figure;
+
+use super::doc::SkeletonDoc;
+use super::error::SkeletonError;
+use super::worn::Worn;
+use crate::packs::{LoadedPack, PackTable};
+use crate::session::LivePack;
+use crate::world::{MemoryHolder, NoMemory, UploadMemory};
+
+/// Maximum number of skeletons of a tenant.
+pub const MAX_SKELETONS: usize = 256;
+/// Most names that an error lists.
+const LISTED: usize = 32;
+/// Most characters of a name that an error repeats.
+const MAX_ECHO: usize = 64;
+/// Estimated memory of a joint: itself, and what is worn of it on a few packs, bytes.
+const BYTES_PER_JOINT: usize = 2048;
+
+/// The skeletons of a tenant.
+#[derive(Debug)]
+pub struct Skeletons {
+    all: RwLock<BTreeMap<Arc<str>, Arc<Own>>>,
+    /// Where they are kept. `None`: they are lost when the server stops.
+    folder: Option<PathBuf>,
+    /// Held by the one writer.
+    writing: Mutex<()>,
+}
+
+/// A skeleton and the packs that it is worn on.
+#[derive(Debug)]
+pub(super) struct Own {
+    pub(super) doc: SkeletonDoc,
+    pub(super) figure: Figure,
+    fits: Mutex<Vec<Fit>>,
+}
+
+/// A skeleton on a body of a pack.
+#[derive(Debug)]
+struct Fit {
+    pack: String,
+    place: usize,
+    worn: Arc<Worn>,
+    /// The pack as sessions have it; none before the first.
+    live: Option<Arc<LivePack>>,
+}
+
+impl Own {
+    fn new(doc: SkeletonDoc) -> Result<Self, String> {
+        Ok(Self {
+            figure: doc.body.figure()?,
+            doc,
+            fits: Mutex::default(),
+        })
+    }
+
+    fn fits(&self) -> MutexGuard<'_, Vec<Fit>> {
+        self.fits.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The skeleton on a body of a pack. The first call for a body takes some milliseconds.
+    fn on(&self, of: (&LoadedPack, usize), table: &PackTable, field: &str) -> Result<Arc<Worn>, SkeletonError> {
+        let (loaded, place) = of;
+        let is_it = |fit: &&Fit| fit.pack == loaded.pack.name() && fit.place == place;
+        if let Some(fit) = self.fits().iter().find(is_it) {
+            return Ok(fit.worn.clone());
+        }
+        let worn = Worn::new(&self.doc.name, &self.figure, of, table);
+        let worn = Arc::new(worn.map_err(|error| SkeletonError::Unfit {
+            name: self.doc.name.clone(),
+            pack: body_of(loaded, place),
+            faults: vec![error.to_string()],
+            field: field.to_owned(),
+            may_force: false,
+        })?);
+        let mut fits = self.fits();
+        // Another call may have been faster.
+        if let Some(fit) = fits.iter().find(is_it) {
+            return Ok(fit.worn.clone());
+        }
+        fits.push(Fit {
+            pack: loaded.pack.name().to_owned(),
+            place,
+            worn: worn.clone(),
+            live: None,
+        });
+        Ok(worn)
+    }
+
+    /// [`Own::on`], if its certificate passes or the skeleton was forced.
+    fn fit(&self, of: (&LoadedPack, usize), table: &PackTable, field: &str) -> Result<Arc<Worn>, SkeletonError> {
+        let worn = self.on(of, table, field)?;
+        let faults = worn.certificate().faults();
+        match faults.is_empty() || self.doc.forced {
+            true => Ok(worn),
+            false => Err(SkeletonError::Unfit {
+                name: self.doc.name.clone(),
+                pack: body_of(of.0, of.1),
+                faults,
+                field: field.to_owned(),
+                may_force: true,
+            }),
+        }
+    }
+
+    /// Number of characters that wear it.
+    pub(super) fn sessions(&self) -> usize {
+        let fits = self.fits();
+        fits.iter().map(|fit| fit.worn.wearers()).sum()
+    }
+}
+
+/// The name of a pack, with that of its body.
+fn body_of(loaded: &LoadedPack, place: usize) -> String {
+    let name = loaded.pack.name();
+    match loaded.pack.bodies.get(place) {
+        Some(body) => format!("{name}/{}", body.name),
+        None => name.to_owned(),
+    }
+}
+
+impl MemoryHolder for Skeletons {
+    fn bytes(&self) -> usize {
+        let all = self.all();
+        all.values().map(|own| bytes(own)).sum()
+    }
+}
+
+fn bytes(own: &Own) -> usize {
+    own.figure.skeleton().joint_count() * BYTES_PER_JOINT
+}
+
+impl Skeletons {
+    /// The skeletons that `folder` keeps. A file that cannot be used is skipped with a warning.
+    ///
+    /// # Errors
+    /// [`DocumentError`] if the folder cannot be read.
+    pub fn load(folder: Option<PathBuf>) -> Result<Self, DocumentError> {
+        let check = |doc: SkeletonDoc| {
+            let root = Path::root();
+            Own::new(doc).map_err(|why| root.field("body").error(why, "a body"))
+        };
+        let kept = match &folder {
+            Some(folder) => read_kept(folder, check, |own| &own.doc.name)?,
+            None => Vec::new(),
+        };
+        let kept = kept.into_iter().take(MAX_SKELETONS);
+        let all = kept.map(|own| (Arc::from(own.doc.name.as_str()), Arc::new(own)));
+        Ok(Self {
+            all: RwLock::new(all.collect()),
+            folder,
+            writing: Mutex::default(),
+        })
+    }
+
+    fn all(&self) -> std::sync::RwLockReadGuard<'_, BTreeMap<Arc<str>, Arc<Own>>> {
+        self.all.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Number of skeletons.
+    pub fn count(&self) -> usize {
+        self.all().len()
+    }
+
+    /// All skeletons, sorted by name.
+    pub(super) fn list(&self) -> Vec<Arc<Own>> {
+        self.all().values().cloned().collect()
+    }
+
+    /// The skeleton of this name. `field` is the field of the request that has the name.
+    pub(super) fn get(&self, field: &str, name: &str) -> Result<Arc<Own>, SkeletonError> {
+        let all = self.all();
+        all.get(name).cloned().ok_or_else(|| SkeletonError::Unknown {
+            name: name.chars().take(MAX_ECHO).collect(),
+            field: field.to_owned(),
+            known: all.keys().take(LISTED).map(ToString::to_string).collect(),
+        })
+    }
+
+    /// Adds a skeleton, or replaces one that no session wears. Its motion on the body `of` must
+    /// pass, unless it is forced. This may write a file, which blocks.
+    ///
+    /// # Errors
+    /// [`SkeletonError`]. Then nothing has changed.
+    pub(super) fn put(
+        &self,
+        doc: SkeletonDoc,
+        of: (&LoadedPack, usize),
+        table: &PackTable,
+        memory: &UploadMemory,
+    ) -> Result<Arc<Own>, SkeletonError> {
+        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = self.all().get(doc.name.as_str()).cloned();
+        if let Some(same) = before.as_ref().filter(|before| before.doc == doc) {
+            return Ok(same.clone());
+        }
+        let no_body = |why: String| FieldError {
+            field: "source".to_owned(),
+            message: why,
+            allowed: "a body on two legs or four".to_owned(),
+        };
+        let own = Arc::new(Own::new(doc).map_err(no_body)?);
+        own.fit(of, table, "source")?;
+        let name = own.doc.name.clone();
+        if let Some(sessions) = before.as_ref().map(|before| before.sessions()).filter(|&count| count > 0) {
+            return Err(SkeletonError::InUse { name, sessions });
+        }
+        if before.is_none() && self.count() >= MAX_SKELETONS {
+            return Err(SkeletonError::Full { most: MAX_SKELETONS });
+        }
+        let replaced = before.as_ref().map_or(0, |before| bytes(before));
+        let no_room = |cause: NoMemory| SkeletonError::NoMemory {
+            name: name.clone(),
+            cause,
+        };
+        memory.check(bytes(&own), replaced).map_err(no_room)?;
+        if let Some(folder) = &self.folder {
+            let text = serde_json::to_string(&own.doc);
+            let kept = text
+                .map_err(std::io::Error::from)
+                .and_then(|text| keep(folder, &name, Format::Json, &text));
+            kept.map_err(|cause| not_kept(&name, &cause))?;
+        }
+        let mut all = self.all.write().unwrap_or_else(PoisonError::into_inner);
+        all.insert(Arc::from(name.as_str()), own.clone());
+        Ok(own)
+    }
+
+    /// Removes a skeleton that no session wears, and its file. This blocks.
+    ///
+    /// # Errors
+    /// [`SkeletonError`] if there is no such skeleton, or sessions wear it. Then nothing has
+    /// changed. [`SkeletonError::NotKept`] if its file cannot be removed. Then it is back after a
+    /// restart.
+    pub(super) fn delete(&self, name: &str) -> Result<(), SkeletonError> {
+        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = self.get("name", name)?;
+        let sessions = own.sessions();
+        if sessions > 0 {
+            let name = name.to_owned();
+            return Err(SkeletonError::InUse { name, sessions });
+        }
+        let mut all = self.all.write().unwrap_or_else(PoisonError::into_inner);
+        all.remove(name);
+        drop(all);
+        match &self.folder {
+            Some(folder) => forget(folder, name).map_err(|cause| not_kept(name, &cause)),
+            None => Ok(()),
+        }
+    }
+
+    /// The skeleton called `name` on the body with index `place` of a pack. `field` is the field of
+    /// the request that has the name. The first call for a body takes some milliseconds.
+    ///
+    /// # Errors
+    /// [`SkeletonError::Unknown`], or [`SkeletonError::Unfit`] if it does not fit the pack.
+    pub fn worn(
+        &self,
+        field: &str,
+        name: &str,
+        of: (&LoadedPack, usize),
+        table: &PackTable,
+    ) -> Result<Arc<Worn>, SkeletonError> {
+        self.get(field, name)?.fit(of, table, field)
+    }
+
+    /// As [`Skeletons::worn`], without regard to its certificate.
+    pub(super) fn tried(
+        own: &Own,
+        of: (&LoadedPack, usize),
+        table: &PackTable,
+    ) -> Result<Arc<Worn>, SkeletonError> {
+        own.on(of, table, "pack")
+    }
+
+    /// A pack whose characters wear the skeleton called `name`. All sessions of both share it.
+    ///
+    /// # Errors
+    /// As [`Skeletons::worn`].
+    pub fn wear(
+        &self,
+        field: &str,
+        name: &str,
+        pack: &Arc<LivePack>,
+        table: &PackTable,
+    ) -> Result<Arc<LivePack>, SkeletonError> {
+        let own = self.get(field, name)?;
+        let worn = own.fit((&pack.loaded, pack.place()), table, field)?;
+        let mut fits = own.fits();
+        let fit = fits.iter_mut().find(|fit| Arc::ptr_eq(&fit.worn, &worn));
+        let live = || Arc::new(pack.wearing(worn.clone()));
+        Ok(match fit {
+            Some(fit) => fit.live.get_or_insert_with(live).clone(),
+            None => live(),
+        })
+    }
+}
+
+fn not_kept(name: &str, cause: &std::io::Error) -> SkeletonError {
+    let is_disk_full = is_full(cause);
+    if !is_disk_full {
+        tracing::error!(skeleton = name, %cause, "the file of an upload cannot be written or removed");
+    }
+    SkeletonError::NotKept {
+        message: format!("skeleton {name:?} cannot be written to its folder: {cause}"),
+        is_disk_full,
+    }
+}

@@ -1,0 +1,345 @@
+//! The way from a pack's skeleton to a user's, and back.
+
+use std::sync::Arc;
+
+use troupe_character::live::{Character, FrameOut};
+use troupe_motion::anatomy::PartsDoc;
+use troupe_motion::clip::Clip;
+use troupe_motion::fk::local_from_world_rotations;
+use troupe_motion::model::Rig;
+use troupe_motion::retarget::{Certificate, Figure, RetargetError, Retargeter};
+use troupe_motion::rotation::{slerp, yaw};
+use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
+
+use crate::packs::{LoadedPack, PackTable};
+
+/// Frames over which a character goes from a pose that its client gave to the pose as it is carried
+/// over.
+pub(crate) const EASE_FRAMES: f32 = 8.0;
+
+/// A skeleton of a user's own on a body of a pack.
+#[derive(Debug)]
+pub struct Worn {
+    name: Arc<str>,
+    /// From the pack's skeleton, and back. Each user takes a copy, because they remember the pose
+    /// before.
+    onto: Retargeter,
+    back: Retargeter,
+    /// The place of the skeleton's joint 0 in the neutral pose, less that of the pack's in the
+    /// skeleton's size, metres.
+    root_m: Vec3,
+    certificate: Certificate,
+    /// Each character that wears the skeleton has a clone.
+    wearers: Arc<()>,
+}
+
+impl Worn {
+    /// The skeleton called `name`, whose figure is `own`, on the body with index `place` of a pack.
+    ///
+    /// # Errors
+    /// [`RetargetError`] if no motion can be carried over.
+    pub(super) fn new(
+        name: &str,
+        own: &Figure,
+        (loaded, place): (&LoadedPack, usize),
+        table: &PackTable,
+    ) -> Result<Self, RetargetError> {
+        let pack = figure_of(loaded, place, table)?;
+        let onto = Retargeter::new(pack.clone(), own.clone())?;
+        Ok(Self {
+            name: Arc::from(name),
+            back: Retargeter::new(own.clone(), pack.clone())?,
+            root_m: own.root() - onto.scale() * pack.root(),
+            certificate: Certificate::of(&onto),
+            wearers: Arc::default(),
+            onto,
+        })
+    }
+
+    /// The name of the skeleton.
+    pub fn name(&self) -> &Arc<str> {
+        &self.name
+    }
+
+    /// The skeleton of poses and frames.
+    pub fn skeleton(&self) -> &Arc<Skeleton> {
+        self.onto.figures()[1].skeleton()
+    }
+
+    /// Length of the skeleton's legs by that of the pack's: metres of the user for a metre of the
+    /// pack's character.
+    pub fn scale(&self) -> f32 {
+        self.onto.scale()
+    }
+
+    /// What motions of the pack keep on the skeleton.
+    pub fn certificate(&self) -> &Certificate {
+        &self.certificate
+    }
+
+    /// The user's joints for the pack's contact joints, by name: toes for toes, ankles for the rest
+    /// of a foot. Empty names for contacts that are on no leg.
+    pub(super) fn contact_joints(&self) -> Vec<String> {
+        let [pack, own] = self.onto.figures();
+        let limbs = [pack, own].map(|figure| {
+            let parts = figure.parts();
+            parts.legs.iter().chain(parts.arms.iter().flatten()).collect::<Vec<_>>()
+        });
+        let [of_pack, of_own] = limbs;
+        let limbs: Vec<_> = of_pack.into_iter().zip(of_own).collect();
+        let parents = &pack.skeleton().joints;
+        let above = |joint: usize| std::iter::successors(Some(joint), |&joint| parents[joint].parent);
+        let same = |&contact: &usize| {
+            let limb = limbs.iter().find(|(from, _)| above(contact).any(|joint| joint == from.upper[0]));
+            let joint = limb.map(|(from, to)| match contact == from.end {
+                true => to.end,
+                false => to.toe.unwrap_or(to.end),
+            });
+            joint.map_or_else(String::new, |joint| own.skeleton().joints[joint].name.clone())
+        };
+        let contacts = pack.skeleton().contacts.iter();
+        contacts.flat_map(|contacts| &contacts.joints).map(same).collect()
+    }
+
+    /// Number of characters that wear the skeleton.
+    pub(super) fn wearers(&self) -> usize {
+        Arc::strong_count(&self.wearers) - 1
+    }
+
+    /// The root of the user's skeleton while the pack's stands with this root.
+    pub fn root_out(&self, root: GlobalRoot) -> GlobalRoot {
+        let GlobalRoot { position, heading } = root;
+        let position = self.scale() * position + yaw(heading) * self.root_m;
+        GlobalRoot::new(position, heading)
+    }
+
+    /// The root of the pack's skeleton while the user's stands with this root.
+    pub fn root_in(&self, root: GlobalRoot) -> GlobalRoot {
+        let GlobalRoot { position, heading } = root;
+        let position = (position - yaw(heading) * self.root_m) / self.scale();
+        GlobalRoot::new(position, heading)
+    }
+
+    /// Height of the pack's root for a height of the user's, metres.
+    pub fn height_in(&self, height_m: f32) -> f32 {
+        (height_m - self.root_m.y) / self.scale()
+    }
+
+    /// Carries consecutive poses on the user's skeleton over to the pack's: roots, and rotations of
+    /// all joints.
+    pub fn back(&self, frames: &[(Vec3, &[Quat])]) -> Vec<(Vec3, Vec<Quat>)> {
+        let mut back = self.back.clone();
+        back.reset();
+        let joints = back.figures()[1].skeleton().joint_count();
+        let mut pose = vec![Quat::IDENTITY; joints];
+        let carry = |&(root, rotations): &(Vec3, &[Quat])| {
+            let root = back.pose(root, rotations, &mut pose);
+            (root, pose.clone())
+        };
+        frames.iter().map(carry).collect()
+    }
+
+    /// What a character wears: a copy of the way onto the user's skeleton.
+    pub fn dress(&self) -> Dress {
+        let mut onto = self.onto.clone();
+        onto.reset();
+        Dress {
+            pose: vec![Quat::IDENTITY; self.skeleton().joint_count()],
+            reaches: Vec::new(),
+            holds: [0.0; 2],
+            frame: 0,
+            onto,
+            ease: None,
+            _wearer: self.wearers.clone(),
+        }
+    }
+}
+
+/// The way of one character onto a user's skeleton. It remembers the pose before.
+#[derive(Debug, Clone)]
+pub struct Dress {
+    onto: Retargeter,
+    pose: Vec<Quat>,
+    /// Joints of the pack that are held at places, reused.
+    reaches: Vec<usize>,
+    /// How far each hand holds on, 0 to 1.
+    holds: [f32; 2],
+    /// The last frame.
+    frame: u64,
+    ease: Option<Ease>,
+    _wearer: Arc<()>,
+}
+
+/// From the pose as it is carried over to one that the client gave.
+#[derive(Debug, Clone)]
+struct Ease {
+    /// The frame of the given pose.
+    frame: u64,
+    root: Vec3,
+    /// Turns of the joints, each in its parent's frame of reference.
+    turns: Vec<Quat>,
+}
+
+impl Dress {
+    /// Carries the frame at the cursor of `character` over. It replaces the frame. Hands that hold
+    /// an object or on to a place of the scene are where the character's hands are, in the user's
+    /// size.
+    pub fn put_on(&mut self, character: &Character, out: &mut FrameOut) {
+        character.reaches(&mut self.reaches);
+        self.reaches.extend(character.held().map(|held| held.joint));
+        // Feet stand on flat ground to the retargeter.
+        let lift = Vec3::Y * character.lift().root_m;
+        let root = self.carry_holding(out.frame, out.root - lift, &out.rotations);
+        out.root = root + self.onto.scale() * lift;
+        self.show(out);
+    }
+
+    /// As [`Dress::put_on`], for a frame that is not at the cursor.
+    pub fn put_on_later(&mut self, out: &mut FrameOut) {
+        out.root = self.carry(out.root, &out.rotations);
+        self.show(out);
+    }
+
+    /// Carries a pose over with hands that hold on. A hand takes [`EASE_FRAMES`] to get there and to
+    /// let go.
+    fn carry_holding(&mut self, frame: u64, root: Vec3, rotations: &[Quat]) -> Vec3 {
+        let step = frame.saturating_sub(self.frame) as f32 / EASE_FRAMES;
+        self.frame = frame;
+        for (side, holds) in self.hands().into_iter().enumerate() {
+            let hold = self.holds[side] + if holds { step } else { -step };
+            self.holds[side] = hold.clamp(0.0, 1.0);
+        }
+        if self.holds == [0.0; 2] {
+            return self.carry(root, rotations);
+        }
+        let free = self.carry(root, rotations);
+        let [pack, own] = self.onto.figures();
+        let (Some(arms), Some(of_own)) = (&pack.parts().arms, &own.parts().arms) else {
+            return free;
+        };
+        let goals = [0, 1].map(|side| {
+            let hold = self.holds[side];
+            (hold > 0.0).then(|| {
+                let there = place_of(pack.skeleton(), root, rotations, arms[side].end);
+                let own = place_of(own.skeleton(), free, &self.pose, of_own[side].end);
+                (own / self.onto.scale()).lerp(there, hold * hold * (3.0 - 2.0 * hold))
+            })
+        });
+        self.onto.pose_holding(root, rotations, goals, &mut self.pose)
+    }
+
+    /// Whether each hand holds on.
+    fn hands(&self) -> [bool; 2] {
+        let pack = self.onto.figures()[0];
+        let joints = &pack.skeleton().joints;
+        let line = |joint: usize| std::iter::successors(Some(joint), |&joint| joints[joint].parent);
+        let holds = |wrist: usize| self.reaches.iter().any(|&held| line(held).any(|joint| joint == wrist));
+        let arms = pack.parts().arms.as_ref().filter(|_| !self.reaches.is_empty());
+        arms.map_or([false; 2], |arms| arms.each_ref().map(|arm| holds(arm.end)))
+    }
+
+    /// Makes the last pose the frame.
+    fn show(&mut self, out: &mut FrameOut) {
+        out.rotations.clear();
+        out.rotations.extend_from_slice(&self.pose);
+        self.settle(out);
+        if let Some(robot) = &self.onto.figures()[1].skeleton().robot {
+            robot.fit(&mut out.rotations, &mut out.fitted);
+        } else {
+            out.fitted.clear();
+        }
+    }
+
+    /// Carries the next pose over, and returns its root. [`Dress::pose`] has its rotations.
+    pub fn carry(&mut self, root: Vec3, rotations: &[Quat]) -> Vec3 {
+        self.onto.pose(root, rotations, &mut self.pose)
+    }
+
+    /// The rotations of the last pose.
+    pub fn pose(&self) -> &[Quat] {
+        &self.pose
+    }
+
+    /// Begins at a frame whose pose the client gave: root and rotations on its skeleton. `made` is
+    /// that frame on the pack's skeleton.
+    pub fn begin(&mut self, given: (Vec3, &[Quat]), made: &FrameOut) {
+        let root = self.carry(made.root, &made.rotations);
+        let turns = given.1.iter().zip(&self.pose);
+        self.ease = Some(Ease {
+            frame: made.frame,
+            root: given.0 - root,
+            turns: turns.map(|(given, made)| *given * made.conjugate()).collect(),
+        });
+    }
+
+    /// Adds what is left of the way from a given pose.
+    fn settle(&mut self, out: &mut FrameOut) {
+        let Some(ease) = &self.ease else {
+            return;
+        };
+        let share = eased(out.frame.saturating_sub(ease.frame) as f32);
+        if share <= 0.0 {
+            self.ease = None;
+            return;
+        }
+        out.root += share * ease.root;
+        for (rotation, &turn) in out.rotations.iter_mut().zip(&ease.turns) {
+            *rotation = slerp(Quat::IDENTITY, turn, share) * *rotation;
+        }
+    }
+}
+
+/// World position of a joint.
+fn place_of(skeleton: &Skeleton, root: Vec3, rotations: &[Quat], joint: usize) -> Vec3 {
+    let (mut place, mut at) = (Vec3::ZERO, joint);
+    // From the joint up: each parent turns what is below it.
+    while let Some(parent) = skeleton.joints[at].parent {
+        place = rotations[parent] * (skeleton.joints[at].offset_m + place);
+        at = parent;
+    }
+    root + place
+}
+
+/// The share of a given pose's difference that is left after `frames` frames: 1 to 0, with level
+/// ends.
+pub(crate) fn eased(frames: f32) -> f32 {
+    let t = 1.0 - (frames / EASE_FRAMES).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// The figure of a pack's body: a robot by its hinges, a body with a neutral pose by that, others by
+/// the poses of their styles. A pack without styles takes those of another one with the same
+/// skeleton.
+fn figure_of(loaded: &LoadedPack, place: usize, table: &PackTable) -> Result<Figure, RetargetError> {
+    let doc = PartsDoc::default();
+    let skeleton = &loaded.rig(place).skeleton;
+    if skeleton.robot.is_some() {
+        return Figure::of_robot(skeleton.clone(), &doc);
+    }
+    if let Some(body) = loaded.pack.bodies.get(place) {
+        let mut local = vec![Quat::IDENTITY; body.joints()];
+        local_from_world_rotations(skeleton, &body.neutral, &mut local);
+        return Figure::new(skeleton.clone(), &local, Some(body.height_m), &doc);
+    }
+    let is_same = |other: &&Arc<LoadedPack>| other.pack.bodies.is_empty() && same(other.rig(0), loaded.rig(place));
+    let others = table.all().filter(is_same).map(|other| &**other);
+    let mut clips = std::iter::once(loaded).chain(others).filter_map(|pack| poses(pack, skeleton));
+    match clips.next() {
+        Some(clip) => Figure::of_clip(&clip, None, &doc),
+        None => Figure::new(skeleton.clone(), &vec![Quat::IDENTITY; skeleton.joint_count()], None, &doc),
+    }
+}
+
+/// Whether two rigs have the same joints.
+fn same(one: &Rig, other: &Rig) -> bool {
+    one.skeleton.joints == other.skeleton.joints
+}
+
+/// All poses of a pack's default style.
+fn poses(loaded: &LoadedPack, skeleton: &Arc<Skeleton>) -> Option<Clip> {
+    let style = loaded.styles.first()?.default_style()?;
+    let keys = || style.gaits.iter().flat_map(|gait| &gait.keys);
+    let roots = keys().map(|key| Vec3::Y * key.height_m).collect();
+    let rotations = keys().flat_map(|key| key.rotations.iter().copied()).collect();
+    Clip::new(skeleton.clone(), loaded.rig(0).fps, roots, rotations).ok()
+}

@@ -1,0 +1,102 @@
+//! Poses that the user gave on a skeleton of its own. A pose that goes to the pack's skeleton and
+//! back differs by a degree or two. Frames meet the given pose exactly, and the difference eases out
+//! over the frames beside it.
+
+use troupe_motion::rotation::slerp;
+use troupe_motion::{Quat, Vec3};
+
+/// Frames over which a difference eases out.
+const EASE_FRAMES: i64 = 8;
+
+/// What the user gave of a frame.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Given {
+    /// Position of the root joint.
+    pub(super) root: Option<Vec3>,
+    /// Rotations of all joints.
+    pub(super) rotations: Option<Vec<Quat>>,
+}
+
+/// Differences of given frames to those that are carried over.
+#[derive(Debug, Default)]
+pub(super) struct Pins(Vec<Pin>);
+
+#[derive(Debug)]
+struct Pin {
+    frame: i64,
+    root: Vec3,
+    /// One turn a joint, in its parent's frame of reference. Empty: none.
+    turns: Vec<Quat>,
+}
+
+impl Pins {
+    /// Adds a given frame. Frames are added in their order. `made` is the frame as it is carried
+    /// over.
+    pub(super) fn add(&mut self, frame: i64, given: &Given, made: (Vec3, &[Quat])) {
+        let turns = given.rotations.as_ref().map(|given| {
+            let pairs = given.iter().zip(made.1);
+            pairs.map(|(given, made)| *given * made.conjugate()).collect()
+        });
+        self.0.push(Pin {
+            frame,
+            root: given.root.map_or(Vec3::ZERO, |root| root - made.0),
+            turns: turns.unwrap_or_default(),
+        });
+    }
+
+    /// Puts right a frame that was carried over.
+    pub(super) fn settle(&self, frame: i64, root: &mut Vec3, rotations: &mut [Quat]) {
+        let after = self.0.partition_point(|pin| pin.frame <= frame);
+        let (before, next) = (after.checked_sub(1).map(|at| &self.0[at]), self.0.get(after));
+        let gap = match (before, next) {
+            (Some(before), Some(next)) => EASE_FRAMES.min(next.frame - before.frame),
+            _ => EASE_FRAMES,
+        };
+        for pin in [before, next].into_iter().flatten() {
+            let share = eased((pin.frame - frame).abs() as f32 / gap.max(1) as f32);
+            if share <= 0.0 {
+                continue;
+            }
+            *root += share * pin.root;
+            for (rotation, &turn) in rotations.iter_mut().zip(&pin.turns) {
+                *rotation = (slerp(Quat::IDENTITY, turn, share) * *rotation).normalize();
+            }
+        }
+    }
+}
+
+/// 1 at 0, and 0 from 1 on, with level ends.
+fn eased(at: f32) -> f32 {
+    let t = 1.0 - at.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_meet_what_was_given_and_others_hardly_change() {
+        let turn = Quat::from_rotation_x(0.1);
+        let given = Given {
+            root: Some(Vec3::X),
+            rotations: Some(vec![turn]),
+        };
+        let mut pins = Pins::default();
+        for frame in [3, 5, 40] {
+            pins.add(frame, &given, (Vec3::ZERO, &[Quat::IDENTITY]));
+        }
+        let at = |frame: i64| {
+            let (mut root, mut rotations) = (Vec3::ZERO, [Quat::IDENTITY]);
+            pins.settle(frame, &mut root, &mut rotations);
+            (root.x, rotations[0].angle_between(Quat::IDENTITY))
+        };
+        for frame in [3, 5, 40] {
+            let (x, angle) = at(frame);
+            assert!((x - 1.0).abs() < 1e-6 && (angle - 0.1).abs() < 1e-3, "{frame}: {x} {angle}");
+        }
+        assert_eq!(at(20), (0.0, 0.0));
+        let steps: Vec<f32> = (0..60).map(|frame| at(frame + 1).0 - at(frame).0).collect();
+        assert!(steps.iter().all(|step| step.abs() < 0.2), "{steps:?}");
+    }
+}

@@ -1,0 +1,268 @@
+//! Characters on a skeleton of the user's own: sessions, in-betweens and paths in its size.
+
+use std::path::Path;
+
+use troupe_client::{Client, FollowPath, InBetween, Locomotion, Pack, SessionOptions};
+use troupe_motion::clip::Clip;
+use troupe_motion::fk::WorldMotion;
+use troupe_motion::rotation::angle_between;
+use troupe_motion::{Quat, Vec3};
+use troupe_proto::v1;
+use troupe_proto::v1::put_skeleton_request::Source;
+use troupe_proto::v1::skeletons_client::SkeletonsClient;
+
+use crate::cli::Folder;
+use crate::motion::walk;
+use crate::server::{Server, shared};
+
+/// Size of the hero by that of the pack's body.
+const SCALE: f32 = 1.5;
+
+/// The pack's skeleton in another size and with other names, in the pose in which a character stands
+/// at first.
+async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
+    let skeleton = pack.skeleton();
+    let name = |index: usize| format!("hero_{}", skeleton.joints[index].name);
+    let joint = |index: usize| {
+        let joint = &skeleton.joints[index];
+        let Vec3 { x, y, z } = SCALE * joint.offset_m;
+        v1::BodyJoint {
+            name: name(index),
+            parent: joint.parent.map(name).unwrap_or_default(),
+            offset: Some(v1::Vec3 { x, y, z }),
+        }
+    };
+    let mut joints: Vec<_> = (0..skeleton.joint_count()).map(joint).collect();
+    // The root's offset has no meaning.
+    joints[0].offset = Some(v1::Vec3 {
+        x: 0.0,
+        y: 1.0,
+        z: 0.0,
+    });
+    let mut session = client.session(pack, &SessionOptions::new()).await.unwrap();
+    let mut standing = troupe_client::Recording::of(&session);
+    let frames = session.step(1).await.unwrap();
+    frames.iter().for_each(|frame| standing.push(frame));
+    session.close().await.unwrap();
+    let standing = WorldMotion::from_clip(&standing.into_clip().unwrap());
+    let quat = |turn: Quat| {
+        let [x, y, z, w] = turn.to_array();
+        v1::Quat { w, x, y, z }
+    };
+    v1::BodySkeleton {
+        joints,
+        neutral: standing.rotations_at(0).iter().copied().map(quat).collect(),
+        ..v1::BodySkeleton::default()
+    }
+}
+
+async fn put(server: &Server, request: v1::PutSkeletonRequest) -> Result<v1::OwnSkeleton, tonic::Status> {
+    let mut rpc = SkeletonsClient::new(server.channel().await);
+    rpc.put_skeleton(request).await.map(tonic::Response::into_inner)
+}
+
+/// The hero on a server, and the pack that wears it.
+async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
+    let (client, pack) = server.client().await;
+    let request = v1::PutSkeletonRequest {
+        name: name.to_owned(),
+        source: Some(Source::Joints(joints(&client, &pack).await)),
+        ..v1::PutSkeletonRequest::default()
+    };
+    let own = put(server, request).await.unwrap();
+    let fit = own.fit.as_ref().unwrap();
+    assert!((fit.scale - SCALE).abs() < 0.02, "{}", fit.scale);
+    assert!(fit.faults.is_empty() && !fit.trials.is_empty(), "{:?}", fit.faults);
+    let worn = pack.wearing(&own).unwrap();
+    (client, pack, worn)
+}
+
+/// World positions of a clip's joints.
+fn places(clip: &Clip) -> Vec<Vec3> {
+    let world = WorldMotion::from_clip(clip);
+    (0..clip.frames()).flat_map(|frame| world.positions_at(frame).to_vec()).collect()
+}
+
+/// The mean distance between the hero's joints and the pack's, in the hero's size. The hero's
+/// neutral pose is another than the pack's, so that they differ by some degrees.
+fn apart_m(hero: &Clip, pack: &Clip) -> f32 {
+    let (own, other) = (places(hero), places(pack));
+    assert_eq!(own.len(), other.len());
+    let pairs = own.iter().zip(other);
+    pairs.map(|(own, other)| own.distance(SCALE * other)).sum::<f32>() / own.len() as f32
+}
+
+/// The largest distance between the hero's root and the pack's, in the hero's size.
+fn roots_apart_m(hero: &Clip, pack: &Clip) -> f32 {
+    let pairs = hero.root_positions.iter().zip(&pack.root_positions);
+    pairs.map(|(own, other)| own.distance(SCALE * *other)).fold(0.0, f32::max)
+}
+
+async fn walked(client: &Client, pack: &Pack, scale: f32) -> Clip {
+    let options = SessionOptions::new().seed(3).at(Vec3::new(scale, 0.0, 0.0), 0.4);
+    let mut session = client.session(pack, &options).await.unwrap();
+    let mut recording = troupe_client::Recording::of(&session);
+    for velocity in [Vec3::Z, Vec3::new(0.7, 0.0, 0.7)] {
+        session.set_intent(Locomotion::walk(scale * 1.2 * velocity));
+        let frames = session.step(45).await.unwrap();
+        frames.iter().for_each(|frame| recording.push(frame));
+    }
+    session.close().await.unwrap();
+    recording.into_clip().unwrap()
+}
+
+#[tokio::test]
+async fn a_session_walks_in_the_size_of_its_skeleton() {
+    let server = shared();
+    let (client, pack, worn) = hero(server, "walker").await;
+    let (own, other) = (walked(&client, &worn, SCALE).await, walked(&client, &pack, 1.0).await);
+    let (apart, roots) = (apart_m(&own, &other), roots_apart_m(&own, &other));
+    assert!(apart < 0.06 && roots < 0.04, "{apart} m, roots {roots} m");
+    let listed = client.skeletons().await.unwrap();
+    let walker = listed.iter().find(|own| own.name == "walker").unwrap();
+    assert_eq!(walker.joint_count as usize, pack.skeleton().joint_count());
+}
+
+#[tokio::test]
+async fn a_worn_skeleton_is_named_and_stays_until_no_one_wears_it() {
+    let server = shared();
+    let (client, pack, worn) = hero(server, "keeper").await;
+    let mut session = client.session(&worn, &SessionOptions::new().seed(1)).await.unwrap();
+    let info = client.session_info(session.id()).await.unwrap();
+    assert_eq!(info.skeleton, "keeper");
+    let error = client.delete_skeleton("keeper").await.unwrap_err().to_string();
+    assert!(error.contains("1 sessions wear skeleton"), "{error}");
+    let other = v1::PutSkeletonRequest {
+        name: "keeper".to_owned(),
+        source: Some(Source::Joints(v1::BodySkeleton {
+            contact_joints: Vec::new(),
+            ..joints(&client, &pack).await
+        })),
+        force: true,
+        ..v1::PutSkeletonRequest::default()
+    };
+    let error = put(server, other).await.unwrap_err();
+    assert_eq!(error.code(), tonic::Code::FailedPrecondition, "{error}");
+    // A client that comes back finds its skeleton.
+    let again = client.resume_session(session.id()).await.unwrap();
+    assert_eq!(again.pack().worn(), "keeper");
+    session.step(3).await.unwrap();
+    session.close().await.unwrap();
+    client.delete_skeleton("keeper").await.unwrap();
+    let error = client.session(&worn, &SessionOptions::new()).await.unwrap_err().to_string();
+    assert!(error.contains("there is no skeleton \"keeper\""), "{error}");
+}
+
+#[tokio::test]
+async fn a_gap_is_filled_between_the_keyframes_of_the_skeleton() {
+    let server = shared();
+    let (client, pack, worn) = hero(server, "filler").await;
+    let of_pack = walk(&pack);
+    let roots = of_pack.root_positions.iter().map(|root| SCALE * *root).collect();
+    let own = Clip::new(worn.skeleton().clone(), of_pack.fps, roots, of_pack.rotations.clone()).unwrap();
+    let fill = async |pack: &Pack, clip: &Clip| {
+        let gap = InBetween::from_clip(clip, 40, 66).unwrap();
+        client.in_between(pack, &gap).await.unwrap().clip
+    };
+    let (filled, other) = (fill(&worn, &own).await, fill(&pack, &of_pack).await);
+    let (apart, roots) = (apart_m(&filled, &other), roots_apart_m(&filled, &other));
+    assert!(apart < 0.12 && roots < 0.12, "{apart} m, roots {roots} m");
+    for (frame, source) in [(0, 37), (3, 40), (filled.frames() - 1, 66)] {
+        let off = filled.root_positions[frame].distance(own.root_positions[source]);
+        let pairs = filled.rotations_at(frame).iter().zip(own.rotations_at(source));
+        let turned = pairs.map(|(a, b): (&Quat, &Quat)| angle_between(*a, *b)).fold(0.0, f32::max);
+        assert!(off < 1e-4 && turned < 2e-3, "frame {frame}: {off} m, {turned} rad");
+    }
+    let steps = filled.root_positions.windows(2).map(|pair| pair[0].distance(pair[1]));
+    assert!(steps.fold(0.0, f32::max) < SCALE * 0.12);
+}
+
+#[tokio::test]
+async fn a_path_is_walked_in_the_size_of_the_skeleton() {
+    let server = shared();
+    let (client, pack, worn) = hero(server, "path").await;
+    let points = |scale: f32| [Vec3::ZERO, Vec3::new(0.5, 0.0, 3.0)].map(|point| scale * point);
+    let make = async |pack: &Pack, scale: f32| {
+        let path = FollowPath::along(points(scale)).seconds(3.0).seed(2);
+        client.follow(pack, &path).await.unwrap().whole().await.unwrap().clip
+    };
+    let (own, other) = (make(&worn, SCALE).await, make(&pack, 1.0).await);
+    assert_eq!(own.frames(), other.frames());
+    let (apart, roots) = (apart_m(&own, &other), roots_apart_m(&own, &other));
+    assert!(apart < 0.06 && roots < 0.04, "{apart} m, roots {roots} m");
+}
+
+#[tokio::test]
+async fn what_does_not_fit_is_refused_with_the_field() {
+    let server = shared();
+    let (client, pack) = server.client().await;
+    let named = |name: &str, source| v1::PutSkeletonRequest {
+        name: name.to_owned(),
+        source,
+        ..v1::PutSkeletonRequest::default()
+    };
+    let good = joints(&client, &pack).await;
+    let file = |name: &str, data: &[u8]| {
+        Some(Source::File(v1::SkeletonFile {
+            name: name.to_owned(),
+            data: data.to_vec(),
+        }))
+    };
+    let mut lying = good.clone();
+    // One leg longer than the other by half.
+    for joint in lying.joints.iter_mut().filter(|joint| joint.name.contains("LowerLeg_L")) {
+        joint.offset = joint.offset.map(|v1::Vec3 { x, y, z }| v1::Vec3 { x: 1.8 * x, y, z });
+    }
+    for (request, field) in [
+        (named("../up", Some(Source::Joints(good.clone()))), "name"),
+        (named("a", None), "source"),
+        (named("a", file("hero.fbx", b"")), "file.name"),
+        (named("a", file("hero.glb", b"glTF")), "file.data"),
+        (named("a", file("robot.urdf", b"<robot/>")), "file.data"),
+        (
+            v1::PutSkeletonRequest {
+                parts: "[left_leg".to_owned(),
+                ..named("a", Some(Source::Joints(good.clone())))
+            },
+            "parts",
+        ),
+        (named("a", Some(Source::Joints(lying))), "source"),
+        (
+            named("a", Some(Source::Joints(v1::BodySkeleton::default()))),
+            "joints",
+        ),
+    ] {
+        let error = put(server, request).await.unwrap_err();
+        let found = crate::server::ErrorAnswer::from_status(&error);
+        assert_eq!(error.code(), tonic::Code::InvalidArgument, "{error}");
+        assert!(found.field.as_deref().is_some_and(|found| found.starts_with(field)), "{field}: {error:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
+    let folder = Folder::new("own-skeleton");
+    let kept = folder.file("store");
+    let start = async || {
+        let store = kept.clone();
+        Server::start_with(move |config| config.store = Some(store)).await
+    };
+    let server = start().await;
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/walk.bvh");
+    let bvh = std::fs::read(example).unwrap();
+    let send = |server: &Server| {
+        let url = format!("{}/v1/skeletons/hero?file=hero.bvh", server.url());
+        let request = reqwest::Client::new().put(url);
+        request.header("content-type", "application/octet-stream").body(bvh.clone())
+    };
+    let answer = send(&server).send().await.unwrap();
+    assert_eq!(answer.status(), 200, "{}", answer.text().await.unwrap());
+    assert!(server.stop().await);
+    let server = start().await;
+    let (client, pack) = server.client().await;
+    let own = client.skeleton("hero", &pack).await.unwrap();
+    assert_eq!(own.joints.len(), pack.skeleton().joint_count());
+    // The same upload again changes nothing.
+    assert_eq!(send(&server).send().await.unwrap().status(), 200);
+    server.stop().await;
+}
