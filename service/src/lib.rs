@@ -346,6 +346,10 @@ impl Service {
     }
 }
 
+/// The tasks of a request's characters, how their answers are finished, and what answers on a
+/// skeleton of the user's own need.
+type Prepared = (Vec<KeyframeTask>, Vec<Plan>, Vec<OwnSegment>);
+
 /// A request as the batcher takes it. With a skeleton of the user's own, also what the answer needs
 /// of each character.
 fn prepared(
@@ -353,7 +357,7 @@ fn prepared(
     rig: &Rig,
     limits: RequestLimits,
     worn: Option<&Worn>,
-) -> Result<(Vec<KeyframeTask>, Vec<Plan>, Vec<OwnSegment>), ServiceError> {
+) -> Result<Prepared, ServiceError> {
     let own = worn.map(|worn| take_in_between(&mut request, worn));
     let own = own.transpose()?.unwrap_or_default();
     let for_pack = || {

@@ -4,8 +4,8 @@ use troupe_character::object::Definition;
 use troupe_character::skill::Skills;
 use troupe_engine::pack::{Language, Pack};
 use troupe_live::wire::{joint_message, robot_message, vector_message};
-use troupe_motion::model::Body;
 use troupe_motion::Skeleton;
+use troupe_motion::model::Body;
 use troupe_proto::v1;
 
 /// The public description of a pack. `engine` runs it, and `skills` are those of its characters.

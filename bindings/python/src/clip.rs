@@ -34,6 +34,8 @@ const SAME_BONES_M: f32 = 1e-3;
 pub(crate) struct Clip {
     clip: troupe_motion::Clip,
     rest: Option<Vec<Quat>>,
+    /// Parts that the file itself names.
+    parts: PartsDoc,
     report: Option<Report>,
 }
 
@@ -42,6 +44,7 @@ impl Clip {
         Self {
             clip: understood.clip,
             rest: understood.rest,
+            parts: understood.parts,
             report: Some(understood.report),
         }
     }
@@ -57,6 +60,7 @@ impl Clip {
                 let found = Understood {
                     clip: self.clip.clone(),
                     rest: self.rest.clone(),
+                    parts: self.parts.clone(),
                     report: report.clone(),
                 };
                 found.figure(doc)
@@ -82,6 +86,7 @@ impl Clip {
         Ok(Self {
             clip: clip.map_err(wrong)?,
             rest: None,
+            parts: PartsDoc::default(),
             report: None,
         })
     }
@@ -136,6 +141,7 @@ impl Clip {
         Ok(Self {
             clip: clip.map_err(wrong)?,
             rest: self.rest.clone(),
+            parts: self.parts.clone(),
             report: self.report.clone(),
         })
     }
@@ -166,6 +172,7 @@ impl Clip {
         let made = Self {
             clip,
             rest: None,
+            parts: PartsDoc::default(),
             report: None,
         };
         Ok((made, figures(py, &found)?))

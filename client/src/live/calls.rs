@@ -52,10 +52,7 @@ impl Client {
 
     async fn open_chunk(&self, pack: &Pack, options: &[SessionOptions]) -> Result<Vec<Session>, ClientError> {
         let request = v1::CreateSessionsRequest {
-            sessions: options
-                .iter()
-                .map(|o| o.to_message(pack))
-                .collect(),
+            sessions: options.iter().map(|o| o.to_message(pack)).collect(),
         };
         let answer = self
             .unary(|mut rpc| async move { rpc.create_sessions(request).await })

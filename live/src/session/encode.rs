@@ -123,7 +123,10 @@ impl BlockWriter {
         let mut writer = Self::new(pack.shown(), form, characters, frames);
         writer.block.pack = pack.name().to_owned();
         writer.block.body = pack.body_name().to_owned();
-        writer.block.skeleton = pack.worn().map(|worn| worn.name().to_string()).unwrap_or_default();
+        writer.block.skeleton = pack
+            .worn()
+            .map(|worn| worn.name().to_string())
+            .unwrap_or_default();
         writer
     }
 

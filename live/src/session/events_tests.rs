@@ -9,10 +9,10 @@ use super::super::encode::Form;
 use super::super::registry::tests::Setup;
 use super::super::{Registry, TimeSource};
 use super::*;
-use troupe_motion::conventions::Convention;
 use troupe_base::telemetry::Telemetry;
 use troupe_character::live::{FailReason, SUB_FRAMES};
 use troupe_character::scene::{Scene, SceneTable, Transform};
+use troupe_motion::conventions::Convention;
 
 fn event(frame: u64, kind: EventKind) -> CharacterEvent {
     CharacterEvent { frame, kind }

@@ -225,11 +225,16 @@ fn start(
         },
     })?;
     let own = pack.worn().map(|worn| {
-        let given: Vec<_> = frames.iter().map(|frame| (frame.root, &frame.rotations[..])).collect();
+        let given: Vec<_> = frames
+            .iter()
+            .map(|frame| (frame.root, &frame.rotations[..]))
+            .collect();
         worn.back(&given)
     });
     let given = own.and_then(|carried| {
-        let carried = carried.into_iter().map(|(root, rotations)| ContextFrame { root, rotations });
+        let carried = carried
+            .into_iter()
+            .map(|(root, rotations)| ContextFrame { root, rotations });
         std::mem::replace(&mut frames, carried.collect()).pop()
     });
     let count = frames.len();

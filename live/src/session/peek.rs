@@ -108,11 +108,7 @@ fn plan_view(plan: &PlanRecord, pack: &Rig, measure: Measure) -> v1::PlanView {
         asked_at_frame: plan.asked_at,
         splice_frame: plan.splice,
         context: context.collect(),
-        targets: targets
-            .targets
-            .iter()
-            .map(|key| target(key, measure))
-            .collect(),
+        targets: targets.targets.iter().map(|key| target(key, measure)).collect(),
         root_r_g1: Some(root(targets.r_g1, measure)),
         root_r_g2: path(&targets.r_g2),
         root_r_g3: path(&plan.trace.r_g3),
@@ -222,9 +218,7 @@ fn perform(words: &PerformCommand, fps: f32) -> v1::Perform {
 fn follow_path(path: &PathCommand, measure: Measure) -> v1::FollowPath {
     let point = |point: &PathPoint| v1::PathPoint {
         position: Some(units::position(point.position, measure)),
-        heading: point
-            .heading
-            .map(|heading| measure.heading_from_native(heading)),
+        heading: point.heading.map(|heading| measure.heading_from_native(heading)),
         time: Some(point.time_s),
     };
     v1::FollowPath {

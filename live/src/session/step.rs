@@ -376,13 +376,9 @@ fn report(walker: &CharacterStep, stepped: &mut Stepped) {
     let cell = walker.held.cell();
     let (slot, measure) = (walker.slot as u32, cell.measure());
     let mut live = cell.live();
-    stepped
-        .events
-        .extend(live.events.take(slot, cell.id(), measure));
+    stepped.events.extend(live.events.take(slot, cell.id(), measure));
     if cell.scene().is_some() {
-        stepped
-            .held
-            .extend(events::held(&live.character, slot, measure));
+        stepped.held.extend(events::held(&live.character, slot, measure));
     }
 }
 

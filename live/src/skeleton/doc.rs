@@ -122,14 +122,22 @@ impl BodyDoc {
                 let left = Vec3::from_array(doc.left_axis);
                 let skeleton = Skeleton::new(joints, left, 0.0, None).map_err(|e| text(&e))?;
                 if doc.neutral.len() != skeleton.joint_count() {
-                    return Err(format!("neutral has {} rotations; allowed: one a joint", doc.neutral.len()));
+                    return Err(format!(
+                        "neutral has {} rotations; allowed: one a joint",
+                        doc.neutral.len()
+                    ));
                 }
-                let neutral = doc.neutral.iter().map(|&turn| from_wxyz(turn).normalize()).collect();
+                let neutral = doc
+                    .neutral
+                    .iter()
+                    .map(|&turn| from_wxyz(turn).normalize())
+                    .collect();
                 Figure::standing(Arc::new(skeleton), neutral, doc.root_y_m, &doc.parts).map_err(|e| text(&e))
             }
             Self::Robot(doc) => {
                 let read = description::read(&doc.description, &|_| None).map_err(|e| text(&e))?;
-                let built = description::build(&read, &description::BuildOptions::default()).map_err(|e| text(&e))?;
+                let built =
+                    description::build(&read, &description::BuildOptions::default()).map_err(|e| text(&e))?;
                 let joints = built.skeleton.joint_count();
                 if joints > MAX_JOINTS {
                     return Err(format!("it has {joints} joints; allowed: 1 to {MAX_JOINTS}"));

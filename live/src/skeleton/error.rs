@@ -41,7 +41,9 @@ pub enum SkeletonError {
         may_force: bool,
     },
     /// Sessions wear the skeleton.
-    #[error("{sessions} sessions wear skeleton {name:?}; allowed: one that no session wears, or another name")]
+    #[error(
+        "{sessions} sessions wear skeleton {name:?}; allowed: one that no session wears, or another name"
+    )]
     InUse {
         /// Name of the skeleton.
         name: String,

@@ -60,17 +60,16 @@ impl Skeletons {
     ///
     /// # Errors
     /// [`SkeletonError`] if there is no such skeleton, or if sessions wear it.
-    pub fn delete_call(&self, request: &v1::DeleteSkeletonRequest) -> Result<v1::DeleteSkeletonResponse, SkeletonError> {
+    pub fn delete_call(
+        &self,
+        request: &v1::DeleteSkeletonRequest,
+    ) -> Result<v1::DeleteSkeletonResponse, SkeletonError> {
         self.delete(&request.name)?;
         Ok(v1::DeleteSkeletonResponse {})
     }
 }
 
-fn body<'a>(
-    table: &'a PackTable,
-    pack: &str,
-    body: &str,
-) -> Result<(&'a LoadedPack, usize), SkeletonError> {
+fn body<'a>(table: &'a PackTable, pack: &str, body: &str) -> Result<(&'a LoadedPack, usize), SkeletonError> {
     let root = Path::root();
     let loaded = table.find(root.field("pack"), pack)?;
     Ok((loaded, loaded.place_of(root.field("body"), body)?))

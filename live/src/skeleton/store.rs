@@ -66,7 +66,12 @@ impl Own {
     }
 
     /// The skeleton on a body of a pack. The first call for a body takes some milliseconds.
-    fn on(&self, of: (&LoadedPack, usize), table: &PackTable, field: &str) -> Result<Arc<Worn>, SkeletonError> {
+    fn on(
+        &self,
+        of: (&LoadedPack, usize),
+        table: &PackTable,
+        field: &str,
+    ) -> Result<Arc<Worn>, SkeletonError> {
         let (loaded, place) = of;
         let is_it = |fit: &&Fit| fit.pack == loaded.pack.name() && fit.place == place;
         if let Some(fit) = self.fits().iter().find(is_it) {
@@ -95,7 +100,12 @@ impl Own {
     }
 
     /// [`Own::on`], if its certificate passes or the skeleton was forced.
-    fn fit(&self, of: (&LoadedPack, usize), table: &PackTable, field: &str) -> Result<Arc<Worn>, SkeletonError> {
+    fn fit(
+        &self,
+        of: (&LoadedPack, usize),
+        table: &PackTable,
+        field: &str,
+    ) -> Result<Arc<Worn>, SkeletonError> {
         let worn = self.on(of, table, field)?;
         let faults = worn.certificate().faults();
         match faults.is_empty() || self.doc.forced {
@@ -209,7 +219,11 @@ impl Skeletons {
         let own = Arc::new(Own::new(doc).map_err(no_body)?);
         own.fit(of, table, "source")?;
         let name = own.doc.name.clone();
-        if let Some(sessions) = before.as_ref().map(|before| before.sessions()).filter(|&count| count > 0) {
+        if let Some(sessions) = before
+            .as_ref()
+            .map(|before| before.sessions())
+            .filter(|&count| count > 0)
+        {
             return Err(SkeletonError::InUse { name, sessions });
         }
         if before.is_none() && self.count() >= MAX_SKELETONS {

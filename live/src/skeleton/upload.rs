@@ -46,7 +46,12 @@ pub fn upload(request: &v1::PutSkeletonRequest, rig: &Rig) -> Result<SkeletonDoc
 /// Reads corrections of parts.
 fn parts(path: &Path<'_>, text: &str) -> Result<PartsDoc, FieldError> {
     let read = toml::from_str(text);
-    read.map_err(|error| path.error(cut(&error.to_string(), MAX_MESSAGE), "TOML as OwnSkeleton.parts has it"))
+    read.map_err(|error| {
+        path.error(
+            cut(&error.to_string(), MAX_MESSAGE),
+            "TOML as OwnSkeleton.parts has it",
+        )
+    })
 }
 
 fn of_file(
@@ -55,7 +60,10 @@ fn of_file(
     parts: PartsDoc,
     notes: &mut Vec<String>,
 ) -> Result<BodyDoc, FieldError> {
-    let ending = file.name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
+    let ending = file
+        .name
+        .rsplit_once('.')
+        .map(|(_, ending)| ending.to_ascii_lowercase());
     let data = path.field("data");
     match ending.as_deref() {
         Some("urdf" | "xml") => {
@@ -75,7 +83,10 @@ fn of_file(
             let found = read::character(&source, &Options::default());
             let found = found.map_err(|error| {
                 let why = cut(&error.to_string(), MAX_MESSAGE);
-                data.error(why, "a character's file; `troupe clip convert` makes one with its options")
+                data.error(
+                    why,
+                    "a character's file; `troupe clip convert` makes one with its options",
+                )
             })?;
             notes.extend(noted(&found.report));
             let figure = found.figure(&parts).map_err(|error| not_found(path, &error))?;

@@ -83,14 +83,20 @@ impl Worn {
         let [pack, own] = self.onto.figures();
         let limbs = [pack, own].map(|figure| {
             let parts = figure.parts();
-            parts.legs.iter().chain(parts.arms.iter().flatten()).collect::<Vec<_>>()
+            parts
+                .legs
+                .iter()
+                .chain(parts.arms.iter().flatten())
+                .collect::<Vec<_>>()
         });
         let [of_pack, of_own] = limbs;
         let limbs: Vec<_> = of_pack.into_iter().zip(of_own).collect();
         let parents = &pack.skeleton().joints;
         let above = |joint: usize| std::iter::successors(Some(joint), |&joint| parents[joint].parent);
         let same = |&contact: &usize| {
-            let limb = limbs.iter().find(|(from, _)| above(contact).any(|joint| joint == from.upper[0]));
+            let limb = limbs
+                .iter()
+                .find(|(from, _)| above(contact).any(|joint| joint == from.upper[0]));
             let joint = limb.map(|(from, to)| match contact == from.end {
                 true => to.end,
                 false => to.toe.unwrap_or(to.end),
@@ -233,7 +239,11 @@ impl Dress {
         let pack = self.onto.figures()[0];
         let joints = &pack.skeleton().joints;
         let line = |joint: usize| std::iter::successors(Some(joint), |&joint| joints[joint].parent);
-        let holds = |wrist: usize| self.reaches.iter().any(|&held| line(held).any(|joint| joint == wrist));
+        let holds = |wrist: usize| {
+            self.reaches
+                .iter()
+                .any(|&held| line(held).any(|joint| joint == wrist))
+        };
         let arms = pack.parts().arms.as_ref().filter(|_| !self.reaches.is_empty());
         arms.map_or([false; 2], |arms| arms.each_ref().map(|arm| holds(arm.end)))
     }
@@ -321,12 +331,20 @@ fn figure_of(loaded: &LoadedPack, place: usize, table: &PackTable) -> Result<Fig
         local_from_world_rotations(skeleton, &body.neutral, &mut local);
         return Figure::new(skeleton.clone(), &local, Some(body.height_m), &doc);
     }
-    let is_same = |other: &&Arc<LoadedPack>| other.pack.bodies.is_empty() && same(other.rig(0), loaded.rig(place));
+    let is_same =
+        |other: &&Arc<LoadedPack>| other.pack.bodies.is_empty() && same(other.rig(0), loaded.rig(place));
     let others = table.all().filter(is_same).map(|other| &**other);
-    let mut clips = std::iter::once(loaded).chain(others).filter_map(|pack| poses(pack, skeleton));
+    let mut clips = std::iter::once(loaded)
+        .chain(others)
+        .filter_map(|pack| poses(pack, skeleton));
     match clips.next() {
         Some(clip) => Figure::of_clip(&clip, None, &doc),
-        None => Figure::new(skeleton.clone(), &vec![Quat::IDENTITY; skeleton.joint_count()], None, &doc),
+        None => Figure::new(
+            skeleton.clone(),
+            &vec![Quat::IDENTITY; skeleton.joint_count()],
+            None,
+            &doc,
+        ),
     }
 }
 

@@ -16,9 +16,9 @@ pub use troupe_character::limits::MAX_DISTANCE_M;
 
 pub use body::inline_body;
 pub use context::check_frame;
+pub(crate) use context::{ContextFrame, check_context, to_native};
 pub use measure::Measure;
 pub use skeleton::{joint_message, robot_message, vector_message};
-pub(crate) use context::{ContextFrame, check_context, to_native};
 pub(crate) use units::named;
 
 /// Maximum difference between the heights that one keyframe gives in several fields, metres.

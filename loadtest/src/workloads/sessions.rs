@@ -92,7 +92,9 @@ pub(super) async fn open_walkers(
 async fn wearing(client: &Client, pack: &Pack, file: &Path) -> Result<Pack, Failure> {
     let data = std::fs::read(file).map_err(|why| Failure::file(file, why))?;
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let own = client.put_skeleton("loadtest", (&name, data), pack, false).await?;
+    let own = client
+        .put_skeleton("loadtest", (&name, data), pack, false)
+        .await?;
     Ok(pack.wearing(&own).map_err(ClientError::from)?)
 }
 

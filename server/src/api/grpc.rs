@@ -1,8 +1,8 @@
 //! gRPC: the Motion, Sessions, Scenes and Skeletons services, health and reflection.
 
 mod scenes;
-mod skeletons;
 mod sessions;
+mod skeletons;
 
 use std::convert::Infallible;
 use std::pin::Pin;
@@ -20,12 +20,12 @@ use tonic_reflection::server::{Builder, Error};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_server::{Motion, MotionServer};
 use troupe_proto::v1::scenes_server::ScenesServer;
-use troupe_proto::v1::skeletons_server::SkeletonsServer;
 use troupe_proto::v1::sessions_server::SessionsServer;
+use troupe_proto::v1::skeletons_server::SkeletonsServer;
 
 use self::scenes::ScenesApi;
-use self::skeletons::SkeletonsApi;
 use self::sessions::SessionsApi;
+use self::skeletons::SkeletonsApi;
 use super::ours::ours;
 use super::track::{self, Tracker};
 use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES, early};

@@ -5,9 +5,9 @@ pub(super) mod json;
 pub(super) mod mmcp;
 pub(super) mod parts;
 pub(super) mod scenes;
-mod skeletons;
 pub(super) mod sessions;
 mod site;
+mod skeletons;
 mod tickets;
 mod viewer;
 

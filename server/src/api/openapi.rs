@@ -153,7 +153,9 @@ fn add_responses(operation: &mut Operation) {
     if tagged("mmcp") {
         return add_mmcp_errors(operation);
     }
-    let needs_packs = ["motion", "styles", "scenes", "objects", "skeletons"].into_iter().any(tagged);
+    let needs_packs = ["motion", "styles", "scenes", "objects", "skeletons"]
+        .into_iter()
+        .any(tagged);
     let has_body = operation.request_body.is_some();
     let has_parameters = operation.parameters.is_some();
     let keyed = !tagged("operations");

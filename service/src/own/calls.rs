@@ -22,7 +22,10 @@ impl Service {
     /// # Errors
     /// [`ServiceError`] for the first value that is not accepted, if the skeleton does not fit, or if
     /// it cannot be saved.
-    pub async fn put_skeleton(&self, request: v1::PutSkeletonRequest) -> Result<v1::OwnSkeleton, ServiceError> {
+    pub async fn put_skeleton(
+        &self,
+        request: v1::PutSkeletonRequest,
+    ) -> Result<v1::OwnSkeleton, ServiceError> {
         let put = self.with_skeletons(move |space| {
             let (table, store) = (space.packs.table(), &space.store);
             store.skeletons().put_call(&request, table, store.memory())
@@ -36,7 +39,10 @@ impl Service {
     ///
     /// # Errors
     /// [`ServiceError`] if there is no such skeleton, pack or body.
-    pub async fn get_skeleton(&self, request: v1::GetSkeletonRequest) -> Result<v1::OwnSkeleton, ServiceError> {
+    pub async fn get_skeleton(
+        &self,
+        request: v1::GetSkeletonRequest,
+    ) -> Result<v1::OwnSkeleton, ServiceError> {
         self.with_skeletons(move |space| space.store.skeletons().get_call(&request, space.packs.table()))
             .await
     }

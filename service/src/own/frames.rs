@@ -79,8 +79,15 @@ impl Carrier {
         let roots = frames.root_positions.as_chunks::<3>().0;
         let poses = frames.rotations.chunks_exact(numbers.max(1));
         for (&root, pose) in roots.iter().zip(poses) {
-            let pose: Vec<Quat> = pose.as_chunks::<4>().0.iter().map(|&wxyz| from_wxyz(wxyz)).collect();
-            carried.roots.push(self.dress.carry(Vec3::from_array(root), &pose));
+            let pose: Vec<Quat> = pose
+                .as_chunks::<4>()
+                .0
+                .iter()
+                .map(|&wxyz| from_wxyz(wxyz))
+                .collect();
+            carried
+                .roots
+                .push(self.dress.carry(Vec3::from_array(root), &pose));
             carried.rotations.extend_from_slice(self.dress.pose());
         }
         carried
@@ -125,7 +132,11 @@ impl Carrier {
     fn write_world(&self, roots: &[Vec3], rotations: &[Quat], frames: &mut v1::Frames) {
         frames.positions.clear();
         frames.six_d.clear();
-        let Columns { positions, six_d: turned, .. } = self.columns;
+        let Columns {
+            positions,
+            six_d: turned,
+            ..
+        } = self.columns;
         if !(positions || turned) {
             return;
         }
@@ -139,7 +150,9 @@ impl Carrier {
             }
             if turned {
                 frames.six_d.reserve(joints * SIX_D);
-                frames.six_d.extend(world.1.iter().flat_map(|&rotation| six_d(rotation)));
+                frames
+                    .six_d
+                    .extend(world.1.iter().flat_map(|&rotation| six_d(rotation)));
             }
         }
     }

@@ -132,7 +132,8 @@ impl OwnAnswer {
         }
         let index = part.character as usize;
         while self.characters.len() <= index {
-            self.characters.push(OwnCharacter::after(&Keys::default(), &self.worn));
+            self.characters
+                .push(OwnCharacter::after(&Keys::default(), &self.worn));
         }
         let Some(v1::generate_response::Part::Frames(frames)) = &mut part.part else {
             return;

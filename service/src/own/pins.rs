@@ -93,7 +93,10 @@ mod tests {
         };
         for frame in [3, 5, 40] {
             let (x, angle) = at(frame);
-            assert!((x - 1.0).abs() < 1e-6 && (angle - 0.1).abs() < 1e-3, "{frame}: {x} {angle}");
+            assert!(
+                (x - 1.0).abs() < 1e-6 && (angle - 0.1).abs() < 1e-3,
+                "{frame}: {x} {angle}"
+            );
         }
         assert_eq!(at(20), (0.0, 0.0));
         let steps: Vec<f32> = (0..60).map(|frame| at(frame + 1).0 - at(frame).0).collect();

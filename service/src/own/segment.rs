@@ -47,7 +47,9 @@ fn take(path: &Path<'_>, character: &mut v1::Character, worn: &Worn) -> Result<O
     };
     if character.return_qpos && worn.skeleton().robot.is_none() {
         let message = format!("is true, but skeleton {} has no robot", worn.name());
-        return Err(path.field("return_qpos").error(message, "false, or a robot's skeleton"));
+        return Err(path
+            .field("return_qpos")
+            .error(message, "false, or a robot's skeleton"));
     }
     character.return_qpos = false;
     let places = character.root.iter().map(|key| {
@@ -68,12 +70,7 @@ fn take(path: &Path<'_>, character: &mut v1::Character, worn: &Worn) -> Result<O
 }
 
 /// Replaces the root of a frame. A frame with a keyframe repeats what becomes of that.
-fn root_key(
-    key: &mut v1::RootKey,
-    context: &Keys,
-    (targets, first_target): (&Keys, usize),
-    worn: &Worn,
-) {
+fn root_key(key: &mut v1::RootKey, context: &Keys, (targets, first_target): (&Keys, usize), worn: &Worn) {
     let frame = key.frame as usize;
     let posed = |keys: &Keys, at: Option<usize>| keys.carried.get(at?)?.as_ref().map(|(root, _)| *root);
     let posed = posed(context, Some(frame)).or_else(|| posed(targets, frame.checked_sub(first_target)));

@@ -72,7 +72,11 @@ async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
     let own = put(server, request).await.unwrap();
     let fit = own.fit.as_ref().unwrap();
     assert!((fit.scale - SCALE).abs() < 0.02, "{}", fit.scale);
-    assert!(fit.faults.is_empty() && !fit.trials.is_empty(), "{:?}", fit.faults);
+    assert!(
+        fit.faults.is_empty() && !fit.trials.is_empty(),
+        "{:?}",
+        fit.faults
+    );
     let worn = pack.wearing(&own).unwrap();
     (client, pack, worn)
 }
@@ -80,7 +84,9 @@ async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
 /// World positions of a clip's joints.
 fn places(clip: &Clip) -> Vec<Vec3> {
     let world = WorldMotion::from_clip(clip);
-    (0..clip.frames()).flat_map(|frame| world.positions_at(frame).to_vec()).collect()
+    (0..clip.frames())
+        .flat_map(|frame| world.positions_at(frame).to_vec())
+        .collect()
 }
 
 /// The mean distance between the hero's joints and the pack's, in the hero's size. The hero's
@@ -95,7 +101,9 @@ fn apart_m(hero: &Clip, pack: &Clip) -> f32 {
 /// The largest distance between the hero's root and the pack's, in the hero's size.
 fn roots_apart_m(hero: &Clip, pack: &Clip) -> f32 {
     let pairs = hero.root_positions.iter().zip(&pack.root_positions);
-    pairs.map(|(own, other)| own.distance(SCALE * *other)).fold(0.0, f32::max)
+    pairs
+        .map(|(own, other)| own.distance(SCALE * *other))
+        .fold(0.0, f32::max)
 }
 
 async fn walked(client: &Client, pack: &Pack, scale: f32) -> Clip {
@@ -115,7 +123,10 @@ async fn walked(client: &Client, pack: &Pack, scale: f32) -> Clip {
 async fn a_session_walks_in_the_size_of_its_skeleton() {
     let server = shared();
     let (client, pack, worn) = hero(server, "walker").await;
-    let (own, other) = (walked(&client, &worn, SCALE).await, walked(&client, &pack, 1.0).await);
+    let (own, other) = (
+        walked(&client, &worn, SCALE).await,
+        walked(&client, &pack, 1.0).await,
+    );
     let (apart, roots) = (apart_m(&own, &other), roots_apart_m(&own, &other));
     assert!(apart < 0.06 && roots < 0.04, "{apart} m, roots {roots} m");
     let listed = client.skeletons().await.unwrap();
@@ -127,7 +138,10 @@ async fn a_session_walks_in_the_size_of_its_skeleton() {
 async fn a_worn_skeleton_is_named_and_stays_until_no_one_wears_it() {
     let server = shared();
     let (client, pack, worn) = hero(server, "keeper").await;
-    let mut session = client.session(&worn, &SessionOptions::new().seed(1)).await.unwrap();
+    let mut session = client
+        .session(&worn, &SessionOptions::new().seed(1))
+        .await
+        .unwrap();
     let info = client.session_info(session.id()).await.unwrap();
     assert_eq!(info.skeleton, "keeper");
     let error = client.delete_skeleton("keeper").await.unwrap_err().to_string();
@@ -149,7 +163,11 @@ async fn a_worn_skeleton_is_named_and_stays_until_no_one_wears_it() {
     session.step(3).await.unwrap();
     session.close().await.unwrap();
     client.delete_skeleton("keeper").await.unwrap();
-    let error = client.session(&worn, &SessionOptions::new()).await.unwrap_err().to_string();
+    let error = client
+        .session(&worn, &SessionOptions::new())
+        .await
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("there is no skeleton \"keeper\""), "{error}");
 }
 
@@ -159,7 +177,13 @@ async fn a_gap_is_filled_between_the_keyframes_of_the_skeleton() {
     let (client, pack, worn) = hero(server, "filler").await;
     let of_pack = walk(&pack);
     let roots = of_pack.root_positions.iter().map(|root| SCALE * *root).collect();
-    let own = Clip::new(worn.skeleton().clone(), of_pack.fps, roots, of_pack.rotations.clone()).unwrap();
+    let own = Clip::new(
+        worn.skeleton().clone(),
+        of_pack.fps,
+        roots,
+        of_pack.rotations.clone(),
+    )
+    .unwrap();
     let fill = async |pack: &Pack, clip: &Clip| {
         let gap = InBetween::from_clip(clip, 40, 66).unwrap();
         client.in_between(pack, &gap).await.unwrap().clip
@@ -170,10 +194,18 @@ async fn a_gap_is_filled_between_the_keyframes_of_the_skeleton() {
     for (frame, source) in [(0, 37), (3, 40), (filled.frames() - 1, 66)] {
         let off = filled.root_positions[frame].distance(own.root_positions[source]);
         let pairs = filled.rotations_at(frame).iter().zip(own.rotations_at(source));
-        let turned = pairs.map(|(a, b): (&Quat, &Quat)| angle_between(*a, *b)).fold(0.0, f32::max);
-        assert!(off < 1e-4 && turned < 2e-3, "frame {frame}: {off} m, {turned} rad");
+        let turned = pairs
+            .map(|(a, b): (&Quat, &Quat)| angle_between(*a, *b))
+            .fold(0.0, f32::max);
+        assert!(
+            off < 1e-4 && turned < 2e-3,
+            "frame {frame}: {off} m, {turned} rad"
+        );
     }
-    let steps = filled.root_positions.windows(2).map(|pair| pair[0].distance(pair[1]));
+    let steps = filled
+        .root_positions
+        .windows(2)
+        .map(|pair| pair[0].distance(pair[1]));
     assert!(steps.fold(0.0, f32::max) < SCALE * 0.12);
 }
 
@@ -184,7 +216,14 @@ async fn a_path_is_walked_in_the_size_of_the_skeleton() {
     let points = |scale: f32| [Vec3::ZERO, Vec3::new(0.5, 0.0, 3.0)].map(|point| scale * point);
     let make = async |pack: &Pack, scale: f32| {
         let path = FollowPath::along(points(scale)).seconds(3.0).seed(2);
-        client.follow(pack, &path).await.unwrap().whole().await.unwrap().clip
+        client
+            .follow(pack, &path)
+            .await
+            .unwrap()
+            .whole()
+            .await
+            .unwrap()
+            .clip
     };
     let (own, other) = (make(&worn, SCALE).await, make(&pack, 1.0).await);
     assert_eq!(own.frames(), other.frames());
@@ -208,11 +247,15 @@ async fn what_does_not_fit_is_refused_with_the_field() {
             data: data.to_vec(),
         }))
     };
-    let mut lying = good.clone();
-    // One leg longer than the other by half.
-    for joint in lying.joints.iter_mut().filter(|joint| joint.name.contains("LowerLeg_L")) {
-        joint.offset = joint.offset.map(|v1::Vec3 { x, y, z }| v1::Vec3 { x: 1.8 * x, y, z });
-    }
+    let fits = put(server, named("fits", Some(Source::Joints(good.clone()))))
+        .await
+        .unwrap();
+    // Left is right.
+    let swapped = fits
+        .parts
+        .replace("_L\"", "_#\"")
+        .replace("_R\"", "_L\"")
+        .replace("_#\"", "_R\"");
     for (request, field) in [
         (named("../up", Some(Source::Joints(good.clone()))), "name"),
         (named("a", None), "source"),
@@ -226,7 +269,13 @@ async fn what_does_not_fit_is_refused_with_the_field() {
             },
             "parts",
         ),
-        (named("a", Some(Source::Joints(lying))), "source"),
+        (
+            v1::PutSkeletonRequest {
+                parts: swapped,
+                ..named("a", Some(Source::Joints(good.clone())))
+            },
+            "source",
+        ),
         (
             named("a", Some(Source::Joints(v1::BodySkeleton::default()))),
             "joints",
@@ -235,7 +284,13 @@ async fn what_does_not_fit_is_refused_with_the_field() {
         let error = put(server, request).await.unwrap_err();
         let found = crate::server::ErrorAnswer::from_status(&error);
         assert_eq!(error.code(), tonic::Code::InvalidArgument, "{error}");
-        assert!(found.field.as_deref().is_some_and(|found| found.starts_with(field)), "{field}: {error:?}");
+        assert!(
+            found
+                .field
+                .as_deref()
+                .is_some_and(|found| found.starts_with(field)),
+            "{field}: {error:?}"
+        );
     }
 }
 
@@ -253,7 +308,9 @@ async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
     let send = |server: &Server| {
         let url = format!("{}/v1/skeletons/hero?file=hero.bvh", server.url());
         let request = reqwest::Client::new().put(url);
-        request.header("content-type", "application/octet-stream").body(bvh.clone())
+        request
+            .header("content-type", "application/octet-stream")
+            .body(bvh.clone())
     };
     let answer = send(&server).send().await.unwrap();
     assert_eq!(answer.status(), 200, "{}", answer.text().await.unwrap());

@@ -201,12 +201,7 @@ impl Roster {
             underruns += u32::from(self.out.underrun);
             let (writer, place) = &mut writers[member.pack];
             writer.name(member.slot);
-            writer.write(
-                (*place, 0),
-                &self.out,
-                cell.convention(),
-                cell.pack().shown(),
-            );
+            writer.write((*place, 0), &self.out, cell.convention(), cell.pack().shown());
             *place += 1;
             turn.pause().await;
         }

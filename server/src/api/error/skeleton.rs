@@ -15,10 +15,13 @@ impl Tabled for SkeletonError {
                 .field(field)
                 .allowed(listed(known.iter().map(String::as_str))),
             Self::Unfit { field, may_force, .. } => {
-                INVALID.because("UNFIT_SKELETON").field(field).allowed(match may_force {
-                    true => "figures within the bar; `force` takes the skeleton all the same",
-                    false => "a body on as many legs as the pack's",
-                })
+                INVALID
+                    .because("UNFIT_SKELETON")
+                    .field(field)
+                    .allowed(match may_force {
+                        true => "figures within the bar; `force` takes the skeleton all the same",
+                        false => "a body on as many legs as the pack's",
+                    })
             }
             Self::InUse { .. } => NOT_NOW
                 .because("SKELETON_IN_USE")
@@ -27,10 +30,12 @@ impl Tabled for SkeletonError {
             Self::Full { most } => FULL
                 .because("TOO_MANY_SKELETONS")
                 .allowed(format!("at most {most}")),
-            Self::NoMemory { cause, .. } => FULL.because("TOO_MUCH_UPLOADED").field("source").allowed(format!(
-                "at most {} bytes in all scenes, object definitions, styles and skeletons",
-                cause.most
-            )),
+            Self::NoMemory { cause, .. } => {
+                FULL.because("TOO_MUCH_UPLOADED").field("source").allowed(format!(
+                    "at most {} bytes in all scenes, object definitions, styles and skeletons",
+                    cause.most
+                ))
+            }
             Self::NotKept {
                 is_disk_full: true, ..
             } => FULL.because("DISK_FULL"),

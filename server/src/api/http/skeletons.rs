@@ -137,7 +137,11 @@ pub(in crate::api) async fn get(
 ) -> Result<Json<v1::OwnSkeleton>, ApiError> {
     let FitForm { pack, body } = asked(form)?;
     let name = named("name", name)?;
-    Ok(Json(service.get_skeleton(v1::GetSkeletonRequest { name, pack, body }).await?))
+    Ok(Json(
+        service
+            .get_skeleton(v1::GetSkeletonRequest { name, pack, body })
+            .await?,
+    ))
 }
 
 /// Delete a skeleton that no session wears
@@ -157,5 +161,9 @@ pub(in crate::api) async fn delete(
     name: Named<String>,
 ) -> Result<Json<v1::DeleteSkeletonResponse>, ApiError> {
     let name = named("name", name)?;
-    Ok(Json(service.delete_skeleton(v1::DeleteSkeletonRequest { name }).await?))
+    Ok(Json(
+        service
+            .delete_skeleton(v1::DeleteSkeletonRequest { name })
+            .await?,
+    ))
 }
