@@ -1,9 +1,10 @@
 //! The baseline of `scripts/retarget-figures.py`: a clip's rotations copied by name, without
-//! retargeting. Each joint turns from its rest pose as the same joint of the clip's body does, in the
-//! axes of the world; the root keeps its path. Prints the figures as JSON, one line a clip, with those of
-//! the retargeter and its certificate beside them.
+//! retargeting. Each joint turns from its rest pose as the same joint of the clip's body does, in
+//! the axes of the world; the root keeps its path. Prints the figures as JSON, one line a clip, with
+//! those of the retargeter and its certificate beside them.
 //!
-//! `cargo run --release -p troupe-motion --features fbx --example copied -- TARGET CLIP... [--urdf FILE]`
+//! `cargo run --release -p troupe-motion --features fbx --example copied -- TARGET CLIP...`, and at
+//! the end `--urdf FILE` for clips of a robot.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};

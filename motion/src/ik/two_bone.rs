@@ -250,14 +250,15 @@ pub(crate) struct Bend {
     pub(crate) turns: Option<(Quat, Quat)>,
 }
 
-/// The turns that bring `end` to `goal`, as for [`two_bone_soft`]. `None` if they cannot be computed.
+/// The turns that bring `end` to `goal`, as for [`two_bone_soft`]. `None` if they cannot be
+/// computed.
 fn bend(upper: Vec3, middle: Vec3, end: Vec3, goal: (Vec3, f32), pole: Vec3) -> Option<Bend> {
     let side = |first, line, shorter_m| side_of(first, line, pole, shorter_m);
     bend_by([upper, middle, end], goal, &side)
 }
 
-/// As [`bend`]. `side` gives the side of the middle joint, by the first bone, the direction from the
-/// upper joint to the end, and the length of the shorter bone.
+/// As [`bend`]. `side` gives the side of the middle joint, by the first bone, the direction from
+/// the upper joint to the end, and the length of the shorter bone.
 pub(crate) fn bend_by(
     [upper, middle, end]: [Vec3; 3],
     (goal, soft): (Vec3, f32),

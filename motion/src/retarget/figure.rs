@@ -160,8 +160,8 @@ impl Figure {
         })
     }
 
-    /// Length of the legs of a skeleton from the hips to the ankles, metres, as of its figures. None
-    /// if its body is found by no names and it is no robot.
+    /// Length of the legs of a skeleton from the hips to the ankles, metres, as of its figures.
+    /// None if its body is not found by names and it is no robot.
     pub fn legs_m(skeleton: &Skeleton) -> Option<f32> {
         if skeleton.robot.is_some() {
             let figure = Self::of_robot(Arc::new(skeleton.clone()), &PartsDoc::default());

@@ -66,11 +66,11 @@ fn parts(bytes: &[u8]) -> (PartsDoc, PartsDoc) {
 
 #[test]
 fn both_versions_of_vrm_say_which_node_is_which() {
-    let old = file(&|index: &dyn Fn(&str) -> usize| {
+    let old = file(|index: &dyn Fn(&str) -> usize| {
         let bones = BONES.map(|(bone, ..)| json!({ "bone": bone, "node": index(bone) }));
         json!({ "VRM": { "humanoid": { "humanBones": bones } } })
     });
-    let new = file(&|index: &dyn Fn(&str) -> usize| {
+    let new = file(|index: &dyn Fn(&str) -> usize| {
         let bones: Map<String, Value> = BONES
             .iter()
             .map(|(bone, ..)| ((*bone).to_owned(), json!({ "node": index(bone) })))
@@ -94,7 +94,7 @@ fn both_versions_of_vrm_say_which_node_is_which() {
 #[test]
 fn what_a_file_says_wins_over_what_is_found() {
     // A file with arms on the other side.
-    let bytes = file(&|index: &dyn Fn(&str) -> usize| {
+    let bytes = file(|index: &dyn Fn(&str) -> usize| {
         let swapped = |bone: &str| match bone.strip_prefix("left") {
             Some(rest) if rest.contains("Arm") || rest == "Hand" => format!("right{rest}"),
             _ => match bone.strip_prefix("right") {
@@ -118,7 +118,7 @@ fn incomplete_bones_are_left_out() {
         json!({ "VRMC_vrm": { "humanoid": 3 } }),
         json!({ "OTHER": {} }),
     ] {
-        let (said, parts) = parts(&file(&|_: &dyn Fn(&str) -> usize| extensions.clone()));
+        let (said, parts) = parts(&file(|_: &dyn Fn(&str) -> usize| extensions.clone()));
         assert!(said.is_empty() && parts.left_leg.is_some());
     }
 }
