@@ -2,6 +2,7 @@
 // dropped.
 import { readFileSync } from 'node:fs';
 import { resolve } from 'node:path';
+import AxeBuilder from '@axe-core/playwright';
 import type { Page } from '@playwright/test';
 import { HERO_BONES, heroGlb } from '../src/retarget/testing';
 import { apart, expect, focusStage, ownPlace, test, waitForCrowd } from './viewer';
@@ -77,6 +78,8 @@ test('the crowd wears a character with other joints, with its figures beside, an
   await expect(panel.getByText(/^Drawn at the crowd’s size, 0\.\d+ times its own/)).toBeVisible();
   const table = panel.getByRole('table', { name: 'What is kept of the motion' });
   await expect(table.getByRole('row', { name: /^walk \d/ })).toBeVisible();
+  const { violations } = await new AxeBuilder({ page }).include('#outfits-body').analyze();
+  expect(violations.filter(({ impact }) => impact === 'serious' || impact === 'critical')).toEqual([]);
   // It moves with its character, whose place stays the server's.
   const before = await ownPlace(page);
   await page.keyboard.down('w');

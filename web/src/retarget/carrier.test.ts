@@ -66,6 +66,11 @@ test('a character has figures for each motion, and its parts as TOML', async () 
   expect(fitted.certificate.faults.join()).toMatch(/walk: .*mixamorig:/);
 });
 
+test('a vrm is read as a glb is', async () => {
+  const { file, skeleton } = await readHero('hero.vrm', heroGlb());
+  expect([file, skeleton.names.length]).toEqual(['hero.vrm', HERO_BONES]);
+});
+
 test('what cannot be carried over is refused with the file and the reason', async () => {
   await expect(readHero('broken.glb', heroGlb().subarray(0, 500))).rejects.toThrow('broken.glb');
   await expect(readHero('hero.glb', heroGlb(), 'trunk = 1')).rejects.toThrow(/hero\.glb: .*trunk/s);
