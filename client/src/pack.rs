@@ -48,8 +48,8 @@ impl Pack {
     }
 
     /// The same pack, whose characters wear a skeleton of the user's own
-    /// ([`Client::put_skeleton`](crate::Client::put_skeleton)). Sessions, in-betweens and motions of
-    /// the result are on that skeleton, in its size. Contacts stay those of the pack.
+    /// ([`Client::put_skeleton`](crate::Client::put_skeleton)). Sessions, in-betweens and motions
+    /// of the result are on that skeleton, in its size. Contacts stay those of the pack.
     ///
     /// # Errors
     /// [`AnswerError`] if the server's answer is no skeleton.

@@ -4,6 +4,7 @@ use prost::Message;
 use serde::Serialize;
 use troupe_fuzz::{Call, STOOL, YARD, options};
 use troupe_proto::v1;
+use troupe_proto::v1::put_skeleton_request::Source;
 
 use super::{Problem, drive, keyframe, sit, vec3, walk, write};
 
@@ -238,6 +239,27 @@ fn scenes() -> Result<(), Problem> {
         }
         .encode_to_vec(),
     )?;
+    let put = v1::PutSkeletonRequest {
+        source: Some(Source::Joints(v1::BodySkeleton {
+            joints: ["hips", "left_leg"].map(|name| v1::BodyJoint {
+                name: name.to_owned(),
+                parent: if name == "hips" { "" } else { "hips" }.to_owned(),
+                offset: Some(v1::Vec3 {
+                    x: 0.1,
+                    y: -0.8,
+                    z: 0.0,
+                }),
+            })
+            .to_vec(),
+            ..v1::BodySkeleton::default()
+        })),
+        name: "new".to_owned(),
+        ..v1::PutSkeletonRequest::default()
+    };
+    both("PutSkeleton", &put)?;
+    text("GetSkeleton", "txt", b"new")?;
+    text("ListSkeletons", "txt", b"")?;
+    text("DeleteSkeleton", "txt", b"new")?;
     text("ListScenes", "txt", b"")?;
     text("DeleteScene", "txt", b"yard")?;
     grpc(

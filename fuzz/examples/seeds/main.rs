@@ -21,12 +21,14 @@ use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
 use troupe_proto::v1::drive_request::Message as Ask;
 
-/// A session's record in the store of the server: format, pack, body, convention, seed, scene, time
-/// to live, priority, style, character.
+/// A session's record in the store of the server: format, pack, body, skeleton and its scale,
+/// convention, seed, scene, time to live, priority, style, character.
 type Record<'a> = (
     u32,
     &'a str,
     &'a str,
+    &'a str,
+    f32,
     u32,
     u64,
     Option<&'a str>,

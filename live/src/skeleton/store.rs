@@ -28,7 +28,7 @@ const BYTES_PER_JOINT: usize = 2048;
 #[derive(Debug)]
 pub struct Skeletons {
     all: RwLock<BTreeMap<Arc<str>, Arc<Own>>>,
-    /// Where they are kept. `None`: they are lost when the server stops.
+    /// Keeps them. `None`: they are lost when the server stops.
     folder: Option<PathBuf>,
     /// Held by the one writer.
     writing: Mutex<()>,

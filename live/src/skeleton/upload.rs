@@ -1,8 +1,10 @@
 //! A skeleton out of a request.
 
+use std::sync::Arc;
+
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::{FieldError, Path};
-use troupe_motion::Quat;
+use troupe_motion::{Quat, Skeleton};
 use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::fk::local_from_world_rotations;
 use troupe_motion::model::Rig;
@@ -116,10 +118,14 @@ fn of_joints(
     notes: &mut Vec<String>,
 ) -> Result<BodyDoc, FieldError> {
     let body = inline_body(path, joints, rig, notes)?;
-    let skeleton = &body.rig.skeleton;
+    // Joints lie inside of the foot, and nothing says how far the sole is below them.
+    let skeleton = Skeleton {
+        contacts: None,
+        ..(*body.rig.skeleton).clone()
+    };
     let mut local = vec![Quat::IDENTITY; body.joints()];
-    local_from_world_rotations(skeleton, &body.neutral, &mut local);
-    let figure = Figure::new(skeleton.clone(), &local, Some(body.height_m), parts);
+    local_from_world_rotations(&skeleton, &body.neutral, &mut local);
+    let figure = Figure::new(Arc::new(skeleton), &local, None, parts);
     of_figure(path, &figure.map_err(|error| not_found(path, &error))?)
 }
 
@@ -132,6 +138,8 @@ fn of_figure(path: &Path<'_>, figure: &Figure) -> Result<BodyDoc, FieldError> {
 }
 
 fn not_found(path: &Path<'_>, error: &RetargetError) -> FieldError {
-    let allowed = "a body on two legs or four; `parts` corrects what is found";
-    path.error(cut(&error.to_string(), MAX_MESSAGE), allowed)
+    let text = error.to_string();
+    // An error that says what is allowed says it best.
+    let (text, allowed) = text.split_once("; allowed: ").unwrap_or((&text, "a body on two legs or four"));
+    path.error(cut(text, MAX_MESSAGE), format!("{allowed}; `parts` corrects what is found"))
 }

@@ -206,8 +206,8 @@ impl Dress {
         self.show(out);
     }
 
-    /// Carries a pose over with hands that hold on. A hand takes [`EASE_FRAMES`] to get there and to
-    /// let go.
+    /// Carries a pose over with hands that hold on. A hand takes [`EASE_FRAMES`] to get there and
+    /// to let go.
     fn carry_holding(&mut self, frame: u64, root: Vec3, rotations: &[Quat]) -> Vec3 {
         let step = frame.saturating_sub(self.frame) as f32 / EASE_FRAMES;
         self.frame = frame;
@@ -317,8 +317,8 @@ pub(crate) fn eased(frames: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The figure of a pack's body: a robot by its hinges, a body with a neutral pose by that, others by
-/// the poses of their styles. A pack without styles takes those of another one with the same
+/// The figure of a pack's body: a robot by its hinges, a body with a neutral pose by that, others
+/// by the poses of their styles. A pack without styles takes those of another one with the same
 /// skeleton.
 fn figure_of(loaded: &LoadedPack, place: usize, table: &PackTable) -> Result<Figure, RetargetError> {
     let doc = PartsDoc::default();

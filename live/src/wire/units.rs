@@ -49,8 +49,8 @@ pub fn sentence(path: &Path<'_>, text: &str) -> Result<(), FieldError> {
     }
 }
 
-/// Whether a text may name a session or an upload: 1 to [`MAX_NAME_CHARS`] letters, digits, `-`, `_`
-/// or `.`.
+/// Whether a text may name a session or an upload: 1 to [`MAX_NAME_CHARS`] letters, digits, `-`,
+/// `_` or `.`.
 pub(crate) fn is_name(text: &str) -> bool {
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     (1..=MAX_NAME_CHARS).contains(&text.len()) && text.chars().all(fits)

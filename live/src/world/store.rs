@@ -16,8 +16,8 @@ use troupe_motion::model::Rig;
 use super::memory::{NoMemory, UploadMemory};
 use crate::skeleton::Skeletons;
 
-/// The folders of scenes, definitions and skeletons. The server reads them at its start and writes uploads to
-/// them.
+/// The folders of scenes, definitions and skeletons. The server reads them at its start and writes
+/// uploads to them.
 #[derive(Debug, Clone, Default)]
 pub struct Folders {
     /// Scenes, one file each. `None`: uploads are lost when the server stops.

@@ -2,8 +2,8 @@
 //! HTTP status and body, MMCP code and metric label.
 //!
 //! The layers below have their own error types. Each domain has a file with its rows of the table
-//! ([`row`]): [`edge`], [`batch`], [`world`], [`skeleton`], [`session`]. Rows of the API's own errors are here.
-//! [`form`] turns rows into answers, [`mmcp`] into answers of that protocol.
+//! ([`row`]): [`edge`], [`batch`], [`world`], [`skeleton`], [`session`]. Rows of the API's own
+//! errors are here. [`form`] turns rows into answers, [`mmcp`] into answers of that protocol.
 
 mod batch;
 mod edge;

@@ -20,8 +20,8 @@ impl Service {
     /// `troupe.v1.Skeletons/PutSkeleton`.
     ///
     /// # Errors
-    /// [`ServiceError`] for the first value that is not accepted, if the skeleton does not fit, or if
-    /// it cannot be saved.
+    /// [`ServiceError`] for the first value that is not accepted, if the skeleton does not fit, or
+    /// if it cannot be saved.
     pub async fn put_skeleton(
         &self,
         request: v1::PutSkeletonRequest,

@@ -1,6 +1,6 @@
 //! Poses that the user gave on a skeleton of its own. A pose that goes to the pack's skeleton and
-//! back differs by a degree or two. Frames meet the given pose exactly, and the difference eases out
-//! over the frames beside it.
+//! back differs by a degree or two. Frames meet the given pose exactly, and the difference eases
+//! out over the frames beside it.
 
 use troupe_motion::rotation::slerp;
 use troupe_motion::{Quat, Vec3};

@@ -18,8 +18,8 @@ use crate::server::{Server, shared};
 /// Size of the hero by that of the pack's body.
 const SCALE: f32 = 1.5;
 
-/// The pack's skeleton in another size and with other names, in the pose in which a character stands
-/// at first.
+/// The pack's skeleton in another size and with other names, in the pose in which a character
+/// stands at first.
 async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
     let skeleton = pack.skeleton();
     let name = |index: usize| format!("hero_{}", skeleton.joints[index].name);
