@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_character::{FieldError, Path};
-use troupe_motion::{Quat, Skeleton};
 use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::fk::local_from_world_rotations;
 use troupe_motion::model::Rig;
 use troupe_motion::read::{self, Options, Report, Source};
 use troupe_motion::retarget::{Figure, RetargetError};
+use troupe_motion::{Quat, Skeleton};
 use troupe_proto::v1;
 use troupe_proto::v1::put_skeleton_request::Source as Given;
 
@@ -119,10 +119,9 @@ fn of_joints(
 ) -> Result<BodyDoc, FieldError> {
     let body = inline_body(path, joints, rig, notes)?;
     // Joints lie inside of the foot, and nothing says how far the sole is below them.
-    let skeleton = Skeleton {
-        contacts: None,
-        ..(*body.rig.skeleton).clone()
-    };
+    let given = &body.rig.skeleton;
+    let skeleton = Skeleton::new(given.joints.clone(), given.left_axis, 0.0, None);
+    let skeleton = skeleton.map_err(|error| path.error(error.to_string(), "one tree of joints"))?;
     let mut local = vec![Quat::IDENTITY; body.joints()];
     local_from_world_rotations(&skeleton, &body.neutral, &mut local);
     let figure = Figure::new(Arc::new(skeleton), &local, None, parts);
