@@ -16,7 +16,9 @@ def walk() -> troupe.Clip:
     return troupe.Clip.from_bvh(ROOT / "examples" / "walk.bvh")
 
 
-def took(client: troupe.Client, options: troupe.FrameOptions, pack: troupe.Pack | str = "", **more: object) -> troupe.Frames:
+def took(
+    client: troupe.Client, options: troupe.FrameOptions, pack: troupe.Pack | str = "", **more: object
+) -> troupe.Frames:
     """Sixty frames of a walk of a fresh character, the same for all options."""
     with client.session(troupe.SessionOptions(seed=3, **more), pack=pack) as session:  # type: ignore[arg-type]
         session.frame_options = options

@@ -16,15 +16,13 @@ pub(super) enum Turn {
     Rolled(Roll),
 }
 
-/// A joint in the middle of a limb that hangs in the neutral pose.
+/// A knee of a leg that hangs in the neutral pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bend {
     /// The source's joint.
     pub(super) from: usize,
-    /// The target's joint above it: shoulder or hip.
+    /// The target's hip.
     pub(super) upper: usize,
-    /// 1 if the limb bends forwards, as elbows do; -1 for knees.
-    pub(super) forward: f32,
 }
 
 /// A twist along a bone that hangs in the neutral pose.
@@ -58,25 +56,27 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
         (_, []) => {}
     }
     for side in [0, 1] {
-        let mut carry = |from: &Limb, to: &Limb, trunk: usize, forward: f32| {
+        let mut carry = |from: &Limb, to: &Limb, trunk: usize, is_leg: bool| {
             if source.parts.on_fours {
                 return whole_limb(from, to, trunk, &mut set);
             }
             limb(from, to, trunk, &mut set);
             // Robots have limits of their own.
             if target.skeleton.robot.is_none() {
-                let bend = Bend {
-                    from: from.lower[0],
-                    upper: to.upper[0],
-                    forward,
-                };
-                set(to.lower[0], Turn::Bent(bend));
+                // The neutral pose does not say which way an arm's elbow points.
+                if is_leg {
+                    let bend = Bend {
+                        from: from.lower[0],
+                        upper: to.upper[0],
+                    };
+                    set(to.lower[0], Turn::Bent(bend));
+                }
                 twists(from, to, target, &mut set);
             }
         };
-        carry(&from.legs[side], &to.legs[side], pelvis, -1.0);
+        carry(&from.legs[side], &to.legs[side], pelvis, true);
         if let (Some(arms), Some(own)) = (&from.arms, &to.arms) {
-            carry(&arms[side], &own[side], chest, 1.0);
+            carry(&arms[side], &own[side], chest, false);
         }
     }
     tail(from, to, &mut set);

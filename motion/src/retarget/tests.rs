@@ -266,26 +266,24 @@ fn any_turns(joints: usize) -> impl Strategy<Value = Vec<Vec3>> {
 
 proptest! {
     #[test]
-    fn knees_and_elbows_never_bend_backwards(
+    fn knees_never_bend_the_wrong_way(
         mut turns in any_turns(24),
         (size, spine) in (0.5_f32..1.6, 1_usize..4),
     ) {
         let source = figure(&person(0, 1.0, 3, RestPose::T).skeleton(), 1.0);
         let target = figure(&person(2, size, spine, RestPose::A).skeleton(), size);
-        // Knees and elbows bend either way, and a little to the sides.
+        // Knees bend either way, and a little to the sides.
         source.parts.legs.iter().for_each(|leg| turns[leg.lower[0]] *= Vec3::new(1.0, 0.2, 0.2));
-        source.parts.arms.iter().flatten().for_each(|arm| turns[arm.lower[0]] *= Vec3::new(0.2, 1.0, 0.2));
         let turned = turns[..source.skeleton.joint_count()].iter();
         let pose: Vec<Quat> = turned.map(|turn| Quat::from_scaled_axis(*turn)).collect();
         let mut out = vec![Quat::IDENTITY; target.skeleton.joint_count()];
         let mut retargeter = Retargeter::new(source, target.clone()).unwrap();
         retargeter.pose(Vec3::Y * HIPS_M, &pose, &mut out);
         let world = world_of(&target.skeleton, &out);
-        let limbs = target.parts.legs.iter().map(|leg| (leg, -1.0));
-        for (limb, forward) in limbs.chain(target.parts.arms.iter().flatten().map(|arm| (arm, 1.0))) {
+        for limb in &target.parts.legs {
             let turn = |joint: usize| world[joint] * target.neutral[joint].conjugate();
             let lower = turn(limb.upper[0]).conjugate() * turn(limb.lower[0]) * Vec3::NEG_Y;
-            prop_assert!(forward * lower.z > -0.09, "{lower}");
+            prop_assert!(lower.z < 0.09, "{lower}");
         }
     }
 }

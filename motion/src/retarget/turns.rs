@@ -9,7 +9,7 @@ use super::plan::{Bend, Roll, Turn, plan};
 use crate::rotation::{align_sign, slerp};
 use crate::skeleton::Skeleton;
 
-/// How far elbows and knees may bend backwards, radians.
+/// How far knees may bend the wrong way, radians.
 const BACKWARDS: f32 = 0.03;
 
 /// How a joint of the target turns, with all that does not change between poses.
@@ -25,7 +25,7 @@ enum Driven {
     Held(Quat),
 }
 
-/// An elbow or knee.
+/// A knee.
 #[derive(Clone, Copy, Debug)]
 struct Bent {
     bend: Bend,
@@ -41,14 +41,14 @@ impl Bent {
         let rotation = from[self.bend.from] * self.turn;
         let upper = wanted[self.bend.upper] * self.still[0];
         let lower = upper.conjugate() * (rotation * (self.still[1] * Vec3::NEG_Y));
-        let ahead = self.bend.forward * lower.z;
+        let ahead = -lower.z;
         if ahead >= -BACKWARDS * lower.y.abs() {
             return rotation;
         }
         let angle = ahead.atan2(-lower.y);
         // Beyond a right angle it is folded too far.
         let most = if angle < -FRAC_PI_2 { -PI } else { -BACKWARDS };
-        let back = Quat::from_rotation_x(self.bend.forward * (angle - most));
+        let back = Quat::from_rotation_x(most - angle);
         upper * back * upper.conjugate() * rotation
     }
 }
