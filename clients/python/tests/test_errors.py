@@ -8,7 +8,7 @@ from google.rpc import error_details_pb2, status_pb2
 
 import troupe
 from troupe import connection, errors, io
-from troupe.v1 import event_pb2, motion_pb2, scene_pb2, session_pb2
+from troupe.v1 import event_pb2, motion_pb2, scene_pb2, session_pb2, skeleton_pb2
 
 
 class Status:
@@ -133,7 +133,7 @@ def test_addresses_and_keys(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_method_is_the_contracts() -> None:
     services = {}
-    for module in (motion_pb2, session_pb2, scene_pb2, event_pb2):
+    for module in (motion_pb2, session_pb2, scene_pb2, skeleton_pb2, event_pb2):
         for service in module.DESCRIPTOR.services_by_name.values():
             for method in service.methods:
                 services[f"/{service.full_name}/{method.name}"] = method.output_type.full_name
