@@ -10,6 +10,11 @@ use super::{Character, FrameOut, Intent, Peek, SUB_FRAMES, View, WaitingCommand}
 pub const REACH_LEAD_FRAMES: i64 = 10;
 
 impl Character {
+    /// The frame of the timeline at the cursor, between two frames too.
+    pub fn time_frames(&self) -> f64 {
+        self.timeline.cursor() as f64 / f64::from(SUB_FRAMES)
+    }
+
     /// Samples the frame at the cursor.
     pub fn sample(&self, out: &mut FrameOut) {
         (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations, &mut out.fitted);

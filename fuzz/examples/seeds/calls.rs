@@ -241,16 +241,17 @@ fn scenes() -> Result<(), Problem> {
     )?;
     let put = v1::PutSkeletonRequest {
         source: Some(Source::Joints(v1::BodySkeleton {
-            joints: ["hips", "left_leg"].map(|name| v1::BodyJoint {
-                name: name.to_owned(),
-                parent: if name == "hips" { "" } else { "hips" }.to_owned(),
-                offset: Some(v1::Vec3 {
-                    x: 0.1,
-                    y: -0.8,
-                    z: 0.0,
-                }),
-            })
-            .to_vec(),
+            joints: ["hips", "left_leg"]
+                .map(|name| v1::BodyJoint {
+                    name: name.to_owned(),
+                    parent: if name == "hips" { "" } else { "hips" }.to_owned(),
+                    offset: Some(v1::Vec3 {
+                        x: 0.1,
+                        y: -0.8,
+                        z: 0.0,
+                    }),
+                })
+                .to_vec(),
             ..v1::BodySkeleton::default()
         })),
         name: "new".to_owned(),

@@ -121,9 +121,7 @@ impl Live {
     /// the cursor, over to the poses that are carried over.
     pub(super) fn begin_at(&mut self, root: Vec3, rotations: &[Quat]) {
         if let Some(dress) = &mut self.dress {
-            let mut made = FrameOut::default();
-            self.character.sample(&mut made);
-            dress.begin((root, rotations), &made);
+            dress.begin((root, rotations), &self.character);
         }
     }
 

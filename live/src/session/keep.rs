@@ -241,15 +241,17 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     let pack = packs.find(&Path::root(), record.pack, record.body);
     let pack = pack.map_err(|error| text(&error))?;
     (pack.loaded.require(Capability::Live, "pack")).map_err(|error| text(&error))?;
-    let pack = match record.skeleton {
-        "" => pack.clone(),
+    let (pack, dress) = match record.skeleton {
+        "" => (pack.clone(), None),
         name => {
             let worn = world.skeletons().wear("skeleton", name, pack, packs.table());
-            worn.map_err(|error| text(&error))?
+            let (pack, dress) = worn.map_err(|error| text(&error))?;
+            (pack, Some(dress))
         }
     };
     let scale = pack.worn().map_or(1.0, |worn| worn.scale());
-    if scale != record.scale {
+    // Rounding differs between machines.
+    if (scale - record.scale).abs() > 1e-4 * record.scale {
         return Err(format!(
             "skeleton {:?} has another size now: {scale}, and {} before",
             record.skeleton, record.scale
@@ -273,7 +275,7 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     let character = saved::restore(record.character, &around).map_err(|error| text(&error))?;
     Ok(SessionParts {
         id: id.clone(),
-        dress: pack.worn().map(|worn| worn.dress()),
+        dress,
         pack,
         convention: record.convention,
         seed: record.seed,

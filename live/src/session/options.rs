@@ -15,7 +15,7 @@ use crate::skeleton::Dress;
 use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, Measure, check_context, to_native, units};
 use crate::world::{Store, WorldError};
 use troupe_character::live::budget::MIDDLE_PRIORITY;
-use troupe_character::live::{Character, CharacterOptions, FrameOut, Start, World};
+use troupe_character::live::{Character, CharacterOptions, Start, World};
 use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::{Holder, Resident};
 use troupe_character::style::{Style, StyleTable};
@@ -42,7 +42,7 @@ pub(super) fn parts(
     let id = id::wanted(&path.field("id"), &options.id)?;
     let pack = packs.find(path, &options.pack, &options.body)?.clone();
     pack.loaded.require(Capability::Live, path.field("pack"))?;
-    let pack = wearing(&path.field("skeleton"), &options.skeleton, pack, packs, store)?;
+    let (pack, dress) = wearing(&path.field("skeleton"), &options.skeleton, pack, packs, store)?;
     let style = style(&path.field("style"), &options.style, pack.styles())?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
     let (start, given) = start(path, options, convention, &pack)?;
@@ -57,7 +57,6 @@ pub(super) fn parts(
         holder: Holder::new(id.clone()),
         scale: pack.worn().map_or(1.0, |worn| worn.scale()),
     });
-    let dress = pack.worn().map(|worn| worn.dress());
     let command = LocomotionCommand {
         velocity: Vec3::ZERO,
         facing: None,
@@ -66,13 +65,13 @@ pub(super) fn parts(
         height_m: None,
     };
     let character = Character::in_world(pack.rig().clone(), character, start, command, world);
-    let mut character = character.with_skills(pack.loaded.skills.clone());
+    let character = character.with_skills(pack.loaded.skills.clone());
     Ok(SessionParts {
         id,
         convention,
         seed: options.seed,
         ttl,
-        dress: dress.map(|dress| begun(dress, given.as_ref(), &mut character)),
+        dress: dress.map(|dress| begun(dress, given.as_ref(), &character)),
         character,
         style,
         priority,
@@ -89,20 +88,19 @@ fn wearing(
     pack: Arc<LivePack>,
     packs: &LivePacks,
     store: &Store,
-) -> Result<Arc<LivePack>, SessionError> {
+) -> Result<(Arc<LivePack>, Option<Dress>), SessionError> {
     if name.is_empty() {
-        return Ok(pack);
+        return Ok((pack, None));
     }
     let field = path.to_string();
-    Ok(store.skeletons().wear(&field, name, &pack, packs.table())?)
+    let (pack, dress) = store.skeletons().wear(&field, name, &pack, packs.table())?;
+    Ok((pack, Some(dress)))
 }
 
 /// What a character wears that begins at a pose of the client, if one is given.
-fn begun(mut dress: Dress, given: Option<&ContextFrame>, character: &mut Character) -> Dress {
+fn begun(mut dress: Dress, given: Option<&ContextFrame>, character: &Character) -> Dress {
     if let Some(given) = given {
-        let mut made = FrameOut::default();
-        character.sample(&mut made);
-        dress.begin((given.root, &given.rotations), &made);
+        dress.begin((given.root, &given.rotations), character);
     }
     dress
 }

@@ -183,7 +183,7 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
         at_frame: Some(waiting.frame),
         priority: None,
         intent: Some(match &waiting.intent {
-            Intent::Locomote(command) => Asked::Locomote(locomote(command, cell.measure())),
+            Intent::Locomote(command) => Asked::Locomote(locomote(command, cell)),
             Intent::FollowPath(path) => Asked::FollowPath(follow_path(path, cell.measure())),
             Intent::Interact {
                 instance,
@@ -229,7 +229,13 @@ fn follow_path(path: &PathCommand, measure: Measure) -> v1::FollowPath {
     }
 }
 
-fn locomote(command: &LocomotionCommand, measure: Measure) -> v1::Locomote {
+fn locomote(command: &LocomotionCommand, cell: &SessionCell) -> v1::Locomote {
+    let measure = cell.measure();
+    let unit = cell.convention().units_per_metre();
+    let height = |height_m: f32| match cell.pack().worn() {
+        Some(worn) => worn.height_out(height_m) * unit,
+        None => height_m * unit,
+    };
     let LocomotionCommand {
         velocity,
         facing,
@@ -242,6 +248,6 @@ fn locomote(command: &LocomotionCommand, measure: Measure) -> v1::Locomote {
         facing: facing.map(|facing| measure.heading_from_native(facing)),
         style: style.name.clone(),
         gait: gait.clone().unwrap_or_default(),
-        height: height_m.map(|height| height * measure.units_per_metre()),
+        height: height_m.map(height),
     }
 }

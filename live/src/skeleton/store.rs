@@ -1,22 +1,25 @@
 //! The skeletons of a tenant, and the folder that keeps them.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-use troupe_character::document::{DocumentError, Format, forget, is_full, keep, read_kept};
+use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
 use troupe_character::{FieldError, Path};
 use troupe_motion::retarget::Figure;
 
-use super::doc::SkeletonDoc;
+use super::doc::{BodyDoc, SkeletonDoc};
 use super::error::SkeletonError;
-use super::worn::Worn;
+use super::worn::{Dress, Worn};
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::LivePack;
 use crate::world::{MemoryHolder, NoMemory, UploadMemory};
 
 /// Maximum number of skeletons of a tenant.
 pub const MAX_SKELETONS: usize = 256;
+/// Lengths of a skeleton's legs by those of a pack's.
+const SCALES: RangeInclusive<f32> = 0.05..=20.0;
 /// Most names that an error lists.
 const LISTED: usize = 32;
 /// Most characters of a name that an error repeats.
@@ -24,10 +27,12 @@ const MAX_ECHO: usize = 64;
 /// Estimated memory of a joint: itself, and what is worn of it on a few packs, bytes.
 const BYTES_PER_JOINT: usize = 2048;
 
+type ByName = BTreeMap<Arc<str>, Arc<Own>>;
+
 /// The skeletons of a tenant.
 #[derive(Debug)]
 pub struct Skeletons {
-    all: RwLock<BTreeMap<Arc<str>, Arc<Own>>>,
+    all: RwLock<ByName>,
     /// Keeps them. `None`: they are lost when the server stops.
     folder: Option<PathBuf>,
     /// Held by the one writer.
@@ -77,14 +82,22 @@ impl Own {
         if let Some(fit) = self.fits().iter().find(is_it) {
             return Ok(fit.worn.clone());
         }
-        let worn = Worn::new(&self.doc.name, &self.figure, of, table);
-        let worn = Arc::new(worn.map_err(|error| SkeletonError::Unfit {
+        let unfit = |fault: String| SkeletonError::Unfit {
             name: self.doc.name.clone(),
             pack: body_of(loaded, place),
-            faults: vec![error.to_string()],
+            faults: vec![fault],
             field: field.to_owned(),
             may_force: false,
-        })?);
+        };
+        let worn = Worn::new(&self.doc.name, &self.figure, of, table);
+        let worn = Arc::new(worn.map_err(|error| unfit(error.to_string()))?);
+        if !SCALES.contains(&worn.scale()) {
+            let (low, high) = (SCALES.start(), SCALES.end());
+            return Err(unfit(format!(
+                "its legs are {} times as long as the pack's; allowed: {low} to {high}, in metres",
+                worn.scale()
+            )));
+        }
         let mut fits = self.fits();
         // Another call may have been faster.
         if let Some(fit) = fits.iter().find(is_it) {
@@ -144,7 +157,11 @@ impl MemoryHolder for Skeletons {
 }
 
 fn bytes(own: &Own) -> usize {
-    own.figure.skeleton().joint_count() * BYTES_PER_JOINT
+    let text = match &own.doc.body {
+        BodyDoc::Robot(robot) => robot.description.len(),
+        BodyDoc::Joints(_) => 0,
+    };
+    text + own.figure.skeleton().joint_count() * BYTES_PER_JOINT
 }
 
 impl Skeletons {
@@ -170,8 +187,12 @@ impl Skeletons {
         })
     }
 
-    fn all(&self) -> std::sync::RwLockReadGuard<'_, BTreeMap<Arc<str>, Arc<Own>>> {
+    fn all(&self) -> RwLockReadGuard<'_, ByName> {
         self.all.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn changing(&self) -> RwLockWriteGuard<'_, ByName> {
+        self.all.write().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Number of skeletons.
@@ -209,7 +230,14 @@ impl Skeletons {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let before = self.all().get(doc.name.as_str()).cloned();
         if let Some(same) = before.as_ref().filter(|before| before.doc == doc) {
+            same.fit(of, table, "source")?;
             return Ok(same.clone());
+        }
+        let text = serde_json::to_string(&doc).unwrap_or_default();
+        if text.len() > SkeletonDoc::MAX_BYTES {
+            let message = format!("takes {} bytes as a skeleton", text.len());
+            let allowed = format!("at most {}", SkeletonDoc::MAX_BYTES);
+            return Err(Path::root().field("source").error(message, allowed).into());
         }
         let no_body = |why: String| FieldError {
             field: "source".to_owned(),
@@ -219,13 +247,6 @@ impl Skeletons {
         let own = Arc::new(Own::new(doc).map_err(no_body)?);
         own.fit(of, table, "source")?;
         let name = own.doc.name.clone();
-        if let Some(sessions) = before
-            .as_ref()
-            .map(|before| before.sessions())
-            .filter(|&count| count > 0)
-        {
-            return Err(SkeletonError::InUse { name, sessions });
-        }
         if before.is_none() && self.count() >= MAX_SKELETONS {
             return Err(SkeletonError::Full { most: MAX_SKELETONS });
         }
@@ -235,15 +256,25 @@ impl Skeletons {
             cause,
         };
         memory.check(bytes(&own), replaced).map_err(no_room)?;
-        if let Some(folder) = &self.folder {
-            let text = serde_json::to_string(&own.doc);
-            let kept = text
-                .map_err(std::io::Error::from)
-                .and_then(|text| keep(folder, &name, Format::Json, &text));
-            kept.map_err(|cause| not_kept(&name, &cause))?;
+        let mut all = self.changing();
+        if let Some(sessions) = before
+            .as_ref()
+            .map(|before| before.sessions())
+            .filter(|&count| count > 0)
+        {
+            return Err(SkeletonError::InUse { name, sessions });
         }
-        let mut all = self.all.write().unwrap_or_else(PoisonError::into_inner);
         all.insert(Arc::from(name.as_str()), own.clone());
+        drop(all);
+        if let Some(folder) = &self.folder
+            && let Err(cause) = keep(folder, &name, Format::Json, &text)
+        {
+            match before {
+                Some(before) => self.changing().insert(Arc::from(name.as_str()), before),
+                None => self.changing().remove(name.as_str()),
+            };
+            return Err(not_kept(&name, &cause));
+        }
         Ok(own)
     }
 
@@ -256,12 +287,12 @@ impl Skeletons {
     pub(super) fn delete(&self, name: &str) -> Result<(), SkeletonError> {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let own = self.get("name", name)?;
+        let mut all = self.changing();
         let sessions = own.sessions();
         if sessions > 0 {
             let name = name.to_owned();
             return Err(SkeletonError::InUse { name, sessions });
         }
-        let mut all = self.all.write().unwrap_or_else(PoisonError::into_inner);
         all.remove(name);
         drop(all);
         match &self.folder {
@@ -294,7 +325,8 @@ impl Skeletons {
         own.on(of, table, "pack")
     }
 
-    /// A pack whose characters wear the skeleton called `name`. All sessions of both share it.
+    /// A pack whose characters wear the skeleton called `name`, which all sessions of both share; and
+    /// what one of them wears.
     ///
     /// # Errors
     /// As [`Skeletons::worn`].
@@ -304,16 +336,25 @@ impl Skeletons {
         name: &str,
         pack: &Arc<LivePack>,
         table: &PackTable,
-    ) -> Result<Arc<LivePack>, SkeletonError> {
-        let own = self.get(field, name)?;
-        let worn = own.fit((&pack.loaded, pack.place()), table, field)?;
-        let mut fits = own.fits();
-        let fit = fits.iter_mut().find(|fit| Arc::ptr_eq(&fit.worn, &worn));
-        let live = || Arc::new(pack.wearing(worn.clone()));
-        Ok(match fit {
-            Some(fit) => fit.live.get_or_insert_with(live).clone(),
-            None => live(),
-        })
+    ) -> Result<(Arc<LivePack>, Dress), SkeletonError> {
+        loop {
+            let own = self.get(field, name)?;
+            let worn = own.fit((&pack.loaded, pack.place()), table, field)?;
+            // While this lock is held, the skeleton is neither replaced nor deleted.
+            let all = self.all();
+            if !all.get(name).is_some_and(|now| Arc::ptr_eq(now, &own)) {
+                continue;
+            }
+            let dress = worn.dress_for_session();
+            let mut fits = own.fits();
+            let fit = fits.iter_mut().find(|fit| Arc::ptr_eq(&fit.worn, &worn));
+            let live = || Arc::new(pack.wearing(worn.clone()));
+            let live = match fit {
+                Some(fit) => fit.live.get_or_insert_with(live).clone(),
+                None => live(),
+            };
+            return Ok((live, dress));
+        }
     }
 }
 

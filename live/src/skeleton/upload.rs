@@ -139,6 +139,11 @@ fn of_figure(path: &Path<'_>, figure: &Figure) -> Result<BodyDoc, FieldError> {
 fn not_found(path: &Path<'_>, error: &RetargetError) -> FieldError {
     let text = error.to_string();
     // An error that says what is allowed says it best.
-    let (text, allowed) = text.split_once("; allowed: ").unwrap_or((&text, "a body on two legs or four"));
-    path.error(cut(text, MAX_MESSAGE), format!("{allowed}; `parts` corrects what is found"))
+    let (text, allowed) = text
+        .split_once("; allowed: ")
+        .unwrap_or((&text, "a body on two legs or four"));
+    path.error(
+        cut(text, MAX_MESSAGE),
+        format!("{allowed}; `parts` corrects what is found"),
+    )
 }

@@ -126,6 +126,17 @@ impl Worn {
         GlobalRoot::new(position, heading)
     }
 
+    /// The place of the pack's root for one of the user's, metres, without regard to where the body
+    /// heads.
+    pub fn place_in(&self, place: Vec3) -> Vec3 {
+        (place - Vec3::Y * self.root_m.y) / self.scale()
+    }
+
+    /// Height of the user's root for a height of the pack's, metres.
+    pub fn height_out(&self, height_m: f32) -> f32 {
+        height_m * self.scale() + self.root_m.y
+    }
+
     /// Height of the pack's root for a height of the user's, metres.
     pub fn height_in(&self, height_m: f32) -> f32 {
         (height_m - self.root_m.y) / self.scale()
@@ -145,7 +156,15 @@ impl Worn {
         frames.iter().map(carry).collect()
     }
 
-    /// What a character wears: a copy of the way onto the user's skeleton.
+    /// What the character of a session wears. It counts as long as it exists.
+    pub(super) fn dress_for_session(&self) -> Dress {
+        Dress {
+            _wearer: Some(self.wearers.clone()),
+            ..self.dress()
+        }
+    }
+
+    /// A copy of the way onto the user's skeleton.
     pub fn dress(&self) -> Dress {
         let mut onto = self.onto.clone();
         onto.reset();
@@ -153,10 +172,10 @@ impl Worn {
             pose: vec![Quat::IDENTITY; self.skeleton().joint_count()],
             reaches: Vec::new(),
             holds: [0.0; 2],
-            frame: 0,
+            frame: 0.0,
             onto,
             ease: None,
-            _wearer: self.wearers.clone(),
+            _wearer: None,
         }
     }
 }
@@ -170,17 +189,17 @@ pub struct Dress {
     reaches: Vec<usize>,
     /// How far each hand holds on, 0 to 1.
     holds: [f32; 2],
-    /// The last frame.
-    frame: u64,
+    /// The last frame, or a place between two frames.
+    frame: f64,
     ease: Option<Ease>,
-    _wearer: Arc<()>,
+    _wearer: Option<Arc<()>>,
 }
 
 /// From the pose as it is carried over to one that the client gave.
 #[derive(Debug, Clone)]
 struct Ease {
     /// The frame of the given pose.
-    frame: u64,
+    frame: f64,
     root: Vec3,
     /// Turns of the joints, each in its parent's frame of reference.
     turns: Vec<Quat>,
@@ -195,21 +214,22 @@ impl Dress {
         self.reaches.extend(character.held().map(|held| held.joint));
         // Feet stand on flat ground to the retargeter.
         let lift = Vec3::Y * character.lift().root_m;
-        let root = self.carry_holding(out.frame, out.root - lift, &out.rotations);
+        let time = character.time_frames();
+        let root = self.carry_holding(time, out.root - lift, &out.rotations);
         out.root = root + self.onto.scale() * lift;
-        self.show(out);
+        self.show(time, out);
     }
 
     /// As [`Dress::put_on`], for a frame that is not at the cursor.
     pub fn put_on_later(&mut self, out: &mut FrameOut) {
         out.root = self.carry(out.root, &out.rotations);
-        self.show(out);
+        self.show(out.frame as f64, out);
     }
 
     /// Carries a pose over with hands that hold on. A hand takes [`EASE_FRAMES`] to get there and
     /// to let go.
-    fn carry_holding(&mut self, frame: u64, root: Vec3, rotations: &[Quat]) -> Vec3 {
-        let step = frame.saturating_sub(self.frame) as f32 / EASE_FRAMES;
+    fn carry_holding(&mut self, frame: f64, root: Vec3, rotations: &[Quat]) -> Vec3 {
+        let step = (frame - self.frame).max(0.0) as f32 / EASE_FRAMES;
         self.frame = frame;
         for (side, holds) in self.hands().into_iter().enumerate() {
             let hold = self.holds[side] + if holds { step } else { -step };
@@ -249,10 +269,10 @@ impl Dress {
     }
 
     /// Makes the last pose the frame.
-    fn show(&mut self, out: &mut FrameOut) {
+    fn show(&mut self, time: f64, out: &mut FrameOut) {
         out.rotations.clear();
         out.rotations.extend_from_slice(&self.pose);
-        self.settle(out);
+        self.settle(time, out);
         if let Some(robot) = &self.onto.figures()[1].skeleton().robot {
             robot.fit(&mut out.rotations, &mut out.fitted);
         } else {
@@ -270,24 +290,27 @@ impl Dress {
         &self.pose
     }
 
-    /// Begins at a frame whose pose the client gave: root and rotations on its skeleton. `made` is
-    /// that frame on the pack's skeleton.
-    pub fn begin(&mut self, given: (Vec3, &[Quat]), made: &FrameOut) {
-        let root = self.carry(made.root, &made.rotations);
+    /// Begins at the frame at the cursor of `character`, whose pose the client gave: root and
+    /// rotations on its skeleton.
+    pub fn begin(&mut self, given: (Vec3, &[Quat]), character: &Character) {
+        let mut made = FrameOut::default();
+        character.sample(&mut made);
+        let lift = Vec3::Y * character.lift().root_m;
+        let root = self.carry(made.root - lift, &made.rotations) + self.onto.scale() * lift;
         let turns = given.1.iter().zip(&self.pose);
         self.ease = Some(Ease {
-            frame: made.frame,
+            frame: character.time_frames(),
             root: given.0 - root,
             turns: turns.map(|(given, made)| *given * made.conjugate()).collect(),
         });
     }
 
     /// Adds what is left of the way from a given pose.
-    fn settle(&mut self, out: &mut FrameOut) {
+    fn settle(&mut self, time: f64, out: &mut FrameOut) {
         let Some(ease) = &self.ease else {
             return;
         };
-        let share = eased(out.frame.saturating_sub(ease.frame) as f32);
+        let share = eased((time - ease.frame).max(0.0) as f32);
         if share <= 0.0 {
             self.ease = None;
             return;

@@ -57,7 +57,10 @@ fn carry(keys: &mut [v1::Keyframe], checked: &[Checked], worn: &Worn) -> Keys {
         let pose = checked.pose.as_ref().and_then(|_| carried.next());
         *key = for_pack(checked, pose.as_ref(), worn);
         made.given.push(Given {
-            root: checked.root.map(|root| root.position),
+            root: match checked.root {
+                Some(root) => root.position.to_array().map(Some),
+                None => [None, checked.pose.as_ref().map(|pose| pose.height), None],
+            },
             rotations: checked.pose.as_ref().map(|pose| pose.rotations.clone()),
         });
         made.carried.push(pose);

@@ -19,8 +19,9 @@ pub(crate) struct OwnAnswer {
     worn: Arc<Worn>,
     /// One for each character, as they come.
     characters: Vec<OwnCharacter>,
-    /// The last frames of the first character.
-    targets: Keys,
+    /// Frames at the end of the first character's motion, and whether they are its last frames.
+    /// Otherwise they come after it.
+    targets: (Keys, bool),
 }
 
 #[derive(Debug)]
@@ -59,11 +60,14 @@ pub(crate) fn take_generate(
     let past = keys(&root, "past", &mut request.past, Role::Context, worn)?;
     let mut first = OwnCharacter::after(&past, worn);
     let mut characters = Vec::new();
-    let mut targets = Keys::default();
+    let mut targets = (Keys::default(), true);
     match &mut request.goal {
         Some(Goal::Prompt(prompt)) => {
             let path = root.field("prompt");
-            targets = keys(&path, "targets", &mut prompt.targets, Role::Context, worn)?;
+            targets = (
+                keys(&path, "targets", &mut prompt.targets, Role::Context, worn)?,
+                false,
+            );
             for (index, other) in prompt.others.iter_mut().enumerate() {
                 let path = path.element("others", index);
                 let past = keys(&path, "past", &mut other.past, Role::Context, worn)?;
@@ -78,7 +82,7 @@ pub(crate) fn take_generate(
                     "only one of the two",
                 ));
             }
-            targets = keys(&path, "targets", &mut goal.targets, Role::Context, worn)?;
+            targets.0 = keys(&path, "targets", &mut goal.targets, Role::Context, worn)?;
             take_points(goal, worn);
             // Times count from the last frame of the past, which the answer does not have.
             let shift = i64::from(!past.given.is_empty());
@@ -104,11 +108,18 @@ pub(crate) fn take_generate(
 /// Brings the points and the speed of a path to the pack's size.
 fn take_points(goal: &mut v1::PathGoal, worn: &Worn) {
     for point in &mut goal.points {
-        let heading = point.heading.unwrap_or_default();
+        let heading = point.heading;
         point.position = point.position.map(|v1::Vec3 { x, y, z }| {
-            let there = worn.root_in(GlobalRoot::new(Vec3::new(x, y, z), heading));
-            let Vec3 { x, z, .. } = there.position;
-            v1::Vec3 { x, y, z }
+            let place = Vec3::new(x, y, z);
+            let there = match heading {
+                Some(heading) => worn.root_in(GlobalRoot::new(place, heading)).position,
+                None => worn.place_in(place),
+            };
+            v1::Vec3 {
+                x: there.x,
+                y,
+                z: there.z,
+            }
         });
     }
     goal.speed = goal.speed.map(|speed| speed / worn.scale());
@@ -141,13 +152,22 @@ impl OwnAnswer {
         let OwnCharacter { carrier, pins } = &mut self.characters[index];
         let carried = carrier.carry(frames);
         if part.is_last && index == 0 {
+            let (keys, are_last) = &self.targets;
             let end = carrier.done() + carried.roots.len() as i64;
-            let first = end - self.targets.given.len() as i64;
-            for (nth, given) in self.targets.given.iter().enumerate() {
+            let first = end - if *are_last { keys.given.len() as i64 } else { 0 };
+            if !keys.given.is_empty() {
+                // Frames of earlier parts are sent.
+                pins.none_before(carrier.done() - 1);
+            }
+            for (nth, (given, key)) in keys.given.iter().zip(&keys.carried).enumerate() {
                 let frame = first + nth as i64;
                 let made = usize::try_from(frame - carrier.done()).ok();
-                if let Some(made) = made.and_then(|at| carried.at(at)) {
-                    pins.add(frame, given, made);
+                match (made.and_then(|at| carried.at(at)), key) {
+                    (Some(made), _) => pins.add(frame, given, made),
+                    (None, Some((root, rotations))) => {
+                        pins.add(frame, given, carrier.before(*root, rotations))
+                    }
+                    (None, None) => {}
                 }
             }
         }

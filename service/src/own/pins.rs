@@ -11,8 +11,8 @@ const EASE_FRAMES: i64 = 8;
 /// What the user gave of a frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Given {
-    /// Position of the root joint.
-    pub(super) root: Option<Vec3>,
+    /// Position of the root joint: x, y, z.
+    pub(super) root: [Option<f32>; 3],
     /// Rotations of all joints.
     pub(super) rotations: Option<Vec<Quat>>,
 }
@@ -39,8 +39,17 @@ impl Pins {
         });
         self.0.push(Pin {
             frame,
-            root: given.root.map_or(Vec3::ZERO, |root| root - made.0),
+            root: apart(given.root, made.0),
             turns: turns.unwrap_or_default(),
+        });
+    }
+
+    /// Lets differences of frames before `frame` end there.
+    pub(super) fn none_before(&mut self, frame: i64) {
+        self.0.push(Pin {
+            frame,
+            root: Vec3::ZERO,
+            turns: Vec::new(),
         });
     }
 
@@ -65,6 +74,12 @@ impl Pins {
     }
 }
 
+/// From a place to what is given of one.
+fn apart(given: [Option<f32>; 3], made: Vec3) -> Vec3 {
+    let made = made.to_array();
+    Vec3::from_array([0, 1, 2].map(|axis: usize| given[axis].map_or(0.0, |value| value - made[axis])))
+}
+
 /// 1 at 0, and 0 from 1 on, with level ends.
 fn eased(at: f32) -> f32 {
     let t = 1.0 - at.clamp(0.0, 1.0);
@@ -79,7 +94,7 @@ mod tests {
     fn frames_meet_what_was_given_and_others_hardly_change() {
         let turn = Quat::from_rotation_x(0.1);
         let given = Given {
-            root: Some(Vec3::X),
+            root: [Some(1.0), None, None],
             rotations: Some(vec![turn]),
         };
         let mut pins = Pins::default();

@@ -81,7 +81,10 @@ fn root_key(key: &mut v1::RootKey, context: &Keys, (targets, first_target): (&Ke
             key.heading = None;
             place
         }
-        None => worn.root_in(GlobalRoot::new(place, given(key.heading))).position,
+        None => match key.heading {
+            Some(heading) => worn.root_in(GlobalRoot::new(place, heading)).position,
+            None => worn.place_in(place),
+        },
     };
     key.x = key.x.map(|_| there.x);
     key.z = key.z.map(|_| there.z);
@@ -112,7 +115,7 @@ impl OwnSegment {
         let mut pinned: Vec<(usize, Given)> = self.context.iter().cloned().enumerate().collect();
         let targets = self.targets.iter().cloned().enumerate();
         pinned.extend(targets.map(|(nth, given)| (first_target + nth, given)));
-        self.add_places(&mut pinned, &carried.roots);
+        self.add_places(&mut pinned);
         pinned.sort_by_key(|(frame, _)| *frame);
         let mut pins = Pins::default();
         for (frame, given) in &pinned {
@@ -124,20 +127,21 @@ impl OwnSegment {
     }
 
     /// Adds the places that the user gave by frames.
-    fn add_places(&self, pinned: &mut Vec<(usize, Given)>, roots: &[Vec3]) {
-        for (frame, [x, y, z]) in &self.places {
-            let Some(made) = roots.get(*frame) else {
-                continue;
-            };
-            let there = Vec3::new(x.unwrap_or(made.x), y.unwrap_or(made.y), z.unwrap_or(made.z));
-            if !pinned.iter().any(|(other, _)| other == frame) {
-                pinned.push((
+    fn add_places(&self, pinned: &mut Vec<(usize, Given)>) {
+        for (frame, place) in &self.places {
+            match pinned.iter_mut().find(|(other, _)| other == frame) {
+                // It repeats what the keyframe has.
+                Some((_, given)) => {
+                    let both = given.root.iter_mut().zip(place);
+                    both.for_each(|(value, place)| *value = value.or(*place));
+                }
+                None => pinned.push((
                     *frame,
                     Given {
-                        root: Some(there),
+                        root: *place,
                         rotations: None,
                     },
-                ));
+                )),
             }
         }
     }

@@ -4,6 +4,7 @@ use axum::Json;
 use axum::extract::{FromRequest, Request};
 use http::header;
 use serde::Deserialize;
+use troupe_character::Path;
 use troupe_proto::v1;
 use troupe_proto::v1::put_skeleton_request::Source;
 
@@ -34,7 +35,8 @@ pub(in crate::api) async fn list(Ours(service): Ours) -> Result<Json<v1::ListSke
 #[serde(default, deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct FileForm {
-    /// Name of the file, for its ending. Left out: `skeleton.glb`. Only for a body that is a file.
+    /// Name of the file, for its ending. Left out: `skeleton.glb`, or `skeleton.urdf` for XML. Only
+    /// for a body that is a file.
     file: Option<String>,
     /// As `pack` in a JSON body. Only for a body that is a file.
     pack: Option<String>,
@@ -44,10 +46,18 @@ pub(in crate::api) struct FileForm {
     force: Option<bool>,
 }
 
+impl FileForm {
+    fn is_empty(&self) -> bool {
+        let texts = [&self.file, &self.pack, &self.body];
+        texts.iter().all(|text| text.is_none()) && self.force.is_none()
+    }
+}
+
 /// A skeleton as JSON, or as the file of a character.
 pub(in crate::api) enum Sent {
     Json(v1::PutSkeletonRequest),
-    File(Vec<u8>),
+    /// The usual name of such a file, and its bytes.
+    File(String, Vec<u8>),
 }
 
 impl<S: Send + Sync> FromRequest<S> for Sent {
@@ -62,14 +72,20 @@ impl<S: Send + Sync> FromRequest<S> for Sent {
         }
         let limits = request.extensions().get::<BodyLimits>().cloned();
         let limits = limits.ok_or_else(|| ApiError::Internal("no limits are set".to_owned()))?;
-        Ok(Self::File(bytes(request, state, &limits).await?.into()))
+        let usual = if kind.ends_with("xml") {
+            "skeleton.urdf"
+        } else {
+            "skeleton.glb"
+        };
+        let data = bytes(request, state, &limits).await?;
+        Ok(Self::File(usual.to_owned(), data.into()))
     }
 }
 
 /// Add a skeleton, or replace one that no session wears
 ///
 /// The body is JSON, or a character's file as it is, with the Content-Type `model/gltf-binary` or
-/// `application/octet-stream`. A name in the body must equal the name in the path, or be left out.
+/// `application/octet-stream` (`application/xml` for a robot). A name in the body must equal the name in the path, or be left out.
 #[utoipa::path(
     put,
     path = "/v1/skeletons/{name}",
@@ -91,10 +107,18 @@ pub(in crate::api) async fn put(
 ) -> Result<Json<v1::OwnSkeleton>, ApiError> {
     let form = asked(form)?;
     let mut request = match sent {
-        Sent::Json(request) => request,
-        Sent::File(data) => v1::PutSkeletonRequest {
+        Sent::Json(request) => match form.is_empty() {
+            true => request,
+            false => {
+                let root = Path::root();
+                let query = root.field("query");
+                let allowed = "these fields in the JSON body";
+                return Err(query.error("is for a body that is a file", allowed).into());
+            }
+        },
+        Sent::File(usual_name, data) => v1::PutSkeletonRequest {
             source: Some(Source::File(v1::SkeletonFile {
-                name: form.file.unwrap_or_else(|| "skeleton.glb".to_owned()),
+                name: form.file.unwrap_or(usual_name),
                 data,
             })),
             pack: form.pack.unwrap_or_default(),
