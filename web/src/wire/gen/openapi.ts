@@ -503,6 +503,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/skeletons": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** List skeletons */
+        get: operations["ListSkeletons"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/skeletons/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** A skeleton, and its certificate for a pack */
+        get: operations["GetSkeleton"];
+        /**
+         * Add a skeleton, or replace one that no session wears
+         * @description The body is JSON, or a character's file as it is, with the Content-Type `model/gltf-binary` or
+         *     `application/octet-stream`. A name in the body must equal the name in the path, or be left out.
+         */
+        put: operations["PutSkeleton"];
+        post?: never;
+        /** Delete a skeleton that no session wears */
+        delete: operations["DeleteSkeleton"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/step": {
         parameters: {
             query?: never;
@@ -999,6 +1039,8 @@ export interface components {
         DeleteObjectDefinitionResponse: Record<string, never>;
         /** @description The scene was deleted. */
         DeleteSceneResponse: Record<string, never>;
+        /** @description The skeleton is gone. */
+        DeleteSkeletonResponse: Record<string, never>;
         /** @description A motion to describe. */
         DescribeRequest: {
             /**
@@ -1456,7 +1498,7 @@ export interface components {
              */
             style: string;
         };
-        /** @description Frames of characters with the same pack and body, packed by column. With C characters, F frames each, J joints: every column has all frames of the first character, then all of the second, and so on. */
+        /** @description Frames of characters with the same pack, body and skeleton, packed by column. With C characters, F frames each, J joints: every column has all frames of the first character, then all of the second, and so on. */
         FrameBlock: {
             /**
              * @description Name of the body, whose joints the columns have. Empty for packs with one skeleton.
@@ -1532,6 +1574,11 @@ export interface components {
              * @default []
              */
             six_d: number[];
+            /**
+             * @description Name of the skeleton of the user's own that the characters wear. Then the columns have its joints, and `contacts` still has those of the pack. Empty: none.
+             * @default
+             */
+            skeleton: string;
             /**
              * @description The characters: indices in the request's session_ids (Step), or slots (Drive).
              * @default []
@@ -1706,6 +1753,11 @@ export interface components {
              * @default 0
              */
             seed: string;
+            /**
+             * @description Name of a skeleton of the user's own (Skeletons.PutSkeleton). Then past, path, keyframes and frames are on it, in its size. Empty: the pack's. Not together with PathGoal.skeleton.
+             * @default
+             */
+            skeleton: string;
         };
         /** @description A part of a motion. It follows the parts before. */
         GenerateResponse: {
@@ -1829,6 +1881,11 @@ export interface components {
              * @default
              */
             pack: string;
+            /**
+             * @description Name of a skeleton of the user's own (Skeletons.PutSkeleton). Then keyframes and answers are on it, in its size. Empty: the pack's.
+             * @default
+             */
+            skeleton: string;
         };
         /** @description The generated motion. */
         InBetweenResponse: {
@@ -2117,6 +2174,14 @@ export interface components {
              */
             total: number;
         };
+        /** @description All skeletons. */
+        ListSkeletonsResponse: {
+            /**
+             * @description Sorted by name.
+             * @default []
+             */
+            skeletons: components["schemas"]["SkeletonSummary"][];
+        };
         /** @description The styles of a pack. */
         ListStylesResponse: {
             /**
@@ -2378,6 +2443,46 @@ export interface components {
              * @default []
              */
             frames: components["schemas"]["Keyframe"][];
+        };
+        /** @description A skeleton of the user's own. */
+        OwnSkeleton: {
+            /** @description How it fits the pack. */
+            fit?: components["schemas"]["SkeletonFit"];
+            /**
+             * @description Whether it is taken although it is below the bar.
+             * @default false
+             */
+            forced: boolean;
+            /**
+             * Format: float
+             * @description Height of the first joint over the ground in the neutral pose, metres.
+             * @default 0
+             */
+            height: number;
+            /**
+             * @description The joints, parents before children; poses and frames use this order.
+             * @default []
+             */
+            joints: components["schemas"]["Joint"][];
+            /** @description The body's left in the first joint's own frame, unit length. */
+            left_axis?: components["schemas"]["Vec3"];
+            /**
+             * @description The name that requests use.
+             * @default
+             */
+            name: string;
+            /**
+             * @description What the file left open, and how it was understood.
+             * @default []
+             */
+            notes: string[];
+            /**
+             * @description The parts of the body as they are found, as TOML.
+             * @default
+             */
+            parts: string;
+            /** @description The robot that it is. Left out: none. */
+            robot?: components["schemas"]["Robot"];
         };
         /** @description A model pack: what it animates, its limits, and its origin. */
         Pack: {
@@ -2958,6 +3063,38 @@ export interface components {
             /** @description The scene as a message. An object with the id and definition of an existing one continues it: a session that has reserved or holds it still does. All others are new, and objects that are not in this message are removed. */
             scene?: components["schemas"]["Scene"];
         };
+        /** @description Adds a skeleton. */
+        PutSkeletonRequest: {
+            /**
+             * @description Name of the pack's body, for packs with several. Empty: the default one.
+             * @default
+             */
+            body: string;
+            /** @description At most one field of `source` is present. A file. */
+            file?: components["schemas"]["SkeletonFile"];
+            /**
+             * @description Take a skeleton whose certificate is below the bar, for every pack.
+             * @default false
+             */
+            force: boolean;
+            /** @description At most one field of `source` is present. The joints. In their rest pose, or in `neutral`, a body on two legs stands upright with arms that hang or point to the sides. */
+            joints?: components["schemas"]["BodySkeleton"];
+            /**
+             * @description The name that requests use: 1 to 64 letters, digits, '-', '_' or '.'. At most 256 skeletons.
+             * @default
+             */
+            name: string;
+            /**
+             * @description Name of the pack whose motion the certificate is about. Empty: the server's default pack.
+             * @default
+             */
+            pack: string;
+            /**
+             * @description Corrections of the parts of the body that are found, as TOML. OwnSkeleton.parts has what is found; what is left out stays as it is found.
+             * @default
+             */
+            parts: string;
+        };
         /** @description A rotation as a quaternion of unit length within 1e-3. */
         Quat: {
             /**
@@ -3339,6 +3476,11 @@ export interface components {
              */
             seed: string;
             /**
+             * @description Name of the skeleton that it wears. Empty: the pack's.
+             * @default
+             */
+            skeleton: string;
+            /**
              * Format: float
              * @description Speed over the ground, in metres per second in every convention.
              * @default 0
@@ -3487,6 +3629,11 @@ export interface components {
              */
             seed: string;
             /**
+             * @description Name of a skeleton of the user's own (Skeletons.PutSkeleton), which the character wears. Then all poses, places and frames of the session are on it, in its size. Empty: the pack's.
+             * @default
+             */
+            skeleton: string;
+            /**
              * @description Style to start with. Empty: the pack's default style.
              * @default
              */
@@ -3597,6 +3744,129 @@ export interface components {
              * @default
              */
             set: string;
+        };
+        /** @description A file of a character. */
+        SkeletonFile: {
+            /**
+             * Format: byte
+             * @description The whole file.
+             * @default
+             */
+            data: string;
+            /**
+             * @description Name of the file. Its ending says the format: glb or vrm with a skin, gltf, bvh, npz, or a robot's urdf or xml (MJCF).
+             * @default
+             */
+            name: string;
+        };
+        /** @description How a skeleton fits a pack. */
+        SkeletonFit: {
+            /**
+             * @description Name of its body. Empty for packs with one skeleton.
+             * @default
+             */
+            body: string;
+            /**
+             * @description The character's joints for the pack's contact joints, in the order of Frames.contacts.
+             * @default []
+             */
+            contact_joints: string[];
+            /**
+             * @description What is beyond the bar, with the motion and the joint. Empty: it fits.
+             * @default []
+             */
+            faults: string[];
+            /**
+             * @description Name of the pack.
+             * @default
+             */
+            pack: string;
+            /**
+             * Format: float
+             * @description Length of the character's legs by that of the pack's. Lengths are multiplied by it.
+             * @default 0
+             */
+            scale: number;
+            /**
+             * @description Figures of built-in motions that are carried over.
+             * @default []
+             */
+            trials: components["schemas"]["SkeletonTrial"][];
+        };
+        /** @description A skeleton in a list. */
+        SkeletonSummary: {
+            /**
+             * Format: uint32
+             * @description Number of its joints.
+             * @default 0
+             */
+            joint_count: number;
+            /**
+             * @description The name that requests use.
+             * @default
+             */
+            name: string;
+            /**
+             * Format: uint32
+             * @description Number of sessions that wear it.
+             * @default 0
+             */
+            sessions: number;
+        };
+        /** @description Figures of a motion that was carried over. */
+        SkeletonTrial: {
+            /**
+             * Format: float
+             * @description Mean angle between the bones of limbs before and after, degrees.
+             * @default 0
+             */
+            directions_deg: number;
+            /**
+             * Format: float
+             * @description The largest mean angle between lines across the bodies, degrees: hips, shoulders, trunk, feet.
+             * @default 0
+             */
+            lines_deg: number;
+            /**
+             * @description Name of the motion, such as `walk`.
+             * @default
+             */
+            motion: string;
+            /**
+             * Format: float
+             * @description Farthest that a foot or a hand remains from its place, metres.
+             * @default 0
+             */
+            short: number;
+            /**
+             * Format: float
+             * @description Mean speed of the character's feet over the ground while the source's stand, m/s.
+             * @default 0
+             */
+            skate: number;
+            /**
+             * Format: float
+             * @description The same of the source's feet, in the character's size, m/s.
+             * @default 0
+             */
+            source_skate: number;
+            /**
+             * Format: float
+             * @description Farthest that a foot is under the ground, deeper than in the source, metres.
+             * @default 0
+             */
+            under_ground: number;
+            /**
+             * Format: float
+             * @description The largest mean of a single bone, degrees.
+             * @default 0
+             */
+            worst_deg: number;
+            /**
+             * @description The joint at which that bone begins.
+             * @default
+             */
+            worst_joint: string;
         };
         /**
          * @description A kind of audio.
@@ -6305,6 +6575,311 @@ export interface operations {
             };
             /** @description The session has expired */
             410: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    ListSkeletons: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description All skeletons, sorted by name */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ListSkeletonsResponse"];
+                };
+            };
+            /** @description The key is missing or unknown */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Not ready yet */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    GetSkeleton: {
+        parameters: {
+            query?: {
+                /** @description Name of the pack for `fit`. Left out: the server's default pack. */
+                pack?: string;
+                /** @description Name of the pack's body, for packs with several. Left out: the default one. */
+                body?: string;
+            };
+            header?: never;
+            path: {
+                /** @description The skeleton's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The skeleton */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["OwnSkeleton"];
+                };
+            };
+            /** @description A value that is not accepted */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The key is missing or unknown */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No such skeleton */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Not ready yet */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    PutSkeleton: {
+        parameters: {
+            query?: {
+                /** @description Name of the file, for its ending. Left out: `skeleton.glb`. Only for a body that is a file. */
+                file?: string;
+                /** @description As `pack` in a JSON body. Only for a body that is a file. */
+                pack?: string;
+                /** @description As `body` in a JSON body. Only for a body that is a file. */
+                body?: string;
+                /** @description As `force` in a JSON body. Only for a body that is a file. */
+                force?: boolean;
+            };
+            header?: never;
+            path: {
+                /** @description The skeleton's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PutSkeletonRequest"];
+            };
+        };
+        responses: {
+            /** @description The skeleton, and its certificate */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["OwnSkeleton"];
+                };
+            };
+            /** @description A value that is not accepted, or a body that is no request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The key is missing or unknown */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Sessions wear it */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The Content-Type is not application/json */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description There are as many skeletons as allowed */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Not ready yet */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    DeleteSkeleton: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The skeleton's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The skeleton is gone */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DeleteSkeletonResponse"];
+                };
+            };
+            /** @description A value that is not accepted */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The key is missing or unknown */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No such skeleton */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Sessions wear it */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Not ready yet */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
