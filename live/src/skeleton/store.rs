@@ -325,8 +325,8 @@ impl Skeletons {
         own.on(of, table, "pack")
     }
 
-    /// A pack whose characters wear the skeleton called `name`, which all sessions of both share; and
-    /// what one of them wears.
+    /// A pack whose characters wear the skeleton called `name`, which all sessions of both share;
+    /// and what one of them wears.
     ///
     /// # Errors
     /// As [`Skeletons::worn`].

@@ -85,7 +85,8 @@ impl<S: Send + Sync> FromRequest<S> for Sent {
 /// Add a skeleton, or replace one that no session wears
 ///
 /// The body is JSON, or a character's file as it is, with the Content-Type `model/gltf-binary` or
-/// `application/octet-stream` (`application/xml` for a robot). A name in the body must equal the name in the path, or be left out.
+/// `application/octet-stream` (`application/xml` for a robot). A name in the body must equal the
+/// name in the path, or be left out.
 #[utoipa::path(
     put,
     path = "/v1/skeletons/{name}",
