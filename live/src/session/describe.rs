@@ -30,6 +30,8 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
     let (convention, measure) = (cell.convention(), cell.measure());
     let worn = cell.pack().worn();
     let root = worn.map_or(root, |worn| worn.root_out(root));
+    let shown = (live.dress.as_ref()).and_then(|dress| dress.root_at_cursor(&live.character));
+    let root = GlobalRoot::new(shown.unwrap_or(root.position), root.heading);
     v1::Session {
         id: cell.id().to_string(),
         pack: cell.pack().name().to_owned(),

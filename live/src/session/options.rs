@@ -194,7 +194,14 @@ fn start(
         let measure = Measure::of(convention, pack.worn().map(|worn| &**worn));
         let position = units::vector(&path.field("position"), place, MAX_DISTANCE_M, measure)?;
         let heading = units::heading(&path.field("heading"), options.heading, measure)?;
-        return Ok((Start::Standing(GlobalRoot::new(position, heading)), None));
+        let root = GlobalRoot::new(position, heading);
+        // The character's own first joint stands there.
+        let root = pack.worn().map_or(root, |worn| {
+            let own = GlobalRoot::new(worn.scale() * position, heading);
+            let there = worn.root_in(own).position.with_y(position.y);
+            GlobalRoot::new(there, heading)
+        });
+        return Ok((Start::Standing(root), None));
     }
     for (name, given) in [
         ("position", options.position.is_some()),

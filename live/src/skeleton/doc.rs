@@ -90,7 +90,8 @@ impl JointsDoc {
         };
         Self {
             joints: skeleton.joints.iter().map(joint).collect(),
-            left_axis: skeleton.left_axis.to_array(),
+            // In the neutral pose it is +X.
+            left_axis: (figure.neutral()[0].conjugate() * Vec3::X).to_array(),
             neutral: figure.neutral().iter().map(|&turn| to_wxyz(turn)).collect(),
             root_y_m: figure.root().y,
             parts: PartsDoc::of(figure.parts(), skeleton),

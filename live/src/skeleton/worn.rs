@@ -13,6 +13,8 @@ use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use crate::packs::{LoadedPack, PackTable};
 
+/// Offsets of the same joints differ by less, metres.
+const SAME_M: f32 = 1e-3;
 /// Frames over which a character goes from a pose that its client gave to the pose as it is carried
 /// over.
 pub(crate) const EASE_FRAMES: f32 = 8.0;
@@ -171,6 +173,7 @@ impl Worn {
         Dress {
             pose: vec![Quat::IDENTITY; self.skeleton().joint_count()],
             reaches: Vec::new(),
+            shown: None,
             holds: [0.0; 2],
             frame: 0.0,
             onto,
@@ -187,6 +190,8 @@ pub struct Dress {
     pose: Vec<Quat>,
     /// Joints of the pack that are held at places, reused.
     reaches: Vec<usize>,
+    /// Root of the last frame that was shown, and its time.
+    shown: Option<(f64, Vec3)>,
     /// How far each hand holds on, 0 to 1.
     holds: [f32; 2],
     /// The last frame, or a place between two frames.
@@ -254,6 +259,12 @@ impl Dress {
         self.onto.pose_holding(root, rotations, goals, &mut self.pose)
     }
 
+    /// The root of the frame at the cursor of `character`, if that is the last one that was shown.
+    pub(crate) fn root_at_cursor(&self, character: &Character) -> Option<Vec3> {
+        let (time, root) = self.shown?;
+        (time == character.time_frames()).then_some(root)
+    }
+
     /// Whether each hand holds on.
     fn hands(&self) -> [bool; 2] {
         let pack = self.onto.figures()[0];
@@ -273,6 +284,7 @@ impl Dress {
         out.rotations.clear();
         out.rotations.extend_from_slice(&self.pose);
         self.settle(time, out);
+        self.shown = Some((time, out.root));
         if let Some(robot) = &self.onto.figures()[1].skeleton().robot {
             robot.fit(&mut out.rotations, &mut out.fitted);
         } else {
@@ -298,6 +310,7 @@ impl Dress {
         let lift = Vec3::Y * character.lift().root_m;
         let root = self.carry(made.root - lift, &made.rotations) + self.onto.scale() * lift;
         let turns = given.1.iter().zip(&self.pose);
+        self.shown = Some((character.time_frames(), given.0));
         self.ease = Some(Ease {
             frame: character.time_frames(),
             root: given.0 - root,
@@ -340,40 +353,41 @@ pub(crate) fn eased(frames: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The figure of a pack's body: a robot by its hinges, a body with a neutral pose by that, others
-/// by the poses of their styles. A pack without styles takes those of another one with the same
-/// skeleton.
+/// The figure of a pack's body: a robot by its hinges, others by the poses of their styles or of a
+/// pack with the same skeleton, and otherwise by the body's neutral pose.
 fn figure_of(loaded: &LoadedPack, place: usize, table: &PackTable) -> Result<Figure, RetargetError> {
     let doc = PartsDoc::default();
     let skeleton = &loaded.rig(place).skeleton;
     if skeleton.robot.is_some() {
         return Figure::of_robot(skeleton.clone(), &doc);
     }
+    let is_same =
+        |other: &&Arc<LoadedPack>| other.pack.bodies.is_empty() && same(other.rig(0), loaded.rig(place));
+    let others = table.all().filter(is_same).map(|other| &**other);
+    // Poses of a walk show how feet stand, which a neutral pose alone does not.
+    let own = std::iter::once(loaded).filter(|pack| pack.pack.bodies.is_empty());
+    let mut clips = own.chain(others).filter_map(|pack| poses(pack, skeleton));
+    if let Some(clip) = clips.next() {
+        return Figure::of_clip(&clip, None, &doc);
+    }
     if let Some(body) = loaded.pack.bodies.get(place) {
         let mut local = vec![Quat::IDENTITY; body.joints()];
         local_from_world_rotations(skeleton, &body.neutral, &mut local);
         return Figure::new(skeleton.clone(), &local, Some(body.height_m), &doc);
     }
-    let is_same =
-        |other: &&Arc<LoadedPack>| other.pack.bodies.is_empty() && same(other.rig(0), loaded.rig(place));
-    let others = table.all().filter(is_same).map(|other| &**other);
-    let mut clips = std::iter::once(loaded)
-        .chain(others)
-        .filter_map(|pack| poses(pack, skeleton));
-    match clips.next() {
-        Some(clip) => Figure::of_clip(&clip, None, &doc),
-        None => Figure::new(
-            skeleton.clone(),
-            &vec![Quat::IDENTITY; skeleton.joint_count()],
-            None,
-            &doc,
-        ),
-    }
+    let still = vec![Quat::IDENTITY; skeleton.joint_count()];
+    Figure::new(skeleton.clone(), &still, None, &doc)
 }
 
 /// Whether two rigs have the same joints.
 fn same(one: &Rig, other: &Rig) -> bool {
-    one.skeleton.joints == other.skeleton.joints
+    let joints = |rig: &Rig| rig.skeleton.joints.clone();
+    let (one, other) = (joints(one), joints(other));
+    let pairs = || one.iter().zip(&other);
+    one.len() == other.len()
+        && pairs().all(|(a, b)| (&a.name, a.parent) == (&b.name, b.parent))
+        // The root's offset has no meaning.
+        && pairs().skip(1).all(|(a, b)| a.offset_m.distance(b.offset_m) < SAME_M)
 }
 
 /// All poses of a pack's default style.
