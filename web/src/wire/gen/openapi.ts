@@ -532,7 +532,8 @@ export interface paths {
         /**
          * Add a skeleton, or replace one that no session wears
          * @description The body is JSON, or a character's file as it is, with the Content-Type `model/gltf-binary` or
-         *     `application/octet-stream`. A name in the body must equal the name in the path, or be left out.
+         *     `application/octet-stream` (`application/xml` for a robot). A name in the body must equal the
+         *     name in the path, or be left out.
          */
         put: operations["PutSkeleton"];
         post?: never;
@@ -6707,7 +6708,10 @@ export interface operations {
     PutSkeleton: {
         parameters: {
             query?: {
-                /** @description Name of the file, for its ending. Left out: `skeleton.glb`. Only for a body that is a file. */
+                /**
+                 * @description Name of the file, for its ending. Left out: `skeleton.glb`, or `skeleton.urdf` for XML. Only
+                 *     for a body that is a file.
+                 */
                 file?: string;
                 /** @description As `pack` in a JSON body. Only for a body that is a file. */
                 pack?: string;
