@@ -209,7 +209,7 @@ impl Sessions {
         Ok(CharacterPlace {
             scene: resident.name().clone(),
             cell: resident.cell().clone(),
-            root: cell.measure().root_out(live.character.view().root),
+            root: cell.measure().sized(live.character.view().root),
             convention: cell.convention(),
             pack: cell.pack().name().to_owned(),
         })

@@ -6,6 +6,7 @@ use troupe_character::live::{Character, FrameOut};
 use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::local_from_world_rotations;
+use troupe_motion::interpolate::smoothstep;
 use troupe_motion::model::Rig;
 use troupe_motion::retarget::{Certificate, Figure, RetargetError, Retargeter};
 use troupe_motion::rotation::{slerp, yaw};
@@ -17,7 +18,7 @@ use crate::packs::{LoadedPack, PackTable};
 const SAME_M: f32 = 1e-3;
 /// Frames over which a character goes from a pose that its client gave to the pose as it is carried
 /// over.
-pub(crate) const EASE_FRAMES: f32 = 8.0;
+const EASE_FRAMES: f32 = 8.0;
 
 /// A skeleton of a user's own on a body of a pack.
 #[derive(Debug)]
@@ -253,7 +254,7 @@ impl Dress {
             (hold > 0.0).then(|| {
                 let there = place_of(pack.skeleton(), root, rotations, arms[side].end);
                 let own = place_of(own.skeleton(), free, &self.pose, of_own[side].end);
-                (own / self.onto.scale()).lerp(there, hold * hold * (3.0 - 2.0 * hold))
+                (own / self.onto.scale()).lerp(there, smoothstep(hold))
             })
         });
         self.onto.pose_holding(root, rotations, goals, &mut self.pose)
@@ -323,7 +324,8 @@ impl Dress {
         let Some(ease) = &self.ease else {
             return;
         };
-        let share = eased((time - ease.frame).max(0.0) as f32);
+        let away = (time - ease.frame).max(0.0) as f32 / EASE_FRAMES;
+        let share = smoothstep((1.0 - away).max(0.0));
         if share <= 0.0 {
             self.ease = None;
             return;
@@ -344,13 +346,6 @@ fn place_of(skeleton: &Skeleton, root: Vec3, rotations: &[Quat], joint: usize) -
         at = parent;
     }
     root + place
-}
-
-/// The share of a given pose's difference that is left after `frames` frames: 1 to 0, with level
-/// ends.
-pub(crate) fn eased(frames: f32) -> f32 {
-    let t = 1.0 - (frames / EASE_FRAMES).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 /// The figure of a pack's body: a robot by its hinges, others by the poses of their styles or of a
@@ -381,9 +376,8 @@ fn figure_of(loaded: &LoadedPack, place: usize, table: &PackTable) -> Result<Fig
 
 /// Whether two rigs have the same joints.
 fn same(one: &Rig, other: &Rig) -> bool {
-    let joints = |rig: &Rig| rig.skeleton.joints.clone();
-    let (one, other) = (joints(one), joints(other));
-    let pairs = || one.iter().zip(&other);
+    let (one, other) = (&one.skeleton.joints, &other.skeleton.joints);
+    let pairs = || one.iter().zip(other);
     one.len() == other.len()
         && pairs().all(|(a, b)| (&a.name, a.parent) == (&b.name, b.parent))
         // The root's offset has no meaning.

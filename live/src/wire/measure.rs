@@ -68,7 +68,7 @@ impl Measure {
     }
 
     /// The place and heading of the character's root in the user's size, native.
-    pub fn root_out(self, root: GlobalRoot) -> GlobalRoot {
+    pub fn sized(self, root: GlobalRoot) -> GlobalRoot {
         GlobalRoot::new(self.scale * root.position, root.heading)
     }
 }

@@ -155,9 +155,9 @@ impl OwnAnswer {
             let (keys, are_last) = &self.targets;
             let end = carrier.done() + carried.roots.len() as i64;
             let first = end - if *are_last { keys.given.len() as i64 } else { 0 };
-            if !keys.given.is_empty() {
+            if !keys.given.is_empty() && carrier.done() > 0 {
                 // Frames of earlier parts are sent.
-                pins.none_before(carrier.done() - 1);
+                pins.none_at(carrier.done() - 1);
             }
             for (nth, (given, key)) in keys.given.iter().zip(&keys.carried).enumerate() {
                 let frame = first + nth as i64;

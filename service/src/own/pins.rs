@@ -2,6 +2,7 @@
 //! back differs by a degree or two. Frames meet the given pose exactly, and the difference eases
 //! out over the frames beside it.
 
+use troupe_motion::interpolate::smoothstep;
 use troupe_motion::rotation::slerp;
 use troupe_motion::{Quat, Vec3};
 
@@ -30,27 +31,32 @@ struct Pin {
 }
 
 impl Pins {
-    /// Adds a given frame. Frames are added in their order. `made` is the frame as it is carried
-    /// over.
+    /// Adds a given frame. `made` is the frame as it is carried over.
     pub(super) fn add(&mut self, frame: i64, given: &Given, made: (Vec3, &[Quat])) {
         let turns = given.rotations.as_ref().map(|given| {
             let pairs = given.iter().zip(made.1);
             pairs.map(|(given, made)| *given * made.conjugate()).collect()
         });
-        self.0.push(Pin {
+        self.insert(Pin {
             frame,
             root: apart(given.root, made.0),
             turns: turns.unwrap_or_default(),
         });
     }
 
-    /// Lets differences of frames before `frame` end there.
-    pub(super) fn none_before(&mut self, frame: i64) {
-        self.0.push(Pin {
+    /// Lets no difference be left at `frame`, the last of those that cannot change any more.
+    pub(super) fn none_at(&mut self, frame: i64) {
+        self.insert(Pin {
             frame,
             root: Vec3::ZERO,
             turns: Vec::new(),
         });
+    }
+
+    /// Keeps the frames in their order.
+    fn insert(&mut self, pin: Pin) {
+        let at = self.0.partition_point(|other| other.frame <= pin.frame);
+        self.0.insert(at, pin);
     }
 
     /// Puts right a frame that was carried over.
@@ -62,7 +68,8 @@ impl Pins {
             _ => EASE_FRAMES,
         };
         for pin in [before, next].into_iter().flatten() {
-            let share = eased((pin.frame - frame).abs() as f32 / gap.max(1) as f32);
+            let away = (pin.frame - frame).abs() as f32 / gap.max(1) as f32;
+            let share = smoothstep((1.0 - away).max(0.0));
             if share <= 0.0 {
                 continue;
             }
@@ -78,12 +85,6 @@ impl Pins {
 fn apart(given: [Option<f32>; 3], made: Vec3) -> Vec3 {
     let made = made.to_array();
     Vec3::from_array([0, 1, 2].map(|axis: usize| given[axis].map_or(0.0, |value| value - made[axis])))
-}
-
-/// 1 at 0, and 0 from 1 on, with level ends.
-fn eased(at: f32) -> f32 {
-    let t = 1.0 - at.clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 #[cfg(test)]
@@ -114,6 +115,22 @@ mod tests {
             );
         }
         assert_eq!(at(20), (0.0, 0.0));
+        // However they are added, and with an end to the first difference.
+        let mut pins = Pins::default();
+        pins.add(40, &given, (Vec3::ZERO, &[Quat::IDENTITY]));
+        pins.add(-1, &given, (Vec3::ZERO, &[Quat::IDENTITY]));
+        pins.none_at(36);
+        let shift = |frame: i64| {
+            let (mut root, mut rotations) = (Vec3::ZERO, [Quat::IDENTITY]);
+            pins.settle(frame, &mut root, &mut rotations);
+            root.x
+        };
+        assert!(
+            shift(0) > 0.9 && shift(40) == 1.0 && shift(36) == 0.0,
+            "{} {}",
+            shift(0),
+            shift(36)
+        );
         let steps: Vec<f32> = (0..60).map(|frame| at(frame + 1).0 - at(frame).0).collect();
         assert!(steps.iter().all(|step| step.abs() < 0.2), "{steps:?}");
     }

@@ -116,7 +116,6 @@ impl OwnSegment {
         let targets = self.targets.iter().cloned().enumerate();
         pinned.extend(targets.map(|(nth, given)| (first_target + nth, given)));
         self.add_places(&mut pinned);
-        pinned.sort_by_key(|(frame, _)| *frame);
         let mut pins = Pins::default();
         for (frame, given) in &pinned {
             if let Some(made) = carried.at(*frame) {
