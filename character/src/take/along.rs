@@ -190,6 +190,7 @@ impl WalkRequest {
             is_loop: false,
             past: context(&self.past),
             in_parts: true,
+            onto: None,
             look: Look {
                 style: Some(self.style),
                 temperature: self.temperature,

@@ -6,6 +6,7 @@ use troupe_motion::model::{Body, KeyTensors, Rig};
 use troupe_motion::{Quat, Vec3};
 
 use super::ground::Ground;
+use super::onto::Onto;
 use crate::live::request::Context;
 use crate::style::Style;
 
@@ -63,6 +64,9 @@ pub struct Take {
     /// meets whole poses alone: such a take has no effectors, parts of poses, ground or loop, and
     /// its path is a guide.
     pub in_parts: bool,
+    /// The body of the answer, and what it must meet; none for the take's own. Then `wanted` only
+    /// guides the take's body. Not for takes in parts.
+    pub onto: Option<Onto>,
 }
 
 /// Style of the motion, and options of the sampler.

@@ -7,6 +7,7 @@
 //! | [`difference`] | from a pose that is carried over to one that the user gave |
 //! | [`dress`] | the way of one character onto a user's skeleton, frame by frame |
 //! | [`worn`] | the way from a pack's skeleton to another one, and back |
+//! | [`guest`] | a skeleton that comes with a request, and goes with it |
 //! | [`store`] | the skeletons of a tenant, and the folder that keeps them |
 //! | [`message`] | skeletons and certificates as messages |
 //!
@@ -17,11 +18,13 @@ mod difference;
 mod doc;
 mod dress;
 mod error;
+mod guest;
 mod message;
 mod store;
 mod upload;
 mod worn;
 
+pub use guest::{can_wear, guest};
 pub use difference::Difference;
 pub use dress::Dress;
 pub(crate) use dress::Last;

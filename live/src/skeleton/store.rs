@@ -59,7 +59,7 @@ struct Fit {
 }
 
 impl Own {
-    fn new(doc: SkeletonDoc) -> Result<Self, String> {
+    pub(super) fn new(doc: SkeletonDoc) -> Result<Self, String> {
         Ok(Self {
             figure: doc.body.figure()?,
             doc,
@@ -114,7 +114,7 @@ impl Own {
     }
 
     /// [`Own::on`], if its certificate passes or the skeleton was forced.
-    fn fit(
+    pub(super) fn fit(
         &self,
         of: (&LoadedPack, usize),
         table: &PackTable,

@@ -45,12 +45,20 @@ impl Worn {
         (loaded, place): (&LoadedPack, usize),
         table: &PackTable,
     ) -> Result<Self, RetargetError> {
-        let pack = figure_of(loaded, place, table)?;
+        Self::between(name, own, figure_of(loaded, place, table)?)
+    }
+
+    /// The skeleton called `name`, whose figure is `own`, on that of a pack.
+    ///
+    /// # Errors
+    /// [`RetargetError`] if no motion can be carried over.
+    pub fn between(name: &str, own: &Figure, pack: Figure) -> Result<Self, RetargetError> {
         let onto = Retargeter::new(pack.clone(), own.clone())?;
+        let root_m = own.root() - onto.scale() * pack.root();
         Ok(Self {
             name: Arc::from(name),
-            back: Retargeter::new(own.clone(), pack.clone())?,
-            root_m: own.root() - onto.scale() * pack.root(),
+            back: Retargeter::new(own.clone(), pack)?,
+            root_m,
             certificate: Certificate::of(&onto),
             wearers: Arc::default(),
             onto,
@@ -83,34 +91,18 @@ impl Worn {
         &self.certificate
     }
 
+    /// From the pack's skeleton.
+    pub fn onto(&self) -> &Retargeter {
+        &self.onto
+    }
+
     /// The user's joints for the pack's contact joints, by name: toes for toes, ankles for the rest
     /// of a foot. Empty names for contacts that are on no leg.
     pub(super) fn contact_joints(&self) -> Vec<String> {
-        let [pack, own] = self.onto.figures();
-        let limbs = [pack, own].map(|figure| {
-            let parts = figure.parts();
-            parts
-                .legs
-                .iter()
-                .chain(parts.arms.iter().flatten())
-                .collect::<Vec<_>>()
-        });
-        let [of_pack, of_own] = limbs;
-        let limbs: Vec<_> = of_pack.into_iter().zip(of_own).collect();
-        let parents = &pack.skeleton().joints;
-        let above = |joint: usize| std::iter::successors(Some(joint), |&joint| parents[joint].parent);
-        let same = |&contact: &usize| {
-            let limb = limbs
-                .iter()
-                .find(|(from, _)| above(contact).any(|joint| joint == from.upper[0]));
-            let joint = limb.map(|(from, to)| match contact == from.end {
-                true => to.end,
-                false => to.toe.unwrap_or(to.end),
-            });
-            joint.map_or_else(String::new, |joint| own.skeleton().joints[joint].name.clone())
-        };
-        let contacts = pack.skeleton().contacts.iter();
-        contacts.flat_map(|contacts| &contacts.joints).map(same).collect()
+        let joints = &self.skeleton().joints;
+        let contacts = self.onto.contacts().into_iter();
+        let name = |own: Option<(usize, usize)>| own.map_or("", |(_, joint)| joints[joint].name.as_str());
+        contacts.map(|own| name(own).to_owned()).collect()
     }
 
     /// Number of characters that wear the skeleton.
@@ -185,7 +177,11 @@ impl Worn {
 
 /// The figure of a pack's body: a robot by its hinges, others by the poses of their styles or of a
 /// pack with the same skeleton, and otherwise by the body's neutral pose.
-fn figure_of(loaded: &LoadedPack, place: usize, table: &PackTable) -> Result<Figure, RetargetError> {
+pub(super) fn figure_of(
+    loaded: &LoadedPack,
+    place: usize,
+    table: &PackTable,
+) -> Result<Figure, RetargetError> {
     let doc = PartsDoc::default();
     let skeleton = &loaded.rig(place).skeleton;
     if skeleton.robot.is_some() {

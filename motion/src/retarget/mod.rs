@@ -12,6 +12,7 @@ mod certificate;
 #[cfg(test)]
 mod certificate_tests;
 mod clip;
+mod contacts;
 mod dolls;
 mod feet;
 mod figure;

@@ -21,7 +21,7 @@ use super::schema::check_version;
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::RequestContext;
 use troupe_batch::trace_served;
-use troupe_live::packs::LoadedPack;
+use troupe_live::packs::{LoadedPack, PackTable};
 use troupe_service::{Service, ServiceError};
 
 /// Most samples whose planning stays on the calling thread.
@@ -84,31 +84,48 @@ pub enum Reply {
 /// [`Failure`] for a single request that is not served, and for a malformed batch.
 pub async fn generate(service: &Service, body: RequestOrBatch) -> Result<Reply, Failure> {
     let arrived = Instant::now();
-    let models = models(service.table()?);
-    let RequestOrBatch(value) = body;
     let most = service.max_characters();
+    let space = service.space()?.clone();
+    let RequestOrBatch(value) = body;
+    let is_batch = value.get("requests").is_some();
+    // A skeleton of the caller's own takes milliseconds.
+    let takes = offload(usize::MAX, 0, move || read(value, space.packs.table(), most)).await??;
+    let mut made = serve(service, takes, arrived).await;
+    match (is_batch, made.pop()) {
+        (false, Some(document)) => document.map(Reply::One),
+        (true, Some(last)) => {
+            made.push(last);
+            Ok(Reply::Many(made))
+        }
+        (_, None) => Err(WorkerStopped.into()),
+    }
+}
+
+/// Checks a request, or each request of a batch.
+fn read(value: Value, table: &PackTable, most: usize) -> Result<Vec<Result<Asked, Failure>>, Fault> {
+    let models = models(table);
     if value.get("requests").is_none() {
-        let take = check(value, &models)?;
+        let take = check(value, &models, table)?;
         if take.samples > most {
             let found = format!("is {}", take.samples);
-            return Err(Fault::option("options.num_samples", found, format!("1 to {most}")).into());
+            return Err(Fault::option(
+                "options.num_samples",
+                found,
+                format!("1 to {most}"),
+            ));
         }
-        let mut made = serve(service, vec![Ok(take)], arrived).await;
-        return match made.pop() {
-            Some(document) => document.map(Reply::One),
-            None => Err(WorkerStopped.into()),
-        };
+        return Ok(vec![Ok(take)]);
     }
     let takes: Vec<Result<Asked, Failure>> = batch(value)?
         .into_iter()
-        .map(|item| check(item?, &models).map_err(Failure::from))
+        .map(|item| check(item?, &models, table).map_err(Failure::from))
         .collect();
     let samples: usize = takes.iter().flatten().map(|take| take.samples).sum();
     if samples > most {
         let found = format!("have {samples} samples in all");
-        return Err(Fault::option("requests", found, format!("at most {most}")).into());
+        return Err(Fault::option("requests", found, format!("at most {most}")));
     }
-    Ok(Reply::Many(serve(service, takes, arrived).await))
+    Ok(takes)
 }
 
 /// The requests of a batch. A request without a version gets the batch's version.
@@ -160,17 +177,24 @@ struct Job {
     /// Index of the request.
     take: usize,
     making: Making,
+    /// Size of the caller's body by that of the model's.
+    scale: f32,
     /// The error that stopped this sample.
     failure: Option<Failure>,
 }
 
-/// Maps the error of a path that the model does not take to the request's field.
-fn not_a_path(error: &FieldError) -> Fault {
+/// Maps the error of a path that the model does not take to the request's field. `scale` is the size
+/// of the caller's body.
+fn not_a_path(error: &FieldError, scale: f32) -> Fault {
+    let sized = match scale == 1.0 {
+        true => String::new(),
+        false => format!(", on the model's body: lengths divided by {scale:.3}"),
+    };
     Fault::new(
         Code::InvalidOptions,
         "constraints",
         format!(
-            "make a path that the model does not take: {}: {}",
+            "make a path that the model does not take: {}: {}{sized}",
             error.field, error.message
         ),
         error.allowed.clone(),
@@ -297,6 +321,7 @@ fn begin(takes: &[Result<Asked, Failure>], own: &[usize]) -> (Vec<Job>, Vec<(usi
             jobs.push(Job {
                 take: index,
                 making: Making::new(&take.take, sample),
+                scale: take.joints.scale(),
                 failure: None,
             });
         }
@@ -314,7 +339,7 @@ fn step(jobs: &mut [Job]) -> Vec<(usize, Task)> {
         }
         match job.making.next_task() {
             Ok(task) => tasks.extend(task.map(|task| (place, task))),
-            Err(error) => job.failure = Some(not_a_path(&error).into()),
+            Err(error) => job.failure = Some(not_a_path(&error, job.scale).into()),
         }
     }
     tasks
@@ -331,6 +356,7 @@ fn documents(
         take,
         making,
         failure,
+        ..
     } in jobs
     {
         let made = match failure {
