@@ -2,6 +2,7 @@
 
 use glam::{Quat, Vec3};
 
+use super::feet::Toes;
 use super::figure::Figure;
 use crate::anatomy::Limb;
 use crate::ik::{bend_by, is_chain, side_of};
@@ -39,6 +40,7 @@ pub(super) struct Step {
     pub(super) toe_m: Vec3,
     /// From the target's ankle to its toe in the ankle's own frame of reference.
     pub(super) foot: Vec3,
+    pub(super) toes: Option<Toes>,
 }
 
 /// An arm of the target.
@@ -63,22 +65,23 @@ impl Chain {
 
     /// Bends the limb so that its end comes to a goal, as [`crate::ik::place_end`] does, with the
     /// rotation that the end has in the world. `to` are the places and rotations in the world of
-    /// the pose `out`, whose limb is as in `to`. Returns the remaining distance, metres.
+    /// the pose `out`, whose limb is as in `to`. Returns the remaining distance, metres, and the
+    /// place of the end; none if it cannot be bent.
     pub(super) fn bend(
         &self,
         to: &(Vec<Vec3>, Vec<Quat>),
         goal: (Vec3, f32),
         pole: Vec3,
         out: &mut [Quat],
-    ) -> f32 {
+    ) -> Option<(f32, Vec3)> {
         let (places, world) = to;
         let [upper, middle, end] = self.chain;
         let side = |first, line, shorter_m| side_near(first, line, pole, shorter_m);
         let joints = self.chain.map(|joint| places[joint]);
-        let Some(bend) = bend_by(joints, goal, &side) else {
-            return f32::INFINITY;
-        };
+        let bend = bend_by(joints, goal, &side)?;
+        let mut place = joints[2];
         if let Some((first, second)) = bend.turns {
+            place = joints[0] + first * (joints[1] - joints[0]) + second * (joints[2] - joints[1]);
             let above = |nth: usize| self.above[nth].map_or(Quat::IDENTITY, |joint| world[joint]);
             let mut write = |joint: usize, above: Quat, rotation: Quat| {
                 let local = (above.conjugate() * rotation).normalize();
@@ -88,7 +91,7 @@ impl Chain {
             write(middle, first * above(1), second * world[middle]);
             write(end, second * above(2), world[end]);
         }
-        bend.short_m
+        Some((bend.short_m, place))
     }
 }
 
@@ -124,6 +127,7 @@ pub(super) fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
             ankle_m: apart(from.end, to.end),
             toe_m: apart(toe, own),
             foot: target.neutral[to.end].conjugate() * target.between(to.end, own),
+            toes: Toes::of(target, to),
         }
     };
     limbs.into_iter().map(step).collect()
