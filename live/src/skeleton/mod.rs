@@ -24,11 +24,11 @@ mod store;
 mod upload;
 mod worn;
 
-pub use guest::{can_wear, guest};
 pub use difference::Difference;
 pub use dress::Dress;
 pub(crate) use dress::Last;
 pub use error::SkeletonError;
+pub use guest::{can_wear, guest};
 pub use store::{MAX_SKELETONS, Skeletons};
 pub use upload::upload;
 pub use worn::Worn;

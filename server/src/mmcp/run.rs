@@ -177,24 +177,17 @@ struct Job {
     /// Index of the request.
     take: usize,
     making: Making,
-    /// Size of the caller's body by that of the model's.
-    scale: f32,
     /// The error that stopped this sample.
     failure: Option<Failure>,
 }
 
-/// Maps the error of a path that the model does not take to the request's field. `scale` is the size
-/// of the caller's body.
-fn not_a_path(error: &FieldError, scale: f32) -> Fault {
-    let sized = match scale == 1.0 {
-        true => String::new(),
-        false => format!(", on the model's body: lengths divided by {scale:.3}"),
-    };
+/// Maps the error of a path that the model does not take to the request's field.
+fn not_a_path(error: &FieldError) -> Fault {
     Fault::new(
         Code::InvalidOptions,
         "constraints",
         format!(
-            "make a path that the model does not take: {}: {}{sized}",
+            "make a path that the model does not take: {}: {}",
             error.field, error.message
         ),
         error.allowed.clone(),
@@ -321,7 +314,6 @@ fn begin(takes: &[Result<Asked, Failure>], own: &[usize]) -> (Vec<Job>, Vec<(usi
             jobs.push(Job {
                 take: index,
                 making: Making::new(&take.take, sample),
-                scale: take.joints.scale(),
                 failure: None,
             });
         }
@@ -339,7 +331,7 @@ fn step(jobs: &mut [Job]) -> Vec<(usize, Task)> {
         }
         match job.making.next_task() {
             Ok(task) => tasks.extend(task.map(|task| (place, task))),
-            Err(error) => job.failure = Some(not_a_path(&error, job.scale).into()),
+            Err(error) => job.failure = Some(not_a_path(&error).into()),
         }
     }
     tasks
@@ -356,7 +348,6 @@ fn documents(
         take,
         making,
         failure,
-        ..
     } in jobs
     {
         let made = match failure {
