@@ -147,8 +147,8 @@ def rigify(size=0.7, is_twisted=True) -> Rig:
     return Rig(skeleton(rows, size, is_twisted), joints)
 
 
-def other_animal(model: dict, size=0.6) -> Rig:
-    """An animal with a model's joints, under names that say nothing, in another size and with longer legs."""
+def other_animal(model: dict, size=0.6, legs=1.0) -> Rig:
+    """An animal with a model's joints under names that say nothing, in another size, perhaps with longer legs."""
     joints = model["canonical_skeleton"]["joints"]
     name = {joint["name"]: f"bone_{nth:03}" for nth, joint in enumerate(joints)}
     places: dict[str, np.ndarray] = {}
@@ -156,7 +156,7 @@ def other_animal(model: dict, size=0.6) -> Rig:
     for joint in joints:
         offset = np.array(joint["rest_translation"])
         if "_leg_" in joint["name"] and "pelvis" not in joint["name"]:
-            offset = 1.1 * offset
+            offset = legs * offset
         above = places[joint["parent"]] if joint["parent"] else np.zeros(3)
         places[joint["name"]] = above + offset
     lowest = min(place[1] for place in places.values())

@@ -117,9 +117,11 @@ def test_the_motion_is_the_models(ours, rig, name):
     # It stands on its own soles.
     at_rest = rest(rig.skeleton)
     for side in "LR":
-        toe = rig.joints[f"Toes_{side}"]
-        lowest = own.positions()[0, :, own.names.index(toe), 1].min()
-        assert abs(lowest - at_rest[toe][1]) < 0.03 * scale, (toe, lowest)
+        toe, of_model = rig.joints[f"Toes_{side}"], f"Toes_{side}"
+        lowest = own.positions()[0, :, own.names.index(toe), 1].min() - at_rest[toe][1]
+        model_lowest = canonical.positions()[0, :, canonical.names.index(of_model), 1].min()
+        model_lowest -= rest(model["canonical_skeleton"])[of_model][1]
+        assert abs(lowest - scale * model_lowest) < 0.03 * scale, (toe, lowest, scale * model_lowest)
     assert slide(own) < 1.2 * scale * slide(canonical) + 0.02
     feet = {rig.joints[f"{part}_{side}"] for part in ("Foot", "Toes") for side in "LR"}
     assert set(own.extension["samples"][0]["foot_contacts"]) == feet
@@ -263,14 +265,14 @@ def test_ground_and_loops(ours, rig):
 
 def test_an_animal(ours):
     model = ours.model("unimogen/horse")
-    rig = other_animal(model)
+    rig = other_animal(model, legs=1.05)
     own = ours.make(on(rig, model, [free(120)], options=SEED))
     canonical = ours.make(request(model, [free(120)], options=SEED))
     check_lengths(rig, own)
     angles = apart(rig, own, canonical, HORSE_LIMBS)
     assert angles.max() < 5, dict(zip(HORSE_LIMBS, angles.round(1), strict=True))
     travel = [np.linalg.norm(answer.roots()[0, -1] - answer.roots()[0, 0]) for answer in (own, canonical)]
-    assert 0.6 < travel[0] / travel[1] < 0.7, "as long as its legs are"
+    assert 0.6 < travel[0] / travel[1] < 0.65, "as long as its legs are"
     path = {0: (0.0, 0.0), 60: (0.0, 1.0), 119: (0.8, 1.8)}
     answer = ours.make(on(rig, model, [free(120)], constraints=[root_path(path)], options=SEED))
     for frame, place in path.items():

@@ -56,7 +56,7 @@ pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note
     let mut work = Work {
         take,
         track: match &take.onto {
-            Some(onto) => onto.carry(&track),
+            Some(onto) => onto.carry(&track, take.clock.native_fps),
             None => track,
         },
         notes,

@@ -43,9 +43,10 @@ impl Onto {
     }
 
     /// A motion of the take's body on this one.
-    pub(super) fn carry(&self, track: &Track) -> Track {
+    pub(super) fn carry(&self, track: &Track, fps: f32) -> Track {
         let mut retargeter = self.retargeter.clone();
         retargeter.reset();
+        retargeter.set_step(1.0 / fps);
         let joints = retargeter.figures()[1].skeleton().joint_count();
         let mut pose = vec![Quat::IDENTITY; joints];
         let mut made = Track::default();

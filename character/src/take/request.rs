@@ -7,6 +7,7 @@ use troupe_motion::{Quat, Vec3};
 
 use super::ground::Ground;
 use super::onto::Onto;
+use crate::Size;
 use crate::live::request::Context;
 use crate::style::Style;
 
@@ -82,6 +83,14 @@ pub struct Look {
     pub steps: Option<u32>,
     /// Strength of the word; none for 1.
     pub guidance: Option<f32>,
+}
+
+impl Take {
+    /// The size of the answer's body, for errors and notes about the take's.
+    pub(super) fn size(&self) -> Size {
+        let scale = self.onto.as_ref().map(|onto| onto.retargeter().scale());
+        scale.map_or_else(Size::default, |scale| Size::new(scale, 0.0))
+    }
 }
 
 /// A part of the motion with its own prompt.

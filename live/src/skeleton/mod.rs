@@ -28,7 +28,7 @@ pub use difference::Difference;
 pub use dress::Dress;
 pub(crate) use dress::Last;
 pub use error::SkeletonError;
-pub use guest::{can_wear, guest};
+pub use guest::{Guest, can_wear};
 pub use store::{MAX_SKELETONS, Skeletons};
 pub use upload::upload;
 pub use worn::Worn;

@@ -12,6 +12,7 @@ use troupe_motion::retarget::Figure;
 use super::doc::{BodyDoc, SkeletonDoc};
 use super::dress::Dress;
 use super::error::SkeletonError;
+use super::guest::Guests;
 use super::worn::Worn;
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::LivePack;
@@ -38,6 +39,7 @@ pub struct Skeletons {
     folder: Option<PathBuf>,
     /// Held by the one writer.
     writing: Mutex<()>,
+    pub(super) guests: Guests,
 }
 
 /// A skeleton and the packs that it is worn on.
@@ -185,6 +187,7 @@ impl Skeletons {
             all: RwLock::new(all.collect()),
             folder,
             writing: Mutex::default(),
+            guests: Guests::default(),
         })
     }
 

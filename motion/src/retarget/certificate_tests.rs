@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use glam::Quat;
+use glam::{Quat, Vec3};
 
 use super::dolls::doll;
 use super::tests::{HIPS_M, example, figure, g1, person};
 use super::*;
-use crate::anatomy::{LimbDoc, PartsDoc};
+use crate::anatomy::{LimbDoc, PartsDoc, places};
 use crate::read::RestPose;
 use crate::skeleton::Joint;
 
@@ -94,6 +94,40 @@ fn animals_go_together() {
     let certificate = certificate(&of, &larger);
     assert_eq!(certificate.faults(), [""; 0]);
     assert_eq!(certificate.trials.len(), 4);
+}
+
+#[test]
+fn a_leg_that_a_joint_along_its_bone_makes_longer_does_not_lower_the_body() {
+    let mut animal = doll(true);
+    let mut skeleton = (*animal.skeleton).clone();
+    // Fore legs are bent by a joint along the upper bone, and are straight in the pose.
+    for (top, limb) in [13, 17].into_iter().zip(animal.parts.arms.iter_mut().flatten()) {
+        skeleton.joints[top + 1].offset_m = Vec3::new(0.0, -0.3, 0.3);
+        skeleton.joints[top + 2].offset_m = Vec3::new(0.0, -0.3, -0.3);
+        (limb.upper, limb.lower) = (vec![top, top + 1], vec![top + 2]);
+        (limb.end, limb.toe) = (top + 3, None);
+    }
+    let still = vec![Quat::IDENTITY; skeleton.joint_count()];
+    animal.places = places(&skeleton, &still);
+    let lowest = animal
+        .places
+        .iter()
+        .map(|place| place.y)
+        .fold(f32::INFINITY, f32::min);
+    animal.places.iter_mut().for_each(|place| place.y -= lowest);
+    animal.skeleton = Arc::new(skeleton);
+    let mut pose = still.clone();
+    for top in [13, 17] {
+        pose[top] = Quat::from_rotation_x(std::f32::consts::FRAC_PI_4);
+        pose[top + 1] = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+        pose[top + 2] = Quat::from_rotation_x(std::f32::consts::FRAC_PI_4);
+    }
+    // Its fore feet are on the ground.
+    let root = animal.places[0] + Vec3::Y * (0.6 * 2.0_f32.sqrt() - 0.6);
+    let mut out = still;
+    let mut retargeter = Retargeter::new(animal.clone(), animal).unwrap();
+    let made = retargeter.pose(root, &pose, &mut out);
+    assert!(made.y > root.y - 0.01, "{made} {root}");
 }
 
 #[test]

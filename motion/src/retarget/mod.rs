@@ -370,11 +370,16 @@ impl Retargeter {
     fn drop(&self, goals: &[Vec3]) -> f32 {
         let mut most = 0.0_f32;
         for (step, goal) in self.steps.iter().zip(goals) {
-            let [top, _, end] = step.limb.chain;
+            let [top, middle, end] = step.limb.chain;
             let hip = self.to.0[top];
+            // Joints along a bone change its length.
+            let length_m = match self.hinges {
+                Some(_) => step.length_m,
+                None => hip.distance(self.to.0[middle]) + self.to.0[middle].distance(self.to.0[end]),
+            };
             let down = hip.y - goal.y;
             let across = (goal - hip).with_y(0.0).length();
-            let reach = (1.0 - 0.5 * SOFT_SHARE) * step.length_m;
+            let reach = (1.0 - 0.5 * SOFT_SHARE) * length_m;
             let height = goal.y - self.source.skeleton.ground_y_m - self.target.places[end].y;
             let near = 1.0 - (height / (LIFTED_SHARE * step.length_m)).clamp(0.0, 1.0);
             if across < reach {

@@ -20,7 +20,7 @@ use super::schema::{
 use super::skeleton::Joints;
 use super::{reference, skeleton};
 use troupe_base::echo::cut;
-use troupe_live::packs::PackTable;
+use troupe_live::session::Space;
 use troupe_live::wire::MAX_PROMPT_CHARS;
 use troupe_service::inbetween::check_words;
 
@@ -44,12 +44,12 @@ enum Segment {
     Motion(MotionReference),
 }
 
-/// Checks a request for one of `models`, which are those of `table`. A skeleton of the caller's own
+/// Checks a request for one of `models`, which are those of `space`. A skeleton of the caller's own
 /// takes milliseconds.
 ///
 /// # Errors
 /// [`Fault`] for the first value that is not accepted.
-pub fn check(value: Value, models: &[Model], table: &PackTable) -> Result<Asked, Fault> {
+pub fn check(value: Value, models: &[Model], space: &Space) -> Result<Asked, Fault> {
     if let Some(version) = value.get("protocol_version").and_then(Value::as_str)
         && super::schema::major(version).is_some()
     {
@@ -64,7 +64,7 @@ pub fn check(value: Value, models: &[Model], table: &PackTable) -> Result<Asked,
     let constraints = constraints::read_all(std::mem::take(&mut request.constraints))?;
     let model = models.iter().find(|model| model.id == request.model);
     let model = model.ok_or_else(|| unknown(&request.model, models))?;
-    let joints = skeleton::check(&request.skeleton, model, table)?;
+    let joints = skeleton::check(&request.skeleton, model, space)?;
     let lengths = lengths(&segments, request.duration_frames, constraints.is_empty())?;
     let clock = clock(&request, model, &lengths)?;
     let options = request.options.unwrap_or_default();
@@ -87,7 +87,7 @@ pub fn check(value: Value, models: &[Model], table: &PackTable) -> Result<Asked,
     }
     let look = look(&options, model, &mut notes)?;
     let native = |frame: usize| clock.native(frame).round() as usize;
-    let of = (model, &joints, table);
+    let of = (model, &joints, space);
     let parts = parts(&segments, &lengths, (&clock, of), &mut notes)?;
     let (wanted, onto) = match &joints.worn {
         None => (wanted, None),
@@ -275,7 +275,7 @@ fn clock(request: &Request, model: &Model, lengths: &[usize]) -> Result<Clock, F
 fn parts(
     segments: &[Segment],
     lengths: &[usize],
-    (clock, of): (&Clock, (&Model, &Joints, &PackTable)),
+    (clock, of): (&Clock, (&Model, &Joints, &Space)),
     notes: &mut Vec<Note>,
 ) -> Result<Vec<TakeSegment>, Fault> {
     let whole = clock.native_frames();

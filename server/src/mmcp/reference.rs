@@ -17,7 +17,7 @@ use super::model::Model;
 use super::schema::MotionReference;
 use super::skeleton::{self, Joints};
 use troupe_base::echo::cut;
-use troupe_live::packs::PackTable;
+use troupe_live::session::Space;
 use troupe_service::inbetween::check_description;
 
 /// Checks the reference motion of the segment at `place` in the request.
@@ -27,11 +27,11 @@ use troupe_service::inbetween::check_description;
 pub fn check(
     place: &str,
     given: &MotionReference,
-    (model, joints, table): (&Model, &Joints, &PackTable),
+    (model, joints, space): (&Model, &Joints, &Space),
 ) -> Result<MotionFrames, Fault> {
     check_form(place, given, model)?;
     let own = given.skeleton.as_ref().map(|own| {
-        skeleton::check(own, model, table).map_err(|mut fault| {
+        skeleton::check(own, model, space).map_err(|mut fault| {
             fault.place.field = format!("{place}.{}", fault.place.field);
             fault
         })

@@ -21,7 +21,8 @@ use super::schema::check_version;
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::RequestContext;
 use troupe_batch::trace_served;
-use troupe_live::packs::{LoadedPack, PackTable};
+use troupe_live::packs::LoadedPack;
+use troupe_live::session::Space;
 use troupe_service::{Service, ServiceError};
 
 /// Most samples whose planning stays on the calling thread.
@@ -89,7 +90,7 @@ pub async fn generate(service: &Service, body: RequestOrBatch) -> Result<Reply, 
     let RequestOrBatch(value) = body;
     let is_batch = value.get("requests").is_some();
     // A skeleton of the caller's own takes milliseconds.
-    let takes = offload(usize::MAX, 0, move || read(value, space.packs.table(), most)).await??;
+    let takes = offload(usize::MAX, 0, move || read(value, &space, most)).await??;
     let mut made = serve(service, takes, arrived).await;
     match (is_batch, made.pop()) {
         (false, Some(document)) => document.map(Reply::One),
@@ -102,10 +103,10 @@ pub async fn generate(service: &Service, body: RequestOrBatch) -> Result<Reply, 
 }
 
 /// Checks a request, or each request of a batch.
-fn read(value: Value, table: &PackTable, most: usize) -> Result<Vec<Result<Asked, Failure>>, Fault> {
-    let models = models(table);
+fn read(value: Value, space: &Space, most: usize) -> Result<Vec<Result<Asked, Failure>>, Fault> {
+    let models = models(space.packs.table());
     if value.get("requests").is_none() {
-        let take = check(value, &models, table)?;
+        let take = check(value, &models, space)?;
         if take.samples > most {
             let found = format!("is {}", take.samples);
             return Err(Fault::option(
@@ -118,7 +119,7 @@ fn read(value: Value, table: &PackTable, most: usize) -> Result<Vec<Result<Asked
     }
     let takes: Vec<Result<Asked, Failure>> = batch(value)?
         .into_iter()
-        .map(|item| check(item?, &models, table).map_err(Failure::from))
+        .map(|item| check(item?, &models, space).map_err(Failure::from))
         .collect();
     let samples: usize = takes.iter().flatten().map(|take| take.samples).sum();
     if samples > most {
@@ -177,24 +178,17 @@ struct Job {
     /// Index of the request.
     take: usize,
     making: Making,
-    /// Size of the caller's body by that of the model's.
-    scale: f32,
     /// The error that stopped this sample.
     failure: Option<Failure>,
 }
 
-/// Maps the error of a path that the model does not take to the request's field. `scale` is the size
-/// of the caller's body.
-fn not_a_path(error: &FieldError, scale: f32) -> Fault {
-    let sized = match scale == 1.0 {
-        true => String::new(),
-        false => format!(", on the model's body: lengths divided by {scale:.3}"),
-    };
+/// Maps the error of a path that the model does not take to the request's field.
+fn not_a_path(error: &FieldError) -> Fault {
     Fault::new(
         Code::InvalidOptions,
         "constraints",
         format!(
-            "make a path that the model does not take: {}: {}{sized}",
+            "make a path that the model does not take: {}: {}",
             error.field, error.message
         ),
         error.allowed.clone(),
@@ -321,7 +315,6 @@ fn begin(takes: &[Result<Asked, Failure>], own: &[usize]) -> (Vec<Job>, Vec<(usi
             jobs.push(Job {
                 take: index,
                 making: Making::new(&take.take, sample),
-                scale: take.joints.scale(),
                 failure: None,
             });
         }
@@ -339,7 +332,7 @@ fn step(jobs: &mut [Job]) -> Vec<(usize, Task)> {
         }
         match job.making.next_task() {
             Ok(task) => tasks.extend(task.map(|task| (place, task))),
-            Err(error) => job.failure = Some(not_a_path(&error, job.scale).into()),
+            Err(error) => job.failure = Some(not_a_path(&error).into()),
         }
     }
     tasks
@@ -356,7 +349,6 @@ fn documents(
         take,
         making,
         failure,
-        ..
     } in jobs
     {
         let made = match failure {

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use troupe_character::FieldError;
-use troupe_live::packs::PackTable;
-use troupe_live::skeleton::{SkeletonError, Worn, guest};
+use troupe_live::session::Space;
+use troupe_live::skeleton::{Guest, SkeletonError, Worn};
 use troupe_motion::gltf::GltfJoint;
 use troupe_motion::{Quat, Vec3};
 
@@ -131,7 +131,7 @@ pub fn rotation(place: &str, xyzw: [f64; 4]) -> Result<Quat, Fault> {
 ///
 /// # Errors
 /// [`Fault`] for joints that do not form a tree, or whose body does not fit the model.
-pub fn check(skeleton: &Skeleton, model: &Model, table: &PackTable) -> Result<Joints, Fault> {
+pub fn check(skeleton: &Skeleton, model: &Model, space: &Space) -> Result<Joints, Fault> {
     check_form(skeleton)?;
     let parents = tree(&skeleton.joints)?;
     let mut rest = Vec::with_capacity(parents.len());
@@ -154,8 +154,8 @@ pub fn check(skeleton: &Skeleton, model: &Model, table: &PackTable) -> Result<Jo
             rest,
             worn: None,
         }),
-        Err(fault) if !model.can_be_worn(table) => Err(fault),
-        Err(_) => carried(rest, model, table),
+        Err(fault) if !model.can_be_worn(space.packs.table()) => Err(fault),
+        Err(_) => carried(rest, model, space),
     }
 }
 
@@ -214,17 +214,22 @@ fn same(skeleton: &Skeleton, model: &Model) -> Result<Vec<usize>, Fault> {
 }
 
 /// The joints of a body that the model's motion is carried over to.
-fn carried(rest: Vec<GltfJoint>, model: &Model, table: &PackTable) -> Result<Joints, Fault> {
+fn carried(rest: Vec<GltfJoint>, model: &Model, space: &Space) -> Result<Joints, Fault> {
     let joint = |joint: &GltfJoint| troupe_motion::Joint {
         name: joint.name.clone(),
         parent: joint.parent,
         offset_m: joint.translation_m,
     };
-    let joints = rest.iter().map(joint).collect();
     let still: Vec<Quat> = rest.iter().map(|joint| joint.rotation).collect();
-    let pose = (&still[..], rest[0].translation_m.y);
+    let guest = Guest {
+        joints: rest.iter().map(joint).collect(),
+        rest: still.clone(),
+        height_m: rest[0].translation_m.y,
+    };
     let of = (&*model.loaded, model.place);
-    let worn = guest("skeleton", joints, pose, of, table).map_err(unfit)?;
+    let skeletons = space.store.skeletons();
+    let worn = skeletons.guest("skeleton", guest, of, space.packs.table());
+    let worn = worn.map_err(unfit)?;
     let skeleton = worn.skeleton().clone();
     let contacts = worn.onto().contacts().into_iter().flatten();
     let contacts: BTreeMap<usize, usize> = contacts.collect();
