@@ -26,8 +26,9 @@ pub(super) struct Chain {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub(super) limb: Chain,
-    /// Ahead of the body in the neutral pose, in the hip's own frame of reference.
-    pub(super) ahead: Vec3,
+    /// Where the knee bends to in the neutral pose, in the hip's own frame of reference: ahead of a
+    /// body on two legs.
+    pub(super) aside: Vec3,
     /// Length of the target's leg, metres.
     pub(super) length_m: f32,
     /// The inverse of the ankle's rotation in the neutral pose.
@@ -120,7 +121,7 @@ pub(super) fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
         let apart = |a: usize, b: usize| target.places[b] - scale * source.places[a];
         Step {
             limb: Chain::of(target, to),
-            ahead: target.neutral[to.upper[0]].conjugate() * Vec3::Z,
+            aside: target.neutral[to.upper[0]].conjugate() * aside(target, to),
             length_m: length_m(target, to.chain()),
             still: target.neutral[to.end].conjugate(),
             from: [from.end, toe],
@@ -131,6 +132,17 @@ pub(super) fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
         }
     };
     limbs.into_iter().map(step).collect()
+}
+
+/// The side to which a leg bends in the neutral pose. Legs on four bend as they stand.
+fn aside(figure: &Figure, leg: &Limb) -> Vec3 {
+    if !figure.parts.on_fours {
+        return Vec3::Z;
+    }
+    let [top, middle, end] = leg.chain();
+    let (first, line) = (figure.between(top, middle), figure.between(top, end));
+    let shorter_m = first.length().min(figure.between(middle, end).length());
+    side_of(first, line.normalize_or(Vec3::NEG_Y), Vec3::Z, shorter_m)
 }
 
 /// The arms of the target.

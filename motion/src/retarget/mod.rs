@@ -244,9 +244,9 @@ impl Retargeter {
         self.short = (0.0, None);
         for (nth, &goal) in goals[..count].iter().enumerate() {
             let Step {
-                limb, ahead, toes, ..
+                limb, aside, toes, ..
             } = self.steps[nth];
-            let pole = self.to.1[limb.chain[0]] * ahead;
+            let pole = self.to.1[limb.chain[0]] * aside;
             let ankle = self.place(limb, (root, drop), goal, pole, out);
             if let (Some(toes), Some(ankle)) = (toes, ankle) {
                 let height = ankle.y - self.source.skeleton.ground_y_m;
