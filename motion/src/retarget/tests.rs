@@ -301,7 +301,7 @@ fn feet_turn_as_fast_at_every_rate() {
         let other = headings(fps, every);
         let pairs = usual.iter().flatten().zip(other.iter().flatten());
         let apart = pairs.map(|(a, b)| wrap_angle(a - b).abs()).fold(0.0, f32::max);
-        assert!(apart < 0.01, "{fps} Hz: {apart} rad");
+        assert!(apart < 0.03, "{fps} Hz: {apart} rad");
     }
     // The same moment again changes nothing.
     let before = retargeter.memory();
