@@ -36,7 +36,7 @@ class RootNetwork(nn.Module):
         self.start = Perceptron(joined, width, width, own.slot_layers)
         self.end = Perceptron(joined, width, width, own.slot_layers)
         self.slots = nn.Parameter(torch.randn(2 * sizes.frames_per_token, width))
-        # The release has one embedding for each count that a caller may give. This one stands for none.
+        # The release has an embedding for each count that may be given. This one stands for none.
         self.any_count = nn.Parameter(torch.randn(width))
         self.first = PostNormTransformer(own.transformer)
         self.count_logits = nn.Linear(width, sizes.counts)
