@@ -15,7 +15,7 @@ from troupe_training.export.motionbricks.official.release import NAMES, POSE_FEA
 G1 = Path(__file__).parents[2] / "models" / "g1"
 JOINTS, COUNTS, FEEDFORWARD = len(NAMES), 11, 2048
 POSE, LOCAL = 1 + 3 * 33 + 6 * 34, 4 + 3 * 33 + 9 * 34 + 4
-WIDTH, HALVINGS, DEPTH, CODES, CODE_WIDTH = 16, 2, 4, 3, 8
+WIDTH, HALVINGS, DEPTH, CODES, CODE_WIDTH = 16, 2, 2, 3, 8
 Shapes = dict[str, tuple[int, ...]]
 
 
