@@ -19,6 +19,7 @@ import torch
 from torch import Generator, Tensor, nn
 from tqdm import tqdm
 
+from troupe_training.data.precision import multiplies_bfloat16
 from troupe_training.data.store import BALANCE, ClipStore
 from troupe_training.train.checkpoints import read_checkpoint, write_checkpoint
 
@@ -64,12 +65,11 @@ class Trainer(Generic[M]):
         meta: dict[str, Any],
         seed: int,
         device: str,
-        half: bool = True,
         takes_adopted: bool = False,
     ):
         self.run, self.stage, self.model, self.budget = run, stage, model, budget
         self.meta, self.seed, self.device = meta, seed, device
-        self.half = half  # trunks in bfloat16, which pays where products are large
+        self.half = multiplies_bfloat16(device)  # trunks in bfloat16, if that pays
         self.takes_adopted = takes_adopted  # goes on from a pack's weights, which have no optimiser
         self.run.mkdir(parents=True, exist_ok=True)
         self.average = copy.deepcopy(model).eval()
