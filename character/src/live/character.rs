@@ -145,10 +145,9 @@ impl Character {
             Intent::FollowPath(path) => {
                 let root = self.timeline.buffer().root(self.timeline.frame());
                 let off_m = path.lead_m(root);
-                let most_m = MAX_LEAD_M;
-                return match off_m <= most_m {
+                return match off_m <= MAX_LEAD_M {
                     true => Ok(()),
-                    false => Err(CommandError::PathTooFar { off_m, most_m }),
+                    false => Err(CommandError::PathTooFar { off_m }),
                 };
             }
             _ => {}

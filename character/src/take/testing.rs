@@ -42,7 +42,6 @@ pub(super) fn take(frames: usize) -> Take {
         },
         past: None,
         in_parts: false,
-        onto: None,
     }
 }
 

@@ -10,10 +10,8 @@ use troupe_character::{FieldError, Path};
 use troupe_motion::retarget::Figure;
 
 use super::doc::{BodyDoc, SkeletonDoc};
-use super::dress::Dress;
 use super::error::SkeletonError;
-use super::guest::Guests;
-use super::worn::Worn;
+use super::worn::{Dress, Worn};
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::LivePack;
 use crate::world::{MemoryHolder, NoMemory, UploadMemory};
@@ -39,7 +37,6 @@ pub struct Skeletons {
     folder: Option<PathBuf>,
     /// Held by the one writer.
     writing: Mutex<()>,
-    pub(super) guests: Guests,
 }
 
 /// A skeleton and the packs that it is worn on.
@@ -61,7 +58,7 @@ struct Fit {
 }
 
 impl Own {
-    pub(super) fn new(doc: SkeletonDoc) -> Result<Self, String> {
+    fn new(doc: SkeletonDoc) -> Result<Self, String> {
         Ok(Self {
             figure: doc.body.figure()?,
             doc,
@@ -116,7 +113,7 @@ impl Own {
     }
 
     /// [`Own::on`], if its certificate passes or the skeleton was forced.
-    pub(super) fn fit(
+    fn fit(
         &self,
         of: (&LoadedPack, usize),
         table: &PackTable,
@@ -187,7 +184,6 @@ impl Skeletons {
             all: RwLock::new(all.collect()),
             folder,
             writing: Mutex::default(),
-            guests: Guests::default(),
         })
     }
 

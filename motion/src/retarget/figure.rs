@@ -62,11 +62,7 @@ impl Figure {
         }
         let neutral = match parts.on_fours {
             true => pose,
-            false => {
-                let mut neutral = neutral(&skeleton, &parts, pose)?;
-                feet::level(&skeleton, &parts, &mut neutral);
-                neutral
-            }
+            false => neutral(&skeleton, &parts, pose)?,
         };
         Self::of_parts(skeleton, parts, neutral, root_y_m)
     }

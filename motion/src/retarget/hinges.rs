@@ -24,6 +24,8 @@ pub(super) struct Hinges {
     groups: Vec<(usize, usize)>,
     arms: Vec<Arm>,
     fitted: Fitted,
+    /// Whether a pose was made, from which the next one goes on.
+    is_warm: bool,
 }
 
 /// An arm whose elbow is a hinge.
@@ -69,23 +71,25 @@ impl Hinges {
                 .filter_map(|(side, arm)| Arm::of(figure, robot, side, arm))
                 .collect(),
             fitted,
+            is_warm: false,
         })
     }
 
     /// Turns the hinges of a pose towards wanted rotations in the world, one a joint, and the arms
-    /// towards the directions of their bones. If they are warm, they go on from the pose.
+    /// towards the directions of their bones.
     pub(super) fn turn(
         &mut self,
-        (figure, robot): (&Figure, &Robot),
-        is_warm: bool,
+        figure: &Figure,
+        robot: &Robot,
         wanted: &[Quat],
         bones: &[ArmBones; 2],
         out: &mut [Quat],
     ) {
-        if !is_warm {
+        if !self.is_warm {
             self.fitted.angles.clear();
             self.fitted.angles.resize(robot.hinges().len(), 0.0);
             robot.pose(wanted[0], &self.fitted.angles, out);
+            self.is_warm = true;
         }
         out[0] = wanted[0];
         let of = (&*figure.skeleton, robot);
@@ -104,6 +108,10 @@ impl Hinges {
     /// Brings a pose onto the hinges, and what follows them.
     pub(super) fn fit(&mut self, robot: &Robot, out: &mut [Quat]) {
         robot.fit(out, &mut self.fitted);
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.is_warm = false;
     }
 }
 

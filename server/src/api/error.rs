@@ -74,14 +74,12 @@ pub enum ApiError {
         /// Size limit of a body.
         limit_bytes: usize,
     },
-    /// The Content-Type is not one that is read. Pages of other sites can send such bodies without a
-    /// preflight request.
-    #[error("Content-Type is {found:?}; allowed: {allowed}")]
+    /// The Content-Type is not JSON. Pages of other sites can send such bodies without a preflight
+    /// request.
+    #[error("Content-Type is {found:?}; allowed: application/json")]
     WrongType {
         /// The Content-Type, shortened.
         found: String,
-        /// The types that are read.
-        allowed: &'static str,
     },
     /// No such path or gRPC method.
     #[error("there is no {0}")]
@@ -121,10 +119,10 @@ impl ApiError {
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
                 .allowed(format!("at most {limit_bytes} bytes")),
-            Self::WrongType { allowed, .. } => WRONG_TYPE
+            Self::WrongType { .. } => WRONG_TYPE
                 .because("UNSUPPORTED_MEDIA_TYPE")
                 .field("Content-Type")
-                .allowed(*allowed),
+                .allowed("application/json"),
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),

@@ -39,7 +39,6 @@ fn plan(frames: Option<usize>, target_roots: Vec<Option<GlobalRoot>>) -> Plan {
         },
         frames,
         most_frames: 64,
-        size: Default::default(),
         strict: false,
         context: Vec::new(),
         targets: target_roots

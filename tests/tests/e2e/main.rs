@@ -18,7 +18,6 @@ mod http;
 mod live;
 mod motion;
 mod object;
-mod own_kept;
 mod own_skeleton;
 mod real;
 mod retarget;

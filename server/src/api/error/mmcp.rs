@@ -126,10 +126,7 @@ mod tests {
             (ApiError::Field(field), Code::SchemaValidation),
             (ApiError::TooLarge { limit_bytes: 1 }, Code::PayloadTooLarge),
             (
-                ApiError::WrongType {
-                    found: String::new(),
-                    allowed: "application/json",
-                },
+                ApiError::WrongType { found: String::new() },
                 Code::SchemaValidation,
             ),
             (ApiError::WrongMethod("PUT".to_owned()), Code::InvalidRequest),

@@ -122,8 +122,7 @@ pub(in crate::api) async fn body<S: Send + Sync>(
 ) -> Result<Bytes, ApiError> {
     let wrong = wrong_type(request.headers());
     if let Some(found) = wrong.filter(|_| !request.body().is_end_stream()) {
-        let allowed = "application/json";
-        return Err(ApiError::WrongType { found, allowed });
+        return Err(ApiError::WrongType { found });
     }
     bytes(request, state, limits).await
 }
