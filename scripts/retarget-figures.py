@@ -21,7 +21,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 
-# Joints of a grown person with parents and offsets in cm, in a T-pose; `*` is a side, whose right has the other sign of x.
+# Joints of a grown person with parents and offsets in cm, in a T-pose. `*` is a side; on the right,
+# x has the other sign.
 MIXAMO = [
     ("Hips", "", (0, 100, 0)),
     ("Spine", "Hips", (0, 10, -1)),
