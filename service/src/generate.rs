@@ -216,7 +216,13 @@ impl Service {
             false => {
                 loaded.require(Capability::Path, "pack")?;
                 no_sampling(request)?;
-                let mut plan = Box::new(prepare_path(root, goal, &request.past, request.seed, &loaded.pack)?);
+                let mut plan = Box::new(prepare_path(
+                    root,
+                    goal,
+                    &request.past,
+                    request.seed,
+                    &loaded.pack,
+                )?);
                 if goal.strict {
                     refuse_path(root, &plan)?;
                 }

@@ -17,8 +17,8 @@ use super::LivePacks;
 use super::backlog::Backlog;
 use super::cell::{SessionCell, SessionParts};
 use super::space::{Space, Spaces, of_record};
-use crate::skeleton::{Dress, Last};
 use crate::records::{Changes, Kind, Records, RecordsError};
+use crate::skeleton::{Dress, Last};
 use crate::world::Store;
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 use troupe_character::Path;
@@ -249,10 +249,10 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
         name => {
             let worn = world.skeletons().wear("skeleton", name, pack, packs.table());
             let (pack, mut dress) = worn.map_err(|error| text(&error))?;
-            match record.worn {
-                Some(last) if dress.resume(last) => (pack, Some(dress)),
-                _ => return Err(format!("skeleton {name:?} has other joints now")),
+            if !record.worn.is_some_and(|last| dress.resume(last)) {
+                return Err(format!("skeleton {name:?} has other joints now"));
             }
+            (pack, Some(dress))
         }
     };
     let scale = pack.worn().map_or(1.0, |worn| worn.scale());

@@ -78,13 +78,25 @@ pub fn add(figure: &Figure, shares: &[(f32, &Difference)], root: &mut Vec3, rota
         }
     }
     for (limb, (place, turn)) in feet(figure).zip(goals) {
-        if joint_transform(skeleton, *root, rotations, limb.end).0.distance(place) < THERE_M {
+        if joint_transform(skeleton, *root, rotations, limb.end)
+            .0
+            .distance(place)
+            < THERE_M
+        {
             continue;
         }
         let hip = limb.upper[0];
         let ahead = figure.neutral()[hip].conjugate() * Vec3::Z;
         let ahead = joint_transform(skeleton, *root, rotations, hip).1 * ahead;
-        place_end(skeleton, *root, rotations, limb.chain(), (place, 0.0), ahead, turn);
+        place_end(
+            skeleton,
+            *root,
+            rotations,
+            limb.chain(),
+            (place, 0.0),
+            ahead,
+            turn,
+        );
     }
 }
 
@@ -142,7 +154,15 @@ mod tests {
         for (side, limb) in feet(figure).enumerate() {
             let goal = Vec3::new([0.1, -0.1][side], 0.08, ahead_m);
             let goal = (goal, 0.0);
-            place_end(figure.skeleton(), root, &mut pose, limb.chain(), goal, Vec3::Z, Quat::IDENTITY);
+            place_end(
+                figure.skeleton(),
+                root,
+                &mut pose,
+                limb.chain(),
+                goal,
+                Vec3::Z,
+                Quat::IDENTITY,
+            );
         }
         (root, pose)
     }
@@ -161,7 +181,10 @@ mod tests {
             add(&figure, &[(share, &difference)], &mut root, &mut pose);
             assert!((root.y - height_m + 0.1 * share).abs() < 1e-4, "{root}");
             for ankle in ankles(root, &pose) {
-                assert!((ankle.y - 0.08).abs() < 1e-3 && (ankle.z - ahead_m).abs() < 1e-3, "{share}: {ankle}");
+                assert!(
+                    (ankle.y - 0.08).abs() < 1e-3 && (ankle.z - ahead_m).abs() < 1e-3,
+                    "{share}: {ankle}"
+                );
             }
         }
         // The given pose itself is met.

@@ -22,10 +22,10 @@ mod store;
 mod upload;
 mod worn;
 
-pub use error::SkeletonError;
-pub use store::{MAX_SKELETONS, Skeletons};
-pub use upload::upload;
 pub use difference::Difference;
 pub use dress::Dress;
 pub(crate) use dress::Last;
+pub use error::SkeletonError;
+pub use store::{MAX_SKELETONS, Skeletons};
+pub use upload::upload;
 pub use worn::Worn;

@@ -10,8 +10,8 @@ use troupe_character::{FieldError, Path};
 use troupe_motion::retarget::Figure;
 
 use super::doc::{BodyDoc, SkeletonDoc};
-use super::error::SkeletonError;
 use super::dress::Dress;
+use super::error::SkeletonError;
 use super::worn::Worn;
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::LivePack;

@@ -212,13 +212,7 @@ impl Retargeter {
     ///
     /// # Panics
     /// As [`Retargeter::pose`].
-    pub fn pose_holding(
-        &mut self,
-        root: Vec3,
-        rotations: &[Quat],
-        holds: Holds,
-        out: &mut [Quat],
-    ) -> Vec3 {
+    pub fn pose_holding(&mut self, root: Vec3, rotations: &[Quat], holds: Holds, out: &mut [Quat]) -> Vec3 {
         self.turns
             .world(&self.source.skeleton, root, rotations, &mut self.from);
         let is_robot = self.hinges.is_some();

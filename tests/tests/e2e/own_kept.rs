@@ -63,7 +63,10 @@ impl Worn {
         let joints = block.rotations.len() / block.root_positions.len() * 3;
         let roots = block.root_positions.chunks(3);
         let poses = block.rotations.chunks(joints);
-        roots.zip(poses).map(|(root, pose)| [root, pose].concat()).collect()
+        roots
+            .zip(poses)
+            .map(|(root, pose)| [root, pose].concat())
+            .collect()
     }
 }
 
@@ -151,7 +154,9 @@ async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
     // The same upload again changes nothing.
     assert_eq!(send(&server).send().await.unwrap().status(), 200);
     let url = format!("{}/v1/skeletons/hero", server.url());
-    let text = reqwest::Client::new().put(url).header("content-type", "text/plain");
+    let text = reqwest::Client::new()
+        .put(url)
+        .header("content-type", "text/plain");
     let answer = text.body("a hero").send().await.unwrap();
     assert_eq!(answer.status(), 415);
     let error = answer.text().await.unwrap();
@@ -198,7 +203,10 @@ async fn a_session_whose_skeleton_has_changed_is_not_restored() {
     let server = start().await;
     let (_, pack, worn) = hero(&server, "hero").await;
     let clip = own_walk(&pack, &worn);
-    Worn::start(&server, "one", "hero", &clip).await.step(3, 30, None).await;
+    Worn::start(&server, "one", "hero", &clip)
+        .await
+        .step(3, 30, None)
+        .await;
     assert!(server.stop().await);
     // The skeleton in another size.
     let file = kept.join("skeletons").join("hero.json");
@@ -207,7 +215,11 @@ async fn a_session_whose_skeleton_has_changed_is_not_restored() {
     let larger = |number: &mut serde_json::Value| *number = (1.1 * number.as_f64().unwrap()).into();
     larger(&mut body["root_y_m"]);
     for joint in body["joints"].as_array_mut().unwrap() {
-        joint["offset_m"].as_array_mut().unwrap().iter_mut().for_each(larger);
+        joint["offset_m"]
+            .as_array_mut()
+            .unwrap()
+            .iter_mut()
+            .for_each(larger);
     }
     std::fs::write(&file, doc.to_string()).unwrap();
     let server = start().await;

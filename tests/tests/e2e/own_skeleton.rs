@@ -209,7 +209,11 @@ async fn a_gap_is_filled_between_the_keyframes_of_the_skeleton() {
     let lowest = |clip: &Clip| {
         let toe = |joint: &Joint| joint.name.contains("Toes");
         let joints = clip.skeleton.joints.iter();
-        let toes: Vec<usize> = joints.enumerate().filter(|(_, of)| toe(of)).map(|(toe, _)| toe).collect();
+        let toes: Vec<usize> = joints
+            .enumerate()
+            .filter(|(_, of)| toe(of))
+            .map(|(toe, _)| toe)
+            .collect();
         let world = WorldMotion::from_clip(clip);
         let heights = (0..clip.frames()).flat_map(|frame| toes.iter().map(move |&toe| (frame, toe)));
         let heights = heights.map(|(frame, toe)| world.positions_at(frame)[toe].y);
@@ -273,12 +277,18 @@ async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
             ..v1::StepRequest::default()
         };
         let answer = rpc.step(request).await.unwrap().into_inner();
-        answer.commands[0].problem.as_ref().map(|found| format!("{}; {}", found.message, found.allowed))
+        answer.command_results[0]
+            .problem
+            .as_ref()
+            .map(|found| format!("{}; {}", found.message, found.allowed))
     };
     let fast = refused(1, path([Vec3::ZERO, Vec3::Z], 30.0)).await.unwrap();
     assert!(fast.contains("is 30 m/s; allowed: 0.075 to 22.5 m/s"), "{fast}");
     let far = refused(2, path([30.0 * Vec3::X, Vec3::Z], 1.0)).await.unwrap();
-    assert!(far.contains("the path begins 30.0") && far.contains("at most 7.5 m"), "{far}");
+    assert!(
+        far.contains("the path begins 30.0") && far.contains("at most 7.5 m"),
+        "{far}"
+    );
     session.close().await.unwrap();
 
     let follow = async |seconds: f32, is_strict: bool| {
@@ -300,11 +310,20 @@ async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
     let of_pack = walk(&pack);
     let mut roots: Vec<Vec3> = of_pack.root_positions.iter().map(|root| SCALE * *root).collect();
     roots[66] = roots[40] + 30.0 * Vec3::X;
-    let own = Clip::new(worn.skeleton().clone(), of_pack.fps, roots, of_pack.rotations.clone()).unwrap();
+    let own = Clip::new(
+        worn.skeleton().clone(),
+        of_pack.fps,
+        roots,
+        of_pack.rotations.clone(),
+    )
+    .unwrap();
     let gap = InBetween::from_clip(&own, 40, 66).unwrap().strict(true);
     let error = client.in_between(&worn, &gap).await.unwrap_err().to_string();
     println!("{error}");
-    assert!(error.contains("is 2") && error.contains(" m over the ground"), "{error}");
+    assert!(
+        error.contains("is 2") && error.contains(" m over the ground"),
+        "{error}"
+    );
 }
 
 #[tokio::test]
@@ -353,7 +372,10 @@ async fn what_does_not_fit_is_refused_with_the_field() {
         ..named("tiny", Some(Source::Joints(tiny)))
     };
     let error = put(server, tiny).await.unwrap_err().to_string();
-    assert!(error.contains("its legs are 0.03") && error.contains("0.05 to 20"), "{error}");
+    assert!(
+        error.contains("its legs are 0.03") && error.contains("0.05 to 20"),
+        "{error}"
+    );
     // A neck of 5 m.
     let mut giraffe = good.clone();
     let is_head = |joint: &&mut v1::BodyJoint| joint.name == "hero_Head";
@@ -362,7 +384,9 @@ async fn what_does_not_fit_is_refused_with_the_field() {
         y: 9.0,
         z: 0.0,
     });
-    let error = put(server, named("giraffe", Some(Source::Joints(giraffe)))).await.unwrap_err();
+    let error = put(server, named("giraffe", Some(Source::Joints(giraffe))))
+        .await
+        .unwrap_err();
     let said = crate::server::ErrorAnswer::from_status(&error).message;
     assert!(
         said.contains("the neck is 9.") && said.contains("m of it to hero_Head; allowed: 0.00 to "),
@@ -441,11 +465,19 @@ async fn a_session_begins_with_the_first_joint_of_its_skeleton() {
     let options = SessionOptions::new().seed(1).at(place, 0.7);
     let mut session = client.session(&worn, &options).await.unwrap();
     let mut recording = troupe_client::Recording::of(&session);
-    session.step(1).await.unwrap().iter().for_each(|frame| recording.push(frame));
+    session
+        .step(1)
+        .await
+        .unwrap()
+        .iter()
+        .for_each(|frame| recording.push(frame));
     let info = client.session_info(session.id()).await.unwrap();
     session.close().await.unwrap();
     let root = recording.into_clip().unwrap().root_positions[0];
     assert!((root - place).with_y(0.0).length() < 0.1, "{root}");
     let said = info.position.unwrap();
-    assert!(root.distance(Vec3::new(said.x, said.y, said.z)) < 1e-4, "{root} {said:?}");
+    assert!(
+        root.distance(Vec3::new(said.x, said.y, said.z)) < 1e-4,
+        "{root} {said:?}"
+    );
 }

@@ -87,7 +87,11 @@ fn speed(path: &Path<'_>, speed_mps: Option<f32>, style: &Style) -> Result<f32, 
         Some(speed) if (MIN_PATH_MPS..=MAX_PATH_MPS).contains(&speed) => Ok(speed),
         Some(speed) => Err(path.field("speed").error(
             format!("is {} m/s", path.metres(speed)),
-            format!("{} to {} m/s", path.metres(MIN_PATH_MPS), path.metres(MAX_PATH_MPS)),
+            format!(
+                "{} to {} m/s",
+                path.metres(MIN_PATH_MPS),
+                path.metres(MAX_PATH_MPS)
+            ),
         )),
         None if style.default_speed_mps >= MIN_PATH_MPS => Ok(style.default_speed_mps.min(MAX_PATH_MPS)),
         None => Ok(USUAL_MPS),

@@ -73,7 +73,10 @@ impl<S: Send + Sync> FromRequest<S> for Sent {
         if !FILES.iter().any(|file| file.eq_ignore_ascii_case(kind)) {
             let read = JsonBody::from_request(request, state).await;
             return read.map(|json| Self::Json(json.0)).map_err(|error| match error {
-                ApiError::WrongType { found, .. } => ApiError::WrongType { found, allowed: TYPES },
+                ApiError::WrongType { found, .. } => ApiError::WrongType {
+                    found,
+                    allowed: TYPES,
+                },
                 error => error,
             });
         }
