@@ -15,6 +15,9 @@ mod clip;
 mod contacts;
 mod dolls;
 mod feet;
+#[cfg(feature = "files")]
+#[cfg(test)]
+mod feet_tests;
 mod figure;
 mod figures;
 mod hinges;
@@ -240,9 +243,16 @@ impl Retargeter {
         let root = root - drop;
         self.short = (0.0, None);
         for (nth, &goal) in goals[..count].iter().enumerate() {
-            let Step { limb, ahead, .. } = self.steps[nth];
-            let pole = self.to.1[limb.chain[0]] * ahead;
-            self.place(limb, (root, drop), goal, pole, out);
+            let Step {
+                limb, aside, toes, ..
+            } = self.steps[nth];
+            let pole = self.to.1[limb.chain[0]] * aside;
+            let ankle = self.place(limb, (root, drop), goal, pole, out);
+            if let (Some(toes), Some(ankle)) = (toes, ankle) {
+                let height = ankle.y - self.source.skeleton.ground_y_m;
+                let local = out[toes.joint];
+                out[toes.joint] = toes.bent(height, self.to.1[limb.chain[2]], local);
+            }
         }
         for nth in 0..self.hands.len() {
             let Hand { limb, side, behind } = self.hands[nth];
@@ -259,11 +269,26 @@ impl Retargeter {
     }
 
     /// Brings the end of a limb to a goal in the world with its wanted rotation. `drop` is how far
-    /// the joints' places are above those of a body whose root is at `root`.
-    fn place(&mut self, limb: Chain, (root, drop): (Vec3, Vec3), goal: Vec3, pole: Vec3, out: &mut [Quat]) {
+    /// the joints' places are above those of a body whose root is at `root`. Returns the place of
+    /// an end without hinges.
+    fn place(
+        &mut self,
+        limb: Chain,
+        (root, drop): (Vec3, Vec3),
+        goal: Vec3,
+        pole: Vec3,
+        out: &mut [Quat],
+    ) -> Option<Vec3> {
+        let mut place = None;
         let short = match (limb.is_whole, &self.hinges) {
             (false, _) => f32::INFINITY,
-            (true, None) => limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out),
+            (true, None) => match limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out) {
+                None => f32::INFINITY,
+                Some((short, end)) => {
+                    place = Some(end - drop);
+                    short
+                }
+            },
             (true, Some(_)) => {
                 let rotation = self.to.1[limb.chain[2]];
                 let skeleton = &self.target.skeleton;
@@ -281,6 +306,7 @@ impl Retargeter {
         if short > self.short.0 {
             self.short = (short, Some(limb.chain[2]));
         }
+        place
     }
 
     /// The target's root, so that the middle of its hips is at that of the source's, scaled. Finds

@@ -249,7 +249,7 @@ async fn a_path_is_walked_in_the_size_of_the_skeleton() {
 async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
     let server = shared();
     let (client, pack, worn) = hero(server, "sized").await;
-    let mut session = client
+    let session = client
         .session(&worn, &SessionOptions::new().seed(1))
         .await
         .unwrap();

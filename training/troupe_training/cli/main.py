@@ -5,7 +5,7 @@ import shlex
 import sys
 from typing import Any
 
-from troupe_training.cli import evaluate, train, unimogen, unimogen_ablate, vermo, vermo_ablate  # noqa: F401 - their commands register themselves
+from troupe_training.cli import evaluate, official, train, unimogen, unimogen_ablate, vermo, vermo_ablate  # noqa: F401 - their commands register themselves
 from troupe_training.cli.options import COMMANDS
 
 

@@ -84,9 +84,6 @@ def export_pack(out: Path, about: About, store: SegmentSource, networks: Network
         round_to_half(stage)
         export_stage(name, stage, example[name], fresh / f"{name}.onnx")
         checks[name] = check_stage(name, stage, exact, checked, fresh / f"{name}.onnx")
-    digest = hashlib.sha256()
-    for name in stages:
-        digest.update((fresh / f"{name}.onnx").read_bytes())
     parameters = networks.parameters()
     sizes = {
         "frames_per_token": FRAMES_PER_TOKEN,
@@ -99,19 +96,34 @@ def export_pack(out: Path, about: About, store: SegmentSource, networks: Network
         **({"root_choices": choices} if choices else {}),
         "parameters": sum(parameters[name] for name in stages) + networks.tokenizer.quantizer.book.numel(),
     }
-    write_manifest(fresh, FAMILY, about, sizes, digest.hexdigest(), store.skeleton, checks)
+    write_manifest(fresh, FAMILY, about, sizes, digest_of(fresh, list(stages)), store.skeleton, checks)
+    settle(fresh, out)
+
+
+def digest_of(pack: Path, stages: list[str]) -> str:
+    """SHA-256 of a pack's ONNX files, in the order of the stages."""
+    digest = hashlib.sha256()
+    for name in stages:
+        with (pack / f"{name}.onnx").open("rb") as file:
+            while chunk := file.read(1 << 20):
+                digest.update(chunk)
+    return digest.hexdigest()
+
+
+def settle(fresh: Path, out: Path) -> None:
+    """Moves the files of a pack over those of the one before, which stays if an export fails."""
     out.mkdir(parents=True, exist_ok=True)
-    for path in fresh.iterdir():  # only a pack that passed replaces the one before
+    for path in fresh.iterdir():
         path.replace(out / path.name)
     fresh.rmdir()
 
 
-def open_axes(inputs: Inputs) -> list[Axes]:
+def open_axes(inputs: Inputs, min_tokens: int = MIN_TOKENS) -> list[Axes]:
     """The dynamic axes of each input: the batch, and time where the stage reads tokens."""
     batch = torch.export.Dim("batch", min=1, max=4096)
     if "tokens" not in inputs:
         return [{0: batch} for _ in inputs]
-    tokens = torch.export.Dim("tokens", min=MIN_TOKENS, max=MAX_TOKENS)
+    tokens = torch.export.Dim("tokens", min=min_tokens, max=MAX_TOKENS)
     axes: dict[str, Axes] = {"tokens": {0: batch, 1: tokens}, "num_tokens": {0: batch}}
     return [axes.get(name, {0: batch, 1: FRAMES_PER_TOKEN * tokens}) for name in inputs]
 

@@ -1,0 +1,1 @@
+"""NVIDIA's public MotionBricks release as a pack, and the check against its code."""
