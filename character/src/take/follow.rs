@@ -142,7 +142,7 @@ impl Follow {
             if self.track.len() > begun {
                 self.track = self.track.part(0, begun);
             }
-            let mut plan = PathPlan::new(self.request(&stretch)?)?;
+            let mut plan = PathPlan::new(&Path::root(), self.request(&stretch)?)?;
             // The notes of all samples would be equal.
             if self.sample == 0 {
                 let notes = std::mem::take(&mut plan.notes).into_iter();

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use troupe_character::Size;
 use troupe_character::live::{Character, FrameOut};
 use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::clip::Clip;
@@ -73,6 +74,11 @@ impl Worn {
     /// pack's character.
     pub fn scale(&self) -> f32 {
         self.onto.scale()
+    }
+
+    /// The size of the user's body, for errors about values of the pack's.
+    pub fn size(&self) -> Size {
+        Size::new(self.scale(), self.root_m.y)
     }
 
     /// What motions of the pack keep on the skeleton.

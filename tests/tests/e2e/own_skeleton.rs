@@ -232,6 +232,73 @@ async fn a_path_is_walked_in_the_size_of_the_skeleton() {
 }
 
 #[tokio::test]
+async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
+    let server = shared();
+    let (client, pack, worn) = hero(server, "sized").await;
+    let mut session = client
+        .session(&worn, &SessionOptions::new().seed(1))
+        .await
+        .unwrap();
+    let path = |points: [Vec3; 2], speed: f32| v1::FollowPath {
+        points: points
+            .map(|Vec3 { x, y, z }| v1::PathPoint {
+                position: Some(v1::Vec3 { x, y, z }),
+                ..v1::PathPoint::default()
+            })
+            .to_vec(),
+        speed: Some(speed),
+        ..v1::FollowPath::default()
+    };
+    let mut rpc = SessionsClient::new(server.channel().await);
+    let mut refused = async |sequence: u64, path: v1::FollowPath| {
+        let command = v1::Command {
+            session_id: session.id().to_owned(),
+            sequence,
+            intent: Some(v1::command::Intent::FollowPath(path)),
+            ..v1::Command::default()
+        };
+        let request = v1::StepRequest {
+            session_ids: vec![session.id().to_owned()],
+            commands: vec![command],
+            ..v1::StepRequest::default()
+        };
+        let answer = rpc.step(request).await.unwrap().into_inner();
+        answer.commands[0].error.as_ref().map(|error| error.message.clone())
+    };
+    let fast = refused(1, path([Vec3::ZERO, Vec3::Z], 30.0)).await.unwrap();
+    assert!(fast.contains("is 30 m/s; allowed: 0.075 to 22.5 m/s"), "{fast}");
+    let far = refused(2, path([30.0 * Vec3::X, Vec3::Z], 1.0)).await.unwrap();
+    assert!(far.contains("the path begins 30.0") && far.contains("at most 7.5 m"), "{far}");
+    session.close().await.unwrap();
+
+    let follow = async |seconds: f32, is_strict: bool| {
+        let path = FollowPath::along([Vec3::ZERO, 30.0 * Vec3::Z]).seconds(seconds);
+        let path = if is_strict { path.strict() } else { path };
+        client.follow(&worn, &path).await
+    };
+    let error = follow(0.5, false).await.unwrap_err().to_string();
+    assert!(
+        error.contains("is reached at 60.0 m/s; allowed: at most 22.5 m/s"),
+        "{error}"
+    );
+    let slow = follow(3.0, true).await.unwrap_err().to_string();
+    assert!(slow.contains("moves the root at 10."), "{slow}");
+    let made = follow(3.0, false).await.unwrap().whole().await.unwrap();
+    let note = made.notes.first().unwrap();
+    assert!(note.contains("the path goes at 10.0 m/s"), "{note}");
+
+    // A gap whose target is 30 m away, of which the answer is 45 m away from the pack's.
+    let of_pack = walk(&pack);
+    let mut roots: Vec<Vec3> = of_pack.root_positions.iter().map(|root| SCALE * *root).collect();
+    roots[66] = roots[40] + 30.0 * Vec3::X;
+    let own = Clip::new(worn.skeleton().clone(), of_pack.fps, roots, of_pack.rotations.clone()).unwrap();
+    let gap = InBetween::from_clip(&own, 40, 66).unwrap().strict();
+    let error = client.in_between(&worn, &gap).await.unwrap_err().to_string();
+    println!("{error}");
+    assert!(error.contains("is 2") && error.contains(" m over the ground"), "{error}");
+}
+
+#[tokio::test]
 async fn what_does_not_fit_is_refused_with_the_field() {
     let server = shared();
     let (client, pack) = server.client().await;
