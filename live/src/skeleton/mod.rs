@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`error`], [`doc`] | errors; a skeleton as the document that is kept |
 //! | [`upload`] | a skeleton out of a request: from a file or from joints |
+//! | [`dress`] | the way of one character onto a user's skeleton, frame by frame |
 //! | [`worn`] | the way from a pack's skeleton to another one, and back |
 //! | [`store`] | the skeletons of a tenant, and the folder that keeps them |
 //! | [`message`] | skeletons and certificates as messages |
@@ -12,6 +13,7 @@
 //! divided by [`Worn::scale`] on the way in, and its frames are carried over on the way out.
 
 mod doc;
+mod dress;
 mod error;
 mod message;
 mod store;
@@ -21,4 +23,6 @@ mod worn;
 pub use error::SkeletonError;
 pub use store::{MAX_SKELETONS, Skeletons};
 pub use upload::upload;
-pub use worn::{Dress, Worn};
+pub use dress::Dress;
+pub(crate) use dress::Last;
+pub use worn::Worn;

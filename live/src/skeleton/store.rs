@@ -11,7 +11,8 @@ use troupe_motion::retarget::Figure;
 
 use super::doc::{BodyDoc, SkeletonDoc};
 use super::error::SkeletonError;
-use super::worn::{Dress, Worn};
+use super::dress::Dress;
+use super::worn::Worn;
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::LivePack;
 use crate::world::{MemoryHolder, NoMemory, UploadMemory};

@@ -25,6 +25,7 @@ mod tests;
 mod turns;
 
 use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
 
 use self::hinges::Hinges;
 use self::limbs::{Chain, Hand, Step};
@@ -50,6 +51,8 @@ const LIFTED_SHARE: f32 = 0.1;
 const DROP_SHARE: f32 = 0.1;
 /// Most feet.
 const MAX_STEPS: usize = 4;
+/// Time from pose to pose at first, seconds.
+const STEP_S: f32 = 1.0 / 30.0;
 
 /// Why motion cannot be carried over.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -77,8 +80,9 @@ pub struct Retargeter {
     turns: Turns,
     steps: Vec<Step>,
     hands: Vec<Hand>,
-    /// Headings of the feet: they change while a foot is in the air. None before the first pose.
-    headings: [Option<f32>; MAX_STEPS],
+    memory: Memory,
+    /// Time from the last pose to the next, seconds.
+    step_s: f32,
     scale: f32,
     /// World transforms of the source's joints that count.
     from: (Vec<Vec3>, Vec<Quat>),
@@ -89,6 +93,15 @@ pub struct Retargeter {
     bent: Vec<Quat>,
     /// Farthest that a limb of the last pose remained from its place, metres, and its last joint.
     short: (f32, Option<usize>),
+}
+
+/// What the next pose of a motion takes from those before, beside the last pose itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    /// Headings of the feet: they change while a foot is in the air. None before the first pose.
+    headings: [Option<f32>; MAX_STEPS],
+    /// Whether hinges go on from the last pose.
+    is_warm: bool,
 }
 
 impl Retargeter {
@@ -115,7 +128,8 @@ impl Retargeter {
             turns: Turns::new(&source, &target, &counts),
             steps,
             hands,
-            headings: [None; MAX_STEPS],
+            memory: Memory::default(),
+            step_s: STEP_S,
             scale,
             from,
             hinges: Hinges::of(&target),
@@ -149,10 +163,24 @@ impl Retargeter {
 
     /// Forgets the poses before: the next one begins a motion.
     pub fn reset(&mut self) {
-        self.headings = [None; MAX_STEPS];
-        if let Some(hinges) = &mut self.hinges {
-            hinges.reset();
-        }
+        self.memory = Memory::default();
+    }
+
+    /// Sets the time from the last pose to the next, and from each to the one after it, seconds. At
+    /// first it is a thirtieth. A pose of the same moment again takes 0.
+    pub fn set_step(&mut self, seconds: f32) {
+        self.step_s = seconds.max(0.0);
+    }
+
+    /// What it keeps of the poses so far.
+    pub fn memory(&self) -> Memory {
+        self.memory
+    }
+
+    /// Goes on where another retargeter of the same bodies was. The next pose goes into the
+    /// rotations of that one's last pose.
+    pub fn resume(&mut self, memory: Memory) {
+        self.memory = memory;
     }
 
     /// Carries the next pose of a motion over. `root` is the world position of joint 0. Rotations
@@ -193,7 +221,8 @@ impl Retargeter {
                 arms.each_ref().map(bones)
             });
             let bones = bones.unwrap_or([[Vec3::NEG_Y; 2]; 2]);
-            hinges.turn(&self.target, robot, &self.to.1, &bones, out);
+            let is_warm = std::mem::replace(&mut self.memory.is_warm, true);
+            hinges.turn((&self.target, robot), is_warm, &self.to.1, &bones, out);
         }
         let root = self.root(out);
         let count = self.steps.len();
@@ -286,11 +315,13 @@ impl Retargeter {
         let now = heading_of(rotation * step.still, Vec3::X);
         // A standing foot rolls; what is between the places of the two feet does not turn with it.
         let lifted = over(ankle).min(over(toe)) / (LIFTED_SHARE * self.source.leg_m);
-        let facing = match self.headings[nth] {
+        // As much of the turn is left after a time, in however many steps it goes by.
+        let left = (1.0 - lifted.clamp(0.0, 1.0)).powf(self.step_s / STEP_S);
+        let facing = match self.memory.headings[nth] {
             None => now,
-            Some(before) => before + lifted.clamp(0.0, 1.0) * wrap_angle(now - before),
+            Some(before) => before + (1.0 - left) * wrap_angle(now - before),
         };
-        self.headings[nth] = Some(facing);
+        self.memory.headings[nth] = Some(facing);
         let facing = yaw(facing);
         let by_ankle = self.scaled(self.from.0[ankle]) + facing * step.ankle_m;
         if toe == ankle {

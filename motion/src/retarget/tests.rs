@@ -259,6 +259,60 @@ fn poses_of_the_same_motion_are_the_same_again() {
 }
 
 /// Random turns, one a joint.
+/// A clip at another rate.
+fn resampled(clip: &Clip, fps: f32) -> Clip {
+    let count = ((clip.frames() - 1) as f32 / clip.fps * fps) as usize + 1;
+    let (mut roots, mut rotations) = (Vec::new(), Vec::new());
+    for frame in 0..count {
+        let at = frame as f32 * clip.fps / fps;
+        let from = (at as usize).min(clip.frames() - 2);
+        let share = at - from as f32;
+        roots.push(clip.root_positions[from].lerp(clip.root_positions[from + 1], share));
+        let pairs = clip.rotations_at(from).iter().zip(clip.rotations_at(from + 1));
+        rotations.extend(pairs.map(|(a, b)| crate::rotation::slerp(*a, *b, share)));
+    }
+    Clip::new(clip.skeleton.clone(), fps, roots, rotations).unwrap()
+}
+
+#[test]
+fn feet_turn_as_fast_at_every_rate() {
+    let (clip, source) = example();
+    let target = person(0, 1.4, 3, RestPose::T).walk(2, 30.0, &NUMBERS);
+    let mut retargeter = Retargeter::new(source, figure(&target.skeleton, 1.4)).unwrap();
+    // Headings of both feet, ten times a second.
+    let mut headings = |fps: f32, every: usize| {
+        let clip = resampled(&clip, fps);
+        let mut pose = vec![Quat::IDENTITY; target.skeleton.joint_count()];
+        retargeter.reset();
+        retargeter.set_step(1.0 / fps);
+        let each = 0..clip.frames();
+        let headings = each.map(|frame| {
+            retargeter.pose(clip.root_positions[frame], clip.rotations_at(frame), &mut pose);
+            let [left, right, ..] = retargeter.memory.headings;
+            [left.unwrap(), right.unwrap()]
+        });
+        headings.step_by(every).collect::<Vec<_>>()
+    };
+    let usual = headings(30.0, 3);
+    let most = usual.iter().map(|two| two[0]).fold(f32::MIN, f32::max);
+    let least = usual.iter().map(|two| two[0]).fold(f32::MAX, f32::min);
+    assert!(most - least > 0.2, "they turn: {least} to {most}");
+    for (fps, every) in [(50.0, 5), (60.0, 6)] {
+        let other = headings(fps, every);
+        let pairs = usual.iter().flatten().zip(other.iter().flatten());
+        let apart = pairs
+            .map(|(a, b)| wrap_angle(a - b).abs())
+            .fold(0.0, f32::max);
+        assert!(apart < 0.01, "{fps} Hz: {apart} rad");
+    }
+    // The same moment again changes nothing.
+    let before = retargeter.memory();
+    retargeter.set_step(0.0);
+    let mut pose = vec![Quat::IDENTITY; target.skeleton.joint_count()];
+    retargeter.pose(clip.root_positions[9], clip.rotations_at(9), &mut pose);
+    assert_eq!(retargeter.memory(), before);
+}
+
 fn any_turns(joints: usize) -> impl Strategy<Value = Vec<Vec3>> {
     let turn = [-1.2_f32..1.2, -1.2_f32..1.2, -1.2_f32..1.2];
     proptest::collection::vec(turn.prop_map(Vec3::from), joints)

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use troupe_client::{Client, FollowPath, InBetween, Locomotion, Pack, SessionOptions};
+use troupe_client::{Client, FollowPath, InBetween, Key, Locomotion, Pack, SessionOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::rotation::angle_between;
 use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::put_skeleton_request::Source;
+use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_proto::v1::skeletons_client::SkeletonsClient;
 
 use crate::cli::Folder;
@@ -263,7 +264,7 @@ async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
             ..v1::StepRequest::default()
         };
         let answer = rpc.step(request).await.unwrap().into_inner();
-        answer.commands[0].error.as_ref().map(|error| error.message.clone())
+        answer.commands[0].problem.as_ref().map(|found| format!("{}; {}", found.message, found.allowed))
     };
     let fast = refused(1, path([Vec3::ZERO, Vec3::Z], 30.0)).await.unwrap();
     assert!(fast.contains("is 30 m/s; allowed: 0.075 to 22.5 m/s"), "{fast}");
@@ -273,8 +274,7 @@ async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
 
     let follow = async |seconds: f32, is_strict: bool| {
         let path = FollowPath::along([Vec3::ZERO, 30.0 * Vec3::Z]).seconds(seconds);
-        let path = if is_strict { path.strict() } else { path };
-        client.follow(&worn, &path).await
+        client.follow(&worn, &path.strict(is_strict)).await
     };
     let error = follow(0.5, false).await.unwrap_err().to_string();
     assert!(
@@ -287,12 +287,12 @@ async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
     let note = made.notes.first().unwrap();
     assert!(note.contains("the path goes at 10.0 m/s"), "{note}");
 
-    // A gap whose target is 30 m away, of which the answer is 45 m away from the pack's.
+    // A gap whose target is 30 m away.
     let of_pack = walk(&pack);
     let mut roots: Vec<Vec3> = of_pack.root_positions.iter().map(|root| SCALE * *root).collect();
     roots[66] = roots[40] + 30.0 * Vec3::X;
     let own = Clip::new(worn.skeleton().clone(), of_pack.fps, roots, of_pack.rotations.clone()).unwrap();
-    let gap = InBetween::from_clip(&own, 40, 66).unwrap().strict();
+    let gap = InBetween::from_clip(&own, 40, 66).unwrap().strict(true);
     let error = client.in_between(&worn, &gap).await.unwrap_err().to_string();
     println!("{error}");
     assert!(error.contains("is 2") && error.contains(" m over the ground"), "{error}");
@@ -389,4 +389,113 @@ async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
     // The same upload again changes nothing.
     assert_eq!(send(&server).send().await.unwrap().status(), 200);
     server.stop().await;
+}
+
+/// A session that begins in a walk of the hero, as floats.
+struct Worn {
+    rpc: SessionsClient<tonic::transport::Channel>,
+    id: String,
+}
+
+impl Worn {
+    async fn start(server: &Server, id: &str, name: &str, clip: &Clip) -> Self {
+        let mut rpc = SessionsClient::new(server.channel().await);
+        let context = (37..41).map(|frame| Key::from_clip(clip, frame).unwrap().to_message());
+        let options = v1::SessionOptions {
+            id: id.to_owned(),
+            seed: 5,
+            skeleton: name.to_owned(),
+            context: context.collect(),
+            ..v1::SessionOptions::default()
+        };
+        let request = v1::CreateSessionsRequest {
+            sessions: vec![options],
+        };
+        rpc.create_sessions(request).await.unwrap();
+        let id = id.to_owned();
+        Self { rpc, id }
+    }
+
+    /// The next frames: roots, and rotations of all joints.
+    async fn step(&mut self, frames: u32, rate_hz: u32, velocity: Option<(u64, Vec3)>) -> Vec<Vec<f32>> {
+        let command = |(sequence, Vec3 { x, y, z })| v1::Command {
+            session_id: self.id.clone(),
+            sequence,
+            intent: Some(v1::command::Intent::Locomote(v1::Locomote {
+                velocity: Some(v1::Vec3 { x, y, z }),
+                ..v1::Locomote::default()
+            })),
+            ..v1::Command::default()
+        };
+        let request = v1::StepRequest {
+            session_ids: vec![self.id.clone()],
+            commands: velocity.map(command).into_iter().collect(),
+            frames,
+            rate_hz,
+            ..v1::StepRequest::default()
+        };
+        let answer = self.rpc.step(request).await.unwrap().into_inner();
+        assert!(answer.problems.is_empty(), "{:?}", answer.problems);
+        let block = &answer.blocks[0];
+        let joints = block.rotations.len() / block.root_positions.len() * 3;
+        let roots = block.root_positions.chunks(3);
+        let poses = block.rotations.chunks(joints);
+        roots.zip(poses).map(|(root, pose)| [root, pose].concat()).collect()
+    }
+}
+
+/// The example's walk on the hero.
+fn own_walk(pack: &Pack, worn: &Pack) -> Clip {
+    let clip = walk(pack);
+    let roots = clip.root_positions.iter().map(|root| SCALE * *root).collect();
+    let skeleton = worn.skeleton().clone();
+    Clip::new(skeleton, clip.fps, roots, clip.rotations).unwrap()
+}
+
+#[tokio::test]
+async fn a_restart_changes_no_bit_of_the_frames_that_follow() {
+    let folder = Folder::new("own-restart");
+    let kept = folder.file("store");
+    let start = async || {
+        let store = kept.clone();
+        Server::start_with(move |config| config.store = Some(store)).await
+    };
+    let server = start().await;
+    let (_, pack, worn) = hero(&server, "hero").await;
+    let clip = own_walk(&pack, &worn);
+    let mut one = Worn::start(&server, "one", "hero", &clip).await;
+    let mut other = Worn::start(&server, "other", "hero", &clip).await;
+    let go = Some((1, SCALE * Vec3::new(0.8, 0.0, 0.8)));
+    // The way from the given pose has not ended.
+    assert_eq!(one.step(7, 60, go).await, other.step(7, 60, go).await);
+    let through = one.step(80, 60, None).await;
+    assert!(server.stop().await);
+    let server = start().await;
+    other.rpc = SessionsClient::new(server.channel().await);
+    let after = other.step(80, 60, None).await;
+    let differ = through.iter().zip(&after).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "of {}", through.len());
+    assert!(server.stop().await);
+}
+
+#[tokio::test]
+async fn frames_of_a_moment_are_the_same_at_every_rate() {
+    let server = shared();
+    let (_, pack, worn) = hero(server, "rates").await;
+    let clip = own_walk(&pack, &worn);
+    let mut walks = Vec::new();
+    for (rate_hz, every) in [(30, 3), (50, 5), (60, 6)] {
+        let id = format!("rate-{rate_hz}");
+        let mut session = Worn::start(server, &id, "rates", &clip).await;
+        let go = Some((1, SCALE * Vec3::new(0.8, 0.0, 0.8)));
+        let frames = session.step(every * 20, rate_hz, go).await;
+        let tenths = frames.into_iter().skip(every as usize - 1);
+        walks.push(tenths.step_by(every as usize).collect::<Vec<_>>());
+    }
+    for walk in &walks[1..] {
+        let pairs = walks[0].iter().flatten().zip(walk.iter().flatten());
+        let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        println!("{apart}");
+        assert!(apart < 0.02, "{apart}");
+    }
 }
