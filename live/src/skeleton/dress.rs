@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use troupe_character::live::{Character, FrameOut};
 use troupe_motion::interpolate::smoothstep;
-use troupe_motion::retarget::{Memory, Retargeter};
+use troupe_motion::retarget::{Holds, Memory, Retargeter};
 use troupe_motion::rotation::slerp;
 use troupe_motion::{Quat, Skeleton, Vec3};
 
@@ -36,8 +36,8 @@ pub(crate) struct Last {
     frame: Option<f64>,
     /// Root of the last frame that was shown, and its time.
     shown: Option<(f64, Vec3)>,
-    /// How far each hand holds on, 0 to 1.
-    holds: [f32; 2],
+    /// How far each hand holds on, and how far the hips are on a seat, 0 to 1.
+    holds: [f32; 3],
     ease: Option<Ease>,
 }
 
@@ -90,14 +90,15 @@ impl Dress {
 
     /// Carries the frame at the cursor of `character` over. It replaces the frame. Hands that hold
     /// an object or on to a place of the scene are where the character's hands are, in the user's
-    /// size.
+    /// size, and so are hips on a seat.
     pub fn put_on(&mut self, character: &Character, out: &mut FrameOut) {
         character.reaches(&mut self.reaches);
+        let sits = self.reaches.contains(&0);
         self.reaches.extend(character.held().map(|held| held.joint));
         // Feet stand on flat ground to the retargeter.
         let lift = Vec3::Y * character.lift().root_m;
         let time = character.time_frames();
-        let root = self.carry_holding(time, out.root - lift, &out.rotations);
+        let root = self.carry_holding((time, sits), out.root - lift, &out.rotations);
         out.root = root + self.onto.scale() * lift;
         self.show(time, out);
     }
@@ -118,33 +119,39 @@ impl Dress {
         frames
     }
 
-    /// Carries a pose over with hands that hold on. A hand takes [`EASE_FRAMES`] to get there and
-    /// to let go.
-    fn carry_holding(&mut self, time: f64, root: Vec3, rotations: &[Quat]) -> Vec3 {
+    /// Carries a pose over with hands that hold on, and hips that sit. They take [`EASE_FRAMES`] to
+    /// get there and to let go.
+    fn carry_holding(&mut self, (time, sits): (f64, bool), root: Vec3, rotations: &[Quat]) -> Vec3 {
         let step = self.pass(time) / EASE_FRAMES;
-        for (side, holds) in self.hands().into_iter().enumerate() {
-            let hold = self.last.holds[side] + if holds { step } else { -step };
-            self.last.holds[side] = hold.clamp(0.0, 1.0);
+        let [left, right] = self.hands();
+        for (hold, is_held) in self.last.holds.iter_mut().zip([left, right, sits]) {
+            *hold = (*hold + if is_held { step } else { -step }).clamp(0.0, 1.0);
         }
-        let free = self.carry(root, rotations);
-        if self.last.holds == [0.0; 2] {
+        let [left, right, hips] = self.last.holds.map(smoothstep);
+        let free = Holds {
+            hips,
+            ..Holds::default()
+        };
+        let free = (self.onto).pose_holding(root, rotations, free, &mut self.last.pose);
+        if [left, right] == [0.0; 2] {
             return free;
         }
         let [pack, own] = self.onto.figures();
         let (Some(arms), Some(of_own)) = (&pack.parts().arms, &own.parts().arms) else {
             return free;
         };
-        let goals = [0, 1].map(|side| {
-            let hold = self.last.holds[side];
-            (hold > 0.0).then(|| {
-                let there = place_of(pack.skeleton(), root, rotations, arms[side].end);
-                let own = place_of(own.skeleton(), free, &self.last.pose, of_own[side].end);
-                (own / self.onto.scale()).lerp(there, smoothstep(hold))
-            })
-        });
+        let goal = |side: usize, hold: f32| {
+            let there = place_of(pack.skeleton(), root, rotations, arms[side].end);
+            let own = place_of(own.skeleton(), free, &self.last.pose, of_own[side].end);
+            (hold > 0.0).then(|| (own / self.onto.scale()).lerp(there, hold))
+        };
+        let holds = Holds {
+            hands: [goal(0, left), goal(1, right)],
+            hips,
+        };
         // No time has passed.
         self.onto.set_step(0.0);
-        (self.onto).pose_holding(root, rotations, goals, &mut self.last.pose)
+        (self.onto).pose_holding(root, rotations, holds, &mut self.last.pose)
     }
 
     /// The root of the frame at the cursor of `character`, if that is the last one that was shown.

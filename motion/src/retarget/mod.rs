@@ -95,6 +95,19 @@ pub struct Retargeter {
     short: (f32, Option<usize>),
 }
 
+/// What of a body is held at places.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Holds {
+    /// Places of the source's wrists in the source's world, left and right. The target's wrists
+    /// come to the same places in its size ([`Retargeter::scale`]), or as near as the arms reach
+    /// ([`Retargeter::short_m`]). Bodies on four have no hands: theirs are left out.
+    pub hands: [Option<Vec3>; 2],
+    /// How far the hips are held as on a seat, 0 to 1. Free hips are as far above the own soles as
+    /// the source's are above its soles, in the target's size. Held ones are as far above the
+    /// ground.
+    pub hips: f32,
+}
+
 /// What the next pose of a motion takes from those before, beside the last pose itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory {
@@ -191,13 +204,10 @@ impl Retargeter {
     /// # Panics
     /// If `rotations` or `out` is shorter than its skeleton.
     pub fn pose(&mut self, root: Vec3, rotations: &[Quat], out: &mut [Quat]) -> Vec3 {
-        self.pose_holding(root, rotations, [None; 2], out)
+        self.pose_holding(root, rotations, Holds::default(), out)
     }
 
-    /// As [`Retargeter::pose`], with hands that hold on to something. `hands` are the places of the
-    /// source's wrists in the source's world, left and right. The target's wrists come to the same
-    /// places in its size ([`Retargeter::scale`]), or as near as the arms reach
-    /// ([`Retargeter::short_m`]). Bodies on four have no hands: theirs are left out.
+    /// As [`Retargeter::pose`], with hands that hold on to something, and hips on a seat.
     ///
     /// # Panics
     /// As [`Retargeter::pose`].
@@ -205,7 +215,7 @@ impl Retargeter {
         &mut self,
         root: Vec3,
         rotations: &[Quat],
-        hands: [Option<Vec3>; 2],
+        holds: Holds,
         out: &mut [Quat],
     ) -> Vec3 {
         self.turns
@@ -224,7 +234,7 @@ impl Retargeter {
             let is_warm = std::mem::replace(&mut self.memory.is_warm, true);
             hinges.turn((&self.target, robot), is_warm, &self.to.1, &bones, out);
         }
-        let root = self.root(out);
+        let root = self.root(holds.hips, out);
         let count = self.steps.len();
         let mut goals = [Vec3::ZERO; MAX_STEPS];
         for (nth, goal) in goals[..count].iter_mut().enumerate() {
@@ -240,7 +250,7 @@ impl Retargeter {
         }
         for nth in 0..self.hands.len() {
             let Hand { limb, side, behind } = self.hands[nth];
-            if let Some(place) = hands[side] {
+            if let Some(place) = holds.hands[side] {
                 // Elbows bend backwards.
                 let pole = self.to.1[limb.chain[0]] * behind;
                 self.place(limb, (root, drop), self.scaled(place), pole, out);
@@ -278,8 +288,8 @@ impl Retargeter {
     }
 
     /// The target's root, so that the middle of its hips is at that of the source's, scaled. Finds
-    /// the places of its joints.
-    fn root(&mut self, out: &[Quat]) -> Vec3 {
+    /// the places of its joints. `held` is how far the hips are held.
+    fn root(&mut self, held: f32, out: &[Quat]) -> Vec3 {
         match &self.hinges {
             None => self.turns.places(&self.target.skeleton, &mut self.to),
             Some(_) => {
@@ -291,9 +301,10 @@ impl Retargeter {
         let hips = middle(&self.from.0, self.source.hips());
         let own = middle(&self.to.0, self.target.hips());
         let neutral = |figure: &Figure| figure.places[figure.hips()[0]].y;
-        // Heights are scaled from where the soles stand.
+        // Heights are scaled from where the soles stand, and those of a seat from the ground.
         let ground = self.source.skeleton.ground_y_m;
-        let height = (hips.y - ground - neutral(&self.source)) * self.scale + neutral(&self.target);
+        let soles = neutral(&self.target) - self.scale * neutral(&self.source);
+        let height = (hips.y - ground) * self.scale + (1.0 - held) * soles;
         let root = Vec3::new(hips.x * self.scale, ground + height, hips.z * self.scale) - own;
         self.turns.shift(root, &mut self.to.0);
         root

@@ -350,7 +350,8 @@ fn hands_hold_on_to_places() {
     let mut out = vec![Quat::IDENTITY; target.skeleton.joint_count()];
     let mut pose = |hands: [Option<Vec3>; 2]| {
         retargeter.reset();
-        let root = retargeter.pose_holding(clip.root_positions[0], clip.rotations_at(0), hands, &mut out);
+        let holds = Holds { hands, hips: 0.0 };
+        let root = retargeter.pose_holding(clip.root_positions[0], clip.rotations_at(0), holds, &mut out);
         let world = WorldMotion::from_clip(
             &Clip::new(Arc::clone(&target.skeleton), 30.0, vec![root], out.clone()).unwrap(),
         );
@@ -383,6 +384,38 @@ fn hands_hold_on_to_places() {
         "{short_m} {left_m}"
     );
     assert_eq!(joint, Some(wrists[1]));
+}
+
+#[test]
+fn hips_on_a_seat_are_as_far_above_the_ground_as_the_sources() {
+    let (clip, source) = example();
+    let target = person(0, 1.8, 3, RestPose::T).skeleton();
+    // Its hips are 15 cm higher over its soles than the other's in that size: thick soles.
+    let rest = vec![Quat::IDENTITY; target.joint_count()];
+    let root_y_m = Some(1.8 * HIPS_M + 0.15);
+    let target = Figure::new(target, &rest, root_y_m, &PartsDoc::default()).unwrap();
+    let mut retargeter = Retargeter::new(source.clone(), target.clone()).unwrap();
+    let mut out = rest.clone();
+    let mut height = |hips: f32| {
+        let down = clip.root_positions[0] - 0.35 * Vec3::Y;
+        retargeter.reset();
+        let holds = Holds {
+            hips,
+            ..Holds::default()
+        };
+        let root = retargeter.pose_holding(down, clip.rotations_at(0), holds, &mut out);
+        let place = |skeleton: &Arc<Skeleton>, root: Vec3, pose: &[Quat], hips: [usize; 2]| {
+            let made = Clip::new(Arc::clone(skeleton), 30.0, vec![root], pose.to_vec()).unwrap();
+            let world = WorldMotion::from_clip(&made);
+            0.5 * (world.positions_at(0)[hips[0]].y + world.positions_at(0)[hips[1]].y)
+        };
+        let from = place(&clip.skeleton, down, clip.rotations_at(0), source.hips());
+        let to = place(&target.skeleton, root, &out, target.hips());
+        to - retargeter.scale() * from
+    };
+    let [free, half, held] = [0.0, 0.5, 1.0].map(&mut height);
+    assert!(held.abs() < 1e-4, "{held}");
+    assert!(free.abs() > 0.05 && (half - 0.5 * free).abs() < 1e-4, "{free} {half}");
 }
 
 #[test]
