@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 use troupe_character::live::{Character, FrameOut};
 use troupe_motion::interpolate::smoothstep;
 use troupe_motion::retarget::{Holds, Memory, Retargeter};
-use troupe_motion::rotation::slerp;
 use troupe_motion::{Quat, Skeleton, Vec3};
+
+use super::difference::{self, Difference};
 
 /// Frames over which a character goes from a pose that its client gave to the pose as it is carried
 /// over.
@@ -46,9 +47,7 @@ pub(crate) struct Last {
 struct Ease {
     /// The frame of the given pose.
     frame: f64,
-    root: Vec3,
-    /// Turns of the joints, each in its parent's frame of reference.
-    turns: Vec<Quat>,
+    difference: Difference,
 }
 
 impl Dress {
@@ -79,7 +78,7 @@ impl Dress {
     #[must_use]
     pub(crate) fn resume(&mut self, last: Last) -> bool {
         let joints = self.last.pose.len();
-        let turns = last.ease.as_ref().map_or(joints, |ease| ease.turns.len());
+        let turns = last.ease.as_ref().map_or(joints, |ease| ease.difference.joints());
         if [last.pose.len(), turns] != [joints; 2] {
             return false;
         }
@@ -206,13 +205,12 @@ impl Dress {
         let time = character.time_frames();
         self.pass(time);
         let root = self.carry(made.root - lift, &made.rotations) + self.onto.scale() * lift;
-        let turns = given.1.iter().zip(&self.last.pose);
-        let turns = turns.map(|(given, made)| *given * made.conjugate()).collect();
+        let figure = self.onto.figures()[1];
+        let difference = Difference::between(figure, (root, &self.last.pose), given);
         self.last.shown = Some((time, given.0));
         self.last.ease = Some(Ease {
             frame: time,
-            root: given.0 - root,
-            turns,
+            difference,
         });
     }
 
@@ -227,10 +225,8 @@ impl Dress {
             self.last.ease = None;
             return;
         }
-        out.root += share * ease.root;
-        for (rotation, &turn) in out.rotations.iter_mut().zip(&ease.turns) {
-            *rotation = slerp(Quat::IDENTITY, turn, share) * *rotation;
-        }
+        let shares = [(share, &ease.difference)];
+        difference::add(self.onto.figures()[1], &shares, &mut out.root, &mut out.rotations);
     }
 }
 

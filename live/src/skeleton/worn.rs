@@ -11,6 +11,7 @@ use troupe_motion::retarget::{Certificate, Figure, RetargetError, Retargeter};
 use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
+use super::difference::{self, Difference};
 use super::dress::Dress;
 use crate::packs::{LoadedPack, PackTable};
 
@@ -159,6 +160,16 @@ impl Worn {
             (root, pose.clone())
         };
         frames.iter().map(carry).collect()
+    }
+
+    /// From a pose on the user's skeleton that was made to a given one.
+    pub fn difference(&self, made: (Vec3, &[Quat]), given: (Vec3, &[Quat])) -> Difference {
+        Difference::between(self.onto.figures()[1], made, given)
+    }
+
+    /// Adds shares of differences, 0 to 1, to a pose on the user's skeleton.
+    pub fn add(&self, shares: &[(f32, &Difference)], root: &mut Vec3, rotations: &mut [Quat]) {
+        difference::add(self.onto.figures()[1], shares, root, rotations);
     }
 
     /// What the character of a session wears. It counts as long as it exists.
