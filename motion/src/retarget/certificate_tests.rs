@@ -9,6 +9,7 @@ use super::tests::{HIPS_M, example, figure, g1, person};
 use super::*;
 use crate::anatomy::{LimbDoc, PartsDoc};
 use crate::read::RestPose;
+use crate::skeleton::Joint;
 
 fn certificate(source: &Figure, target: &Figure) -> Certificate {
     Certificate::of(&Retargeter::new(source.clone(), target.clone()).unwrap())
@@ -42,6 +43,40 @@ fn people_of_many_shapes_and_robots_go_together() {
     let robot = Figure::of_robot(g1(), &PartsDoc::default()).unwrap();
     for pair in [[&source, &robot], [&robot, &source]] {
         assert_eq!(certificate(pair[0], pair[1]).faults(), [""; 0]);
+    }
+}
+
+#[test]
+fn lengths_that_no_body_has_are_refused_with_the_joint() {
+    let (_, source) = example();
+    let stretched = |part: &str, to_m: f32| {
+        let mut skeleton = (*person(0, 1.0, 3, RestPose::T).skeleton()).clone();
+        let is_it = |joint: &Joint| joint.name == format!("mixamorig:{part}");
+        for joint in skeleton.joints.iter_mut().filter(|joint| is_it(joint)) {
+            joint.offset_m *= to_m / joint.offset_m.length();
+        }
+        figure(&Arc::new(skeleton), 1.0)
+    };
+    for (part, to_m, said) in [
+        ("Spine1", 99.0, "build: the trunk is 99."),
+        ("Head", 5.0, "build: the neck is 5."),
+        ("LeftForeArm", 18.0, "build: an arm is 18."),
+        ("RightUpLeg", 6.0, "build: the way to a hip is 6."),
+        ("RightToeBase", 6.0, "build: a foot is 6."),
+    ] {
+        let certificate = certificate(&source, &stretched(part, to_m));
+        let faults = certificate.faults();
+        let named = format!("m of it to mixamorig:{part}; allowed: ");
+        assert!(
+            faults[0].starts_with(said) && faults[0].contains(&named),
+            "{part}: {faults:#?}"
+        );
+        assert!(!certificate.passes());
+    }
+    // Cartoons are no fault: a long trunk on short legs, and arms down to the ground.
+    for (part, to_m) in [("Spine1", 3.0), ("LeftForeArm", 2.0), ("Head", 1.0)] {
+        let build = certificate(&source, &stretched(part, to_m)).build;
+        assert_eq!(build, [""; 0]);
     }
 }
 

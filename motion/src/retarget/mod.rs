@@ -6,6 +6,7 @@
 //! Inverse kinematics brings the feet to the scaled places of the source's feet, at the height of
 //! the target's own soles. So a foot that stands in the source stands in the target.
 
+mod build;
 mod certificate;
 #[cfg(feature = "files")]
 #[cfg(test)]
