@@ -388,6 +388,15 @@ async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
     assert_eq!(own.joints.len(), pack.skeleton().joint_count());
     // The same upload again changes nothing.
     assert_eq!(send(&server).send().await.unwrap().status(), 200);
+    let url = format!("{}/v1/skeletons/hero", server.url());
+    let text = reqwest::Client::new().put(url).header("content-type", "text/plain");
+    let answer = text.body("a hero").send().await.unwrap();
+    assert_eq!(answer.status(), 415);
+    let error = answer.text().await.unwrap();
+    for kind in ["json", "octet-stream", "xml"] {
+        assert!(error.contains(&format!("application/{kind}")), "{error}");
+    }
+    assert!(error.contains("model/gltf-binary"), "{error}");
     server.stop().await;
 }
 
