@@ -1,27 +1,24 @@
 //! Characters on a skeleton of the user's own: sessions, in-betweens and paths in its size.
 
-use std::path::Path;
-
-use troupe_client::{Client, FollowPath, InBetween, Key, Locomotion, Pack, SessionOptions};
+use troupe_client::{Client, FollowPath, InBetween, Locomotion, Pack, SessionOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::rotation::angle_between;
-use troupe_motion::{Quat, Vec3};
+use troupe_motion::{Joint, Quat, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::put_skeleton_request::Source;
 use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_proto::v1::skeletons_client::SkeletonsClient;
 
-use crate::cli::Folder;
 use crate::motion::walk;
 use crate::server::{Server, shared};
 
 /// Size of the hero by that of the pack's body.
-const SCALE: f32 = 1.5;
+pub const SCALE: f32 = 1.5;
 
 /// The pack's skeleton in another size and with other names, in the pose in which a character
 /// stands at first.
-async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
+pub async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
     let skeleton = pack.skeleton();
     let name = |index: usize| format!("hero_{}", skeleton.joints[index].name);
     let joint = |index: usize| {
@@ -57,13 +54,13 @@ async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
     }
 }
 
-async fn put(server: &Server, request: v1::PutSkeletonRequest) -> Result<v1::OwnSkeleton, tonic::Status> {
+pub async fn put(server: &Server, request: v1::PutSkeletonRequest) -> Result<v1::OwnSkeleton, tonic::Status> {
     let mut rpc = SkeletonsClient::new(server.channel().await);
     rpc.put_skeleton(request).await.map(tonic::Response::into_inner)
 }
 
 /// The hero on a server, and the pack that wears it.
-async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
+pub async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
     let (client, pack) = server.client().await;
     let request = v1::PutSkeletonRequest {
         name: name.to_owned(),
@@ -208,6 +205,18 @@ async fn a_gap_is_filled_between_the_keyframes_of_the_skeleton() {
         .windows(2)
         .map(|pair| pair[0].distance(pair[1]));
     assert!(steps.fold(0.0, f32::max) < SCALE * 0.12);
+    // Feet do not dip into the ground, nor where the given poses end.
+    let lowest = |clip: &Clip| {
+        let toe = |joint: &Joint| joint.name.contains("Toes");
+        let joints = clip.skeleton.joints.iter();
+        let toes: Vec<usize> = joints.enumerate().filter(|(_, of)| toe(of)).map(|(toe, _)| toe).collect();
+        let world = WorldMotion::from_clip(clip);
+        let heights = (0..clip.frames()).flat_map(|frame| toes.iter().map(move |&toe| (frame, toe)));
+        let heights = heights.map(|(frame, toe)| world.positions_at(frame)[toe].y);
+        heights.fold(f32::INFINITY, f32::min)
+    };
+    let (low, given) = (lowest(&filled), lowest(&own));
+    assert!(low > given - 0.01, "{low} m, and {given} m in the walk");
 }
 
 #[tokio::test]
@@ -323,6 +332,42 @@ async fn what_does_not_fit_is_refused_with_the_field() {
         .replace("_L\"", "_#\"")
         .replace("_R\"", "_L\"")
         .replace("_#\"", "_R\"");
+    let forced = v1::PutSkeletonRequest {
+        parts: swapped.clone(),
+        force: true,
+        ..named("forced", Some(Source::Joints(good.clone())))
+    };
+    let forced = put(server, forced).await.unwrap();
+    assert!(forced.forced && !forced.fit.as_ref().unwrap().faults.is_empty());
+    let worn = pack.wearing(&forced).unwrap();
+    let session = client.session(&worn, &SessionOptions::new()).await.unwrap();
+    session.close().await.unwrap();
+    // Not even by force.
+    let mut tiny = good.clone();
+    let offsets = tiny.joints.iter_mut().filter_map(|joint| joint.offset.as_mut());
+    for offset in offsets {
+        (offset.x, offset.y, offset.z) = (0.02 * offset.x, 0.02 * offset.y, 0.02 * offset.z);
+    }
+    let tiny = v1::PutSkeletonRequest {
+        force: true,
+        ..named("tiny", Some(Source::Joints(tiny)))
+    };
+    let error = put(server, tiny).await.unwrap_err().to_string();
+    assert!(error.contains("its legs are 0.03") && error.contains("0.05 to 20"), "{error}");
+    // A neck of 5 m.
+    let mut giraffe = good.clone();
+    let is_head = |joint: &&mut v1::BodyJoint| joint.name == "hero_Head";
+    giraffe.joints.iter_mut().find(is_head).unwrap().offset = Some(v1::Vec3 {
+        x: 0.0,
+        y: 9.0,
+        z: 0.0,
+    });
+    let error = put(server, named("giraffe", Some(Source::Joints(giraffe)))).await.unwrap_err();
+    let said = crate::server::ErrorAnswer::from_status(&error).message;
+    assert!(
+        said.contains("the neck is 9.") && said.contains("m of it to hero_Head; allowed: 0.00 to "),
+        "{said}"
+    );
     for (request, field) in [
         (named("../up", Some(Source::Joints(good.clone()))), "name"),
         (named("a", None), "source"),
@@ -338,7 +383,7 @@ async fn what_does_not_fit_is_refused_with_the_field() {
         ),
         (
             v1::PutSkeletonRequest {
-                parts: swapped,
+                parts: swapped.clone(),
                 ..named("a", Some(Source::Joints(good.clone())))
             },
             "source",
@@ -362,149 +407,45 @@ async fn what_does_not_fit_is_refused_with_the_field() {
 }
 
 #[tokio::test]
-async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
-    let folder = Folder::new("own-skeleton");
-    let kept = folder.file("store");
-    let start = async || {
-        let store = kept.clone();
-        Server::start_with(move |config| config.store = Some(store)).await
-    };
-    let server = start().await;
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/walk.bvh");
-    let bvh = std::fs::read(example).unwrap();
-    let send = |server: &Server| {
-        let url = format!("{}/v1/skeletons/hero?file=hero.bvh", server.url());
-        let request = reqwest::Client::new().put(url);
-        request
-            .header("content-type", "application/octet-stream")
-            .body(bvh.clone())
-    };
-    let answer = send(&server).send().await.unwrap();
-    assert_eq!(answer.status(), 200, "{}", answer.text().await.unwrap());
-    assert!(server.stop().await);
-    let server = start().await;
-    let (client, pack) = server.client().await;
-    let own = client.skeleton("hero", &pack).await.unwrap();
-    assert_eq!(own.joints.len(), pack.skeleton().joint_count());
-    // The same upload again changes nothing.
-    assert_eq!(send(&server).send().await.unwrap().status(), 200);
-    let url = format!("{}/v1/skeletons/hero", server.url());
-    let text = reqwest::Client::new().put(url).header("content-type", "text/plain");
-    let answer = text.body("a hero").send().await.unwrap();
-    assert_eq!(answer.status(), 415);
-    let error = answer.text().await.unwrap();
-    for kind in ["json", "octet-stream", "xml"] {
-        assert!(error.contains(&format!("application/{kind}")), "{error}");
-    }
-    assert!(error.contains("model/gltf-binary"), "{error}");
-    server.stop().await;
-}
-
-/// A session that begins in a walk of the hero, as floats.
-struct Worn {
-    rpc: SessionsClient<tonic::transport::Channel>,
-    id: String,
-}
-
-impl Worn {
-    async fn start(server: &Server, id: &str, name: &str, clip: &Clip) -> Self {
-        let mut rpc = SessionsClient::new(server.channel().await);
-        let context = (37..41).map(|frame| Key::from_clip(clip, frame).unwrap().to_message());
-        let options = v1::SessionOptions {
-            id: id.to_owned(),
-            seed: 5,
-            skeleton: name.to_owned(),
-            context: context.collect(),
-            ..v1::SessionOptions::default()
-        };
-        let request = v1::CreateSessionsRequest {
-            sessions: vec![options],
-        };
-        rpc.create_sessions(request).await.unwrap();
-        let id = id.to_owned();
-        Self { rpc, id }
-    }
-
-    /// The next frames: roots, and rotations of all joints.
-    async fn step(&mut self, frames: u32, rate_hz: u32, velocity: Option<(u64, Vec3)>) -> Vec<Vec<f32>> {
-        let command = |(sequence, Vec3 { x, y, z })| v1::Command {
-            session_id: self.id.clone(),
-            sequence,
-            intent: Some(v1::command::Intent::Locomote(v1::Locomote {
-                velocity: Some(v1::Vec3 { x, y, z }),
-                ..v1::Locomote::default()
-            })),
-            ..v1::Command::default()
-        };
-        let request = v1::StepRequest {
-            session_ids: vec![self.id.clone()],
-            commands: velocity.map(command).into_iter().collect(),
-            frames,
-            rate_hz,
-            ..v1::StepRequest::default()
-        };
-        let answer = self.rpc.step(request).await.unwrap().into_inner();
-        assert!(answer.problems.is_empty(), "{:?}", answer.problems);
-        let block = &answer.blocks[0];
-        let joints = block.rotations.len() / block.root_positions.len() * 3;
-        let roots = block.root_positions.chunks(3);
-        let poses = block.rotations.chunks(joints);
-        roots.zip(poses).map(|(root, pose)| [root, pose].concat()).collect()
-    }
-}
-
-/// The example's walk on the hero.
-fn own_walk(pack: &Pack, worn: &Pack) -> Clip {
-    let clip = walk(pack);
-    let roots = clip.root_positions.iter().map(|root| SCALE * *root).collect();
-    let skeleton = worn.skeleton().clone();
-    Clip::new(skeleton, clip.fps, roots, clip.rotations).unwrap()
-}
-
-#[tokio::test]
-async fn a_restart_changes_no_bit_of_the_frames_that_follow() {
-    let folder = Folder::new("own-restart");
-    let kept = folder.file("store");
-    let start = async || {
-        let store = kept.clone();
-        Server::start_with(move |config| config.store = Some(store)).await
-    };
-    let server = start().await;
-    let (_, pack, worn) = hero(&server, "hero").await;
-    let clip = own_walk(&pack, &worn);
-    let mut one = Worn::start(&server, "one", "hero", &clip).await;
-    let mut other = Worn::start(&server, "other", "hero", &clip).await;
-    let go = Some((1, SCALE * Vec3::new(0.8, 0.0, 0.8)));
-    // The way from the given pose has not ended.
-    assert_eq!(one.step(7, 60, go).await, other.step(7, 60, go).await);
-    let through = one.step(80, 60, None).await;
-    assert!(server.stop().await);
-    let server = start().await;
-    other.rpc = SessionsClient::new(server.channel().await);
-    let after = other.step(80, 60, None).await;
-    let differ = through.iter().zip(&after).filter(|(a, b)| a != b).count();
-    assert_eq!(differ, 0, "of {}", through.len());
-    assert!(server.stop().await);
-}
-
-#[tokio::test]
-async fn frames_of_a_moment_are_the_same_at_every_rate() {
+async fn a_session_begins_with_the_first_joint_of_its_skeleton() {
     let server = shared();
-    let (_, pack, worn) = hero(server, "rates").await;
-    let clip = own_walk(&pack, &worn);
-    let mut walks = Vec::new();
-    for (rate_hz, every) in [(30, 3), (50, 5), (60, 6)] {
-        let id = format!("rate-{rate_hz}");
-        let mut session = Worn::start(server, &id, "rates", &clip).await;
-        let go = Some((1, SCALE * Vec3::new(0.8, 0.0, 0.8)));
-        let frames = session.step(every * 20, rate_hz, go).await;
-        let tenths = frames.into_iter().skip(every as usize - 1);
-        walks.push(tenths.step_by(every as usize).collect::<Vec<_>>());
-    }
-    for walk in &walks[1..] {
-        let pairs = walks[0].iter().flatten().zip(walk.iter().flatten());
-        let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        println!("{apart}");
-        assert!(apart < 0.02, "{apart}");
-    }
+    let (client, pack) = server.client().await;
+    // A first joint half a metre beside the hips.
+    let mut beside = joints(&client, &pack).await;
+    beside.joints[0].parent = "beside".to_owned();
+    beside.joints[0].offset = Some(v1::Vec3 {
+        x: 0.5,
+        y: 0.0,
+        z: 0.0,
+    });
+    beside.joints.insert(
+        0,
+        v1::BodyJoint {
+            name: "beside".to_owned(),
+            ..v1::BodyJoint::default()
+        },
+    );
+    let still = v1::Quat {
+        w: 1.0,
+        ..v1::Quat::default()
+    };
+    beside.neutral.insert(0, still);
+    let request = v1::PutSkeletonRequest {
+        name: "beside".to_owned(),
+        source: Some(Source::Joints(beside)),
+        ..v1::PutSkeletonRequest::default()
+    };
+    let own = put(server, request).await.unwrap();
+    let worn = pack.wearing(&own).unwrap();
+    let place = Vec3::new(2.0, 0.0, 1.0);
+    let options = SessionOptions::new().seed(1).at(place, 0.7);
+    let mut session = client.session(&worn, &options).await.unwrap();
+    let mut recording = troupe_client::Recording::of(&session);
+    session.step(1).await.unwrap().iter().for_each(|frame| recording.push(frame));
+    let info = client.session_info(session.id()).await.unwrap();
+    session.close().await.unwrap();
+    let root = recording.into_clip().unwrap().root_positions[0];
+    assert!((root - place).with_y(0.0).length() < 0.1, "{root}");
+    let said = info.position.unwrap();
+    assert!(root.distance(Vec3::new(said.x, said.y, said.z)) < 1e-4, "{root} {said:?}");
 }
