@@ -94,7 +94,7 @@ class Request:
 
 
 def random_request(skeleton: Skeleton, sizes: Sizes, tokens: int, generator: Generator) -> Request:
-    """A walk of so many tokens, in the segment frame; some targets are left out."""
+    """A walk of that many tokens, in the segment frame; some targets are left out."""
     frames, joints = tokens * sizes.frames_per_token, skeleton.joint_count
 
     def smooth(*shape: int) -> Tensor:
