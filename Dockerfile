@@ -76,8 +76,9 @@ COPY models /opt/troupe/models
 ARG REVISION=unknown
 LABEL org.opencontainers.image.revision="${REVISION}" \
       org.opencontainers.image.licenses="Apache-2.0 AND CC-BY-NC-4.0 AND CC-BY-NC-ND-4.0" \
-      troupe.weights="Non-commercial use only: the licences of the packs' weights are below, their credits in /opt/troupe/NOTICE" \
+      troupe.weights="Non-commercial use only, but for open: the licences of the packs' weights are below, their credits in /opt/troupe/NOTICE" \
       troupe.weights.human="CC BY-NC 4.0, non-commercial" \
+      troupe.weights.open="Apache-2.0" \
       troupe.weights.g1="CC BY-NC-ND 4.0, non-commercial, no derivatives" \
       troupe.weights.unimogen="CC BY-NC-ND 4.0, non-commercial, no derivatives" \
       troupe.weights.vermo="CC BY-NC 4.0, non-commercial"
