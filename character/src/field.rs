@@ -21,6 +21,31 @@ impl fmt::Display for FieldError {
 
 impl std::error::Error for FieldError {}
 
+/// The size of a caller's body. Values are checked in the size of another body, and errors say
+/// lengths and speeds as the caller does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Size {
+    /// Metres of the caller for a metre of the values.
+    scale: f32,
+    /// Height of the caller's root joint while the other body's is at height 0, metres.
+    root_m: f32,
+}
+
+impl Default for Size {
+    /// The size of the values.
+    fn default() -> Self {
+        Self::new(1.0, 0.0)
+    }
+}
+
+impl Size {
+    /// A caller with `scale` metres for a metre of the values, above 0, whose root joint is
+    /// `root_m` higher than the scaled height of the other body's.
+    pub fn new(scale: f32, root_m: f32) -> Self {
+        Self { scale, root_m }
+    }
+}
+
 /// The place of a value in a request: a chain of steps on the stack. Naming a value costs nothing
 /// until there is an error.
 #[derive(Debug, Clone, Copy, Default)]
@@ -28,6 +53,7 @@ pub struct Path<'a> {
     parent: Option<&'a Path<'a>>,
     name: &'static str,
     index: Option<usize>,
+    size: Size,
 }
 
 impl<'a> Path<'a> {
@@ -36,12 +62,41 @@ impl<'a> Path<'a> {
         Self::default()
     }
 
+    /// This place for a caller of another size, and all that is below it.
+    pub fn sized(self, size: Size) -> Self {
+        Self { size, ..self }
+    }
+
+    /// The size of the caller.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// A length or speed here as its caller says it, metres or m/s.
+    pub fn metres(&self, value: f32) -> f32 {
+        self.rounded(value, value * self.size.scale)
+    }
+
+    /// A height of the root joint here as its caller says it, metres.
+    pub fn height(&self, value: f32) -> f32 {
+        self.rounded(value, value * self.size.scale + self.size.root_m)
+    }
+
+    /// What the caller gave was divided, and has no more digits than these.
+    fn rounded(&self, value: f32, own: f32) -> f32 {
+        match self.size == Size::default() {
+            true => value,
+            false => format!("{own:.5e}").parse().unwrap_or(own),
+        }
+    }
+
     /// A field of this message.
     pub fn field(&'a self, name: &'static str) -> Path<'a> {
         Path {
             parent: Some(self),
             name,
             index: None,
+            size: self.size,
         }
     }
 
@@ -51,6 +106,7 @@ impl<'a> Path<'a> {
             parent: Some(self),
             name,
             index: Some(index),
+            size: self.size,
         }
     }
 
@@ -95,5 +151,16 @@ mod tests {
         assert_eq!(root.field("pack").to_string(), "pack");
         let error = character.field("seed").error("is odd", "even");
         assert_eq!(error.to_string(), "characters[3].seed: is odd; allowed: even");
+    }
+
+    #[test]
+    fn lengths_are_said_in_the_size_of_the_caller() {
+        let root = Path::root().sized(Size::new(1.2, -0.5));
+        let point = root.element("points", 2);
+        let place = point.field("position");
+        assert_eq!((place.metres(15.0), place.metres(30.0 / 1.2)), (18.0, 30.0));
+        assert_eq!((place.height(1.0), place.height((2.5 + 0.5) / 1.2)), (0.7, 2.5));
+        let same = Path::root();
+        assert_eq!((same.metres(0.1 + 0.2), same.height(1.0)), (0.1 + 0.2, 1.0));
     }
 }

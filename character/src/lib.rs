@@ -25,4 +25,4 @@ pub mod take;
 #[allow(clippy::unwrap_used, reason = "for tests")]
 pub mod testing;
 
-pub use field::{FieldError, Path};
+pub use field::{FieldError, Path, Size};

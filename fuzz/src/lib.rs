@@ -17,6 +17,7 @@ use std::sync::{Arc, OnceLock};
 use prost::Message as _;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use troupe_character::Path as FieldPath;
 use troupe_character::document::{DocumentError, Format};
 use troupe_character::object::{self, Definition, Definitions};
 use troupe_character::scene::NamedScene;
@@ -228,7 +229,7 @@ pub fn generate(bytes: &[u8]) {
     let Some(v1::generate_request::Goal::Prompt(prompt)) = &request.goal else {
         return;
     };
-    match prepare_prompt(&request, prompt, &home().words) {
+    match prepare_prompt(&FieldPath::root(), &request, prompt, &home().words) {
         Ok(_) => planted(|| {
             let sampling = request.sampling.unwrap_or_default();
             [
@@ -258,7 +259,8 @@ pub fn inbetween(bytes: &[u8]) {
         return;
     };
     survives(&request);
-    match prepare(&request, &home().pack.rig, RequestLimits { max_characters: 256 }) {
+    let limits = RequestLimits { max_characters: 256 };
+    match prepare(&FieldPath::root(), &request, &home().pack.rig, limits) {
         Ok((items, plans)) => {
             assert_eq!(items.len(), plans.len());
             let characters = &request.characters;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use troupe_character::post::{NonFinite, check_finite};
 use troupe_character::take::{Making, PathPlan};
-use troupe_character::{FieldError, Path};
+use troupe_character::{FieldError, Path, Size};
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig, Task};
 use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
@@ -17,7 +17,7 @@ use crate::inbetween::{
     PartWriter, Prepared, no_sampling, path_judge, prepare_path, prepare_prompt, prepare_walk, refuse_frames,
     refuse_path, refuse_walk, walk_judge,
 };
-use crate::own::{OwnAnswer, in_size, take_generate};
+use crate::own::{OwnAnswer, take_generate};
 use crate::streamed::{Pieces, Streamed};
 use crate::{Service, ServiceError};
 use troupe_batch::{Batcher, Piece};
@@ -177,15 +177,12 @@ impl Service {
             None => None,
         };
         let request = for_pack.as_ref().unwrap_or(request);
+        let root = Path::root().sized(worn.as_ref().map_or_else(Size::default, |worn| worn.size()));
         let wanted = match &request.goal {
-            None => Err(no_goal().into()),
-            Some(Goal::Prompt(prompt)) => words(request, prompt, loaded),
-            Some(Goal::Path(goal)) => self.path(request, goal, loaded),
+            None => return Err(no_goal().into()),
+            Some(Goal::Prompt(prompt)) => words(&root, request, prompt, loaded)?,
+            Some(Goal::Path(goal)) => self.path(&root, request, goal, loaded)?,
         };
-        let wanted = wanted.map_err(|error| match &worn {
-            Some(worn) => in_size(error, worn),
-            None => error,
-        })?;
         Ok(Generation {
             pieces: Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?,
             writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
@@ -198,6 +195,7 @@ impl Service {
 
     fn path(
         &self,
+        root: &Path<'_>,
         request: &v1::GenerateRequest,
         goal: &v1::PathGoal,
         loaded: &LoadedPack,
@@ -205,22 +203,28 @@ impl Service {
         let takes_paths = loaded.pack.manifest.capabilities.has(Capability::Path);
         let (task, rig, notes, judge, windows) = match !takes_paths && loaded.walks(0) {
             true => {
-                let walking = prepare_walk(request, goal, &loaded.pack, &loaded.styles[0])?;
+                let walking = prepare_walk(root, request, goal, &loaded.pack, &loaded.styles[0])?;
                 let rig = loaded.pack.rig.clone();
                 if goal.strict {
-                    refuse_walk(&walking, &rig)?;
+                    refuse_walk(root, &walking, &rig)?;
                 }
                 let mut making = Making::new(&walking.path.take, 0);
                 let task = making.next_task()?.ok_or(NonFinite)?;
                 let judge = walk_judge(&walking, &rig);
-                (task, rig, walking.notes(), judge, Windows::Walk(making))
+                (task, rig, walking.notes(root), judge, Windows::Walk(making))
             }
             false => {
                 loaded.require(Capability::Path, "pack")?;
                 no_sampling(request)?;
-                let mut plan = Box::new(prepare_path(goal, &request.past, request.seed, &loaded.pack)?);
+                let mut plan = Box::new(prepare_path(
+                    root,
+                    goal,
+                    &request.past,
+                    request.seed,
+                    &loaded.pack,
+                )?);
                 if goal.strict {
-                    refuse_path(&plan)?;
+                    refuse_path(root, &plan)?;
                 }
                 let (task, frame) = plan.next_task().ok_or(NonFinite)?;
                 let (rig, notes) = (plan.body.rig.clone(), std::mem::take(&mut plan.notes));
@@ -245,6 +249,7 @@ impl Service {
 }
 
 fn words(
+    root: &Path<'_>,
     request: &v1::GenerateRequest,
     prompt: &v1::Prompt,
     loaded: &LoadedPack,
@@ -253,7 +258,7 @@ fn words(
     if !prompt.others.is_empty() {
         loaded.require(Capability::Agents, "pack")?;
     }
-    let Prepared { task, frame, notes } = prepare_prompt(request, prompt, &loaded.pack)?;
+    let Prepared { task, frame, notes } = prepare_prompt(root, request, prompt, &loaded.pack)?;
     Ok(Wanted {
         task,
         rig: loaded.pack.rig.clone(),

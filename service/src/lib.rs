@@ -22,13 +22,14 @@ use troupe_proto::v1;
 
 use crate::inbetween::{Plan, RequestLimits, finish_judged, prepare, refuse, refuse_keyframes};
 use metrics::ServiceMetrics;
-use own::{OwnSegment, in_size, take_in_between};
+use own::{OwnSegment, take_in_between};
 use pack::describe;
 use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::{RequestContext, Telemetry};
 use troupe_base::tenant::Tenant;
 use troupe_base::turns::{ClientId, Turns};
 use troupe_batch::{Batcher, Order, Served, SubmitError, trace_served};
+use troupe_character::{Path, Size};
 use troupe_engine::EngineError;
 use troupe_live::packs::{LoadedPack, PackTable};
 use troupe_live::records::{Records, RecordsError};
@@ -360,15 +361,9 @@ fn prepared(
 ) -> Result<Prepared, ServiceError> {
     let own = worn.map(|worn| take_in_between(&mut request, worn));
     let own = own.transpose()?.unwrap_or_default();
-    let for_pack = || {
-        let (items, plans) = prepare(&request, rig, limits)?;
-        refuse_keyframes(&plans, rig)?;
-        Ok((items, plans))
-    };
-    let (items, plans) = for_pack().map_err(|error| match worn {
-        Some(worn) => in_size(error, worn),
-        None => error,
-    })?;
+    let root = Path::root().sized(worn.map_or_else(Size::default, Worn::size));
+    let (items, plans) = prepare(&root, &request, rig, limits)?;
+    refuse_keyframes(&plans, rig)?;
     Ok((items, plans, own))
 }
 

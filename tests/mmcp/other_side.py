@@ -109,7 +109,11 @@ class Answer:
         assert extension["model"] == body["model"]
         assert extension["version"] == "1.4"
         assert extension["fps"] == self.fps
-        assert set(extension) <= {"version", "model", "fps", "samples", "notes"}
+        assert set(extension) <= {"version", "model", "fps", "samples", "notes", "canonical_to_request"}
+        canonical = {joint["name"] for joint in model["canonical_skeleton"]["joints"]}
+        mapped = extension.get("canonical_to_request", {})
+        assert set(mapped) <= canonical
+        assert set(mapped.values()) <= set(self.names)
         for note in extension.get("notes", []):
             assert set(note) == NOTES
             assert note["severity"] in ("info", "warning")
@@ -129,9 +133,11 @@ class Answer:
             boundaries = entry["chunk_boundaries"]
             assert boundaries == sorted(set(boundaries))
             assert all(0 < frame < self.frames for frame in boundaries)
-            assert list(entry.get("foot_contacts", {})) == model["predicted_contact_joints"] or (
-                set(entry.get("foot_contacts", {})) == set(model["predicted_contact_joints"])
-            )
+            contacts = set(entry.get("foot_contacts", {}))
+            if self.extension.get("canonical_to_request"):
+                assert contacts <= set(self.names)
+            else:
+                assert contacts == set(model["predicted_contact_joints"])
             trajectory = entry["trajectory"]
             assert len(trajectory["position"]) == len(trajectory["yaw"]) == self.frames
             assert trajectory["yaw"][0] == 0

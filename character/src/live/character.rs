@@ -145,9 +145,10 @@ impl Character {
             Intent::FollowPath(path) => {
                 let root = self.timeline.buffer().root(self.timeline.frame());
                 let off_m = path.lead_m(root);
-                return match off_m <= MAX_LEAD_M {
+                let most_m = MAX_LEAD_M;
+                return match off_m <= most_m {
                     true => Ok(()),
-                    false => Err(CommandError::PathTooFar { off_m }),
+                    false => Err(CommandError::PathTooFar { off_m, most_m }),
                 };
             }
             _ => {}

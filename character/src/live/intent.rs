@@ -111,6 +111,8 @@ pub enum CommandError {
     PathTooFar {
         /// Distance from the character, metres.
         off_m: f32,
+        /// Farthest that it may be, metres.
+        most_m: f32,
     },
     /// The session's pack plans by paths, so it has no skills.
     #[error("the session's pack follows paths, and has no skills")]

@@ -56,16 +56,27 @@ impl Set {
         let mut over_ground = self.keyframes.iter().filter(|key| key.from_ground);
         over_ground.any(|key| key.height_m.is_some_and(|height| height < self.low_hips_m))
     }
+
+    /// Whether hips rest on the object at a keyframe, in a definition for any size.
+    pub(crate) fn rests(&self) -> bool {
+        let rests = |key: &Keyframe| key.pose_scale.is_some() || key.resting_m(self.low_hips_m).is_some();
+        self.origin == Origin::Object && self.keyframes.iter().any(rests)
+    }
 }
 
 impl Keyframe {
+    /// The height of hips that rest on the object, if it is written in metres of the scene.
+    fn resting_m(&self, low_hips_m: f32) -> Option<f32> {
+        let stands = |height: f32| self.from_ground && height >= low_hips_m;
+        self.height_m.filter(|&height| !stands(height))
+    }
+
     fn scale(&mut self, scale: f32, low_hips_m: f32) {
         self.place_m = self.place_m.map(|place| place.map(|along| along / scale));
         for point in &mut self.points {
             point.position_m /= scale;
         }
-        let stands = |height: f32| self.from_ground && height >= low_hips_m;
-        if let Some(height) = self.height_m.filter(|&height| !stands(height)) {
+        if let Some(height) = self.resting_m(low_hips_m) {
             self.height_m = Some(height / scale);
             self.pose_scale = Some(scale);
         }

@@ -72,12 +72,12 @@ pub struct TooFast {
 
 impl WalkRequest {
     /// Plans the way, which begins at the past, passes the keyframes and ends at the targets.
+    /// `root` is the request, for errors.
     ///
     /// # Errors
     /// [`FieldError`] for a path that is too fast, or too far from a keyframe, and for keyframes
     /// that are not on the motion.
-    pub fn plan(self) -> Result<WalkPath, FieldError> {
-        let root = Path::root();
+    pub fn plan(self, root: &Path<'_>) -> Result<WalkPath, FieldError> {
         let path = root.field("path");
         let fps = self.rig.fps;
         let begins = usize::from(self.past.is_empty());
@@ -89,7 +89,7 @@ impl WalkRequest {
         let start_s = (1 - begins) as f32 / fps;
         let mut way = self.points.frames(start_s, fps, frames);
         check_speed(&path, &self.points, &way, fps)?;
-        lead_over(&root, &path, &mut way, &self.past, &self.targets, fps)?;
+        lead_over(root, &path, &mut way, &self.past, &self.targets, fps)?;
         let mut keys = self.keys(&path, &mut way, begins)?;
         let first = frames - self.targets.len();
         keys.extend(
@@ -190,6 +190,7 @@ impl WalkRequest {
             is_loop: false,
             past: context(&self.past),
             in_parts: true,
+            onto: None,
             look: Look {
                 style: Some(self.style),
                 temperature: self.temperature,

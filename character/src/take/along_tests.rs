@@ -58,7 +58,7 @@ fn walked(path: &WalkPath) -> (Track, Vec<usize>) {
 
 #[test]
 fn a_path_is_walked_part_by_part() {
-    let path = ahead().plan().unwrap();
+    let path = ahead().plan(&Path::root()).unwrap();
     assert_eq!((path.way.len(), path.too_fast), (121, None));
     let (track, parts) = walked(&path);
     // 36 frames are made in front of the first one, for it to be in its stride.
@@ -76,7 +76,7 @@ fn keyframes_and_targets_are_met_in_the_parts_that_have_them() {
         targets: vec![key(0.1, 4.0), key(0.1, 4.03)],
         ..ahead()
     };
-    let (track, _) = walked(&request.plan().unwrap());
+    let (track, _) = walked(&request.plan(&Path::root()).unwrap());
     for (frame, wanted) in [(60, key(0.2, 2.0)), (119, key(0.1, 4.0)), (120, key(0.1, 4.03))] {
         let root = wanted.root.unwrap();
         assert!(track.roots[frame].distance(root.position) < 1e-3, "frame {frame}");
@@ -97,7 +97,7 @@ fn a_walk_goes_on_from_its_past() {
     let past: Vec<Checked> = (0..4)
         .map(|frame| key(0.0, -0.1 + 0.033 * frame as f32))
         .collect();
-    let path = WalkRequest { past, ..ahead() }.plan().unwrap();
+    let path = WalkRequest { past, ..ahead() }.plan(&Path::root()).unwrap();
     let (track, parts) = walked(&path);
     // Time 0 is the last frame of the past.
     assert_eq!((parts.iter().sum::<usize>(), path.way.len()), (120, 121));
@@ -117,7 +117,7 @@ fn a_path_of_one_point_is_stood_on() {
         seconds: 1.5,
         ..ahead()
     };
-    let (track, _) = walked(&path.plan().unwrap());
+    let (track, _) = walked(&path.plan(&Path::root()).unwrap());
     assert_eq!(track.len(), 46);
     let off = track.roots.iter().map(|root| (root.x - 1.0).hypot(root.z - 2.0));
     assert!(off.fold(0.0, f32::max) < 0.05);
@@ -126,7 +126,7 @@ fn a_path_of_one_point_is_stood_on() {
 #[test]
 fn a_path_may_be_too_fast_for_its_style() {
     let points = GroundPath::new(vec![point(0.0, 0.0, 0.0), point(4.0, 0.0, 24.0)]).unwrap();
-    let path = WalkRequest { points, ..ahead() }.plan().unwrap();
+    let path = WalkRequest { points, ..ahead() }.plan(&Path::root()).unwrap();
     let fast = path.too_fast.unwrap();
     assert!((fast.path_mps - 6.0).abs() < 0.1, "{fast:?}");
     assert!(

@@ -4,18 +4,18 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use troupe_motion::anatomy::Parts;
 use troupe_motion::fk::joint_transform;
-use troupe_motion::ik::{FootLock, Posed, ReachOptions, Reached, lock_feet, reach_pose};
+use troupe_motion::ik::{FootLock, Leg, Posed, ReachOptions, Reached, lock_feet, reach_pose};
 use troupe_motion::interpolate::smoothstep;
-use troupe_motion::model::Rig;
 use troupe_motion::pin::{PosePin, pin_poses};
 use troupe_motion::root::heading_of;
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::terrain::{Terrain, lift_motion};
-use troupe_motion::{GlobalRoot, Quat, Vec3};
+use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::note::Note;
-use super::request::{Effector, Take};
+use super::request::{Effector, Take, Wanted};
 use super::track::Track;
 use crate::post::{PIN_REACH_FRAMES, onto_hinges};
 
@@ -52,13 +52,16 @@ struct Fixed {
 
 /// Finishes the motion of a sample. `track` has the body's own frame rate.
 pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note>) -> Made {
-    let rig = &*take.subject.rig;
+    let body = Body::of(take);
     let mut work = Work {
         take,
-        rig,
-        track,
+        track: match &take.onto {
+            Some(onto) => onto.carry(&track, take.clock.native_fps),
+            None => track,
+        },
         notes,
-        fixed: fixed(take),
+        fixed: fixed(&body),
+        body,
     };
     work.meet_roots();
     work.approach();
@@ -71,7 +74,7 @@ pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note
     if take.is_loop {
         work.close();
     }
-    if let Some(robot) = &rig.skeleton.robot {
+    if let Some(robot) = &work.body.skeleton.robot {
         let columns = onto_hinges(robot, &work.track.roots, &mut work.track.rotations, false);
         let most = columns.residuals.iter().copied().fold(0.0, f32::max);
         if most > HINGES_RAD {
@@ -99,16 +102,52 @@ pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note
     }
 }
 
+/// The body of the answer, and what it must meet.
+#[derive(Clone, Copy)]
+struct Body<'a> {
+    skeleton: &'a Skeleton,
+    legs: &'a [Leg],
+    /// Of a body that a motion is carried over to.
+    parts: Option<&'a Parts>,
+    wanted: &'a Wanted,
+    /// Its size by that of the take's body.
+    scale: f32,
+}
+
+impl<'a> Body<'a> {
+    fn of(take: &'a Take) -> Self {
+        match &take.onto {
+            None => Self {
+                skeleton: &take.subject.rig.skeleton,
+                legs: &take.subject.rig.legs,
+                parts: None,
+                wanted: &take.wanted,
+                scale: 1.0,
+            },
+            Some(onto) => {
+                let figure = onto.retargeter().figures()[1];
+                Self {
+                    skeleton: figure.skeleton(),
+                    legs: onto.legs(),
+                    parts: Some(figure.parts()),
+                    wanted: &onto.wanted,
+                    scale: onto.retargeter().scale(),
+                }
+            }
+        }
+    }
+}
+
 /// The constraints on the root, by frame.
-fn fixed(take: &Take) -> BTreeMap<usize, Fixed> {
+fn fixed(body: &Body<'_>) -> BTreeMap<usize, Fixed> {
     let mut fixed: BTreeMap<usize, Fixed> = BTreeMap::new();
-    for knot in &take.wanted.path {
+    for knot in &body.wanted.path {
         let at = fixed.entry(knot.frame.round() as usize).or_default();
         at.place = Some(knot.place);
         at.heading = knot.heading;
     }
-    let left = take.subject.rig.skeleton.left_axis;
-    for key in &take.wanted.keys {
+    let left = body.skeleton.left_axis;
+    for key in &body.wanted.keys {
         let at = fixed.entry(key.frame).or_default();
         if let Some(root) = key.root {
             at.place = Some([root.x, root.z]);
@@ -118,12 +157,8 @@ fn fixed(take: &Take) -> BTreeMap<usize, Fixed> {
             at.heading = Some(heading_of(pelvis, left));
         }
     }
-    for effector in take
-        .wanted
-        .effectors
-        .iter()
-        .filter(|effector| effector.joint == 0)
-    {
+    let of_root = |effector: &&Effector| effector.joint == 0;
+    for effector in body.wanted.effectors.iter().filter(of_root) {
         let at = fixed.entry(effector.frame).or_default();
         at.place = Some([effector.point.x, effector.point.z]);
         at.y = Some(effector.point.y);
@@ -136,7 +171,7 @@ fn fixed(take: &Take) -> BTreeMap<usize, Fixed> {
 
 struct Work<'a> {
     take: &'a Take,
-    rig: &'a Rig,
+    body: Body<'a>,
     track: Track,
     notes: Vec<Note>,
     fixed: BTreeMap<usize, Fixed>,
@@ -152,7 +187,7 @@ impl Work<'_> {
     }
 
     fn root(&self, frame: usize) -> GlobalRoot {
-        self.track.root(frame, &self.rig.skeleton)
+        self.track.root(frame, self.body.skeleton)
     }
 
     /// The root that a frame must have. Parts without constraint stay as the model made them.
@@ -204,8 +239,7 @@ impl Work<'_> {
     }
 
     fn pin_roots(&mut self, pins: &BTreeMap<usize, GlobalRoot>) {
-        let skeleton = &self.rig.skeleton;
-        let joints = skeleton.joint_count();
+        let joints = self.body.skeleton.joint_count();
         let pins = pins.iter().map(|(&frame, &root)| RootPin { frame, root });
         let pins: Vec<RootPin> = pins.collect();
         let frames = 0..self.track.len();
@@ -219,13 +253,8 @@ impl Work<'_> {
     /// The effectors of each frame, except those of the root.
     fn effectors(&self) -> BTreeMap<usize, Vec<Effector>> {
         let mut frames: BTreeMap<usize, Vec<Effector>> = BTreeMap::new();
-        for effector in self
-            .take
-            .wanted
-            .effectors
-            .iter()
-            .filter(|effector| effector.joint != 0)
-        {
+        let wanted = &self.body.wanted.effectors;
+        for effector in wanted.iter().filter(|effector| effector.joint != 0) {
             frames.entry(effector.frame).or_default().push(*effector);
         }
         frames.retain(|frame, _| *frame < self.track.len());
@@ -240,14 +269,15 @@ impl Work<'_> {
         };
         let options = ReachOptions {
             root: Some(root),
+            parts: self.body.parts,
             ..ReachOptions::default()
         };
-        reach_pose(&self.rig.skeleton, &self.rig.legs, base, points, &options)
+        reach_pose(self.body.skeleton, self.body.legs, base, points, &options)
     }
 
     /// Brings roots without constraint within reach of their effectors.
     fn approach(&mut self) {
-        let floor = &self.take.wanted.ground;
+        let floor = &self.body.wanted.ground;
         let mut pins = BTreeMap::new();
         for (frame, effectors) in self.effectors() {
             let is_fixed = self.fixed.get(&frame).is_some_and(|fixed| fixed.place.is_some());
@@ -263,7 +293,7 @@ impl Work<'_> {
                 .collect();
             let reached = self.reach(frame, self.track.pose(frame), &points);
             let off = points.iter().map(|&(joint, point)| {
-                let place = joint_transform(&self.rig.skeleton, reached.root, &reached.rotations, joint).0;
+                let place = joint_transform(self.body.skeleton, reached.root, &reached.rotations, joint).0;
                 (point - place).with_y(0.0)
             });
             let off = off.sum::<Vec3>() / points.len() as f32;
@@ -289,7 +319,7 @@ impl Work<'_> {
 
     /// Whole poses of the request, by frame.
     fn whole(&self) -> BTreeMap<usize, Vec<Quat>> {
-        let keys = self.take.wanted.keys.iter();
+        let keys = self.body.wanted.keys.iter();
         let keys = keys.filter(|key| key.frame < self.track.len());
         keys.filter_map(|key| Some((key.frame, key.whole()?))).collect()
     }
@@ -299,7 +329,7 @@ impl Work<'_> {
             .iter()
             .map(|(&frame, rotations)| PosePin { frame, rotations });
         let pins: Vec<PosePin<'_>> = pins.collect();
-        let joints = self.rig.skeleton.joint_count();
+        let joints = self.body.skeleton.joint_count();
         pin_poses(&mut self.track.rotations, joints, &pins, PIN_REACH_FRAMES);
     }
 
@@ -332,10 +362,15 @@ impl Work<'_> {
         }
         ranges.push(from..count);
         let follows = self.take.subject.follower.is_some();
-        let rig = self.rig;
+        let Body {
+            skeleton,
+            legs,
+            scale,
+            ..
+        } = self.body;
         for range in ranges.into_iter().filter(|range| !range.is_empty()) {
             let options = FootLock {
-                max_offset_m: if follows { HELD_M.1 } else { HELD_M.0 },
+                max_offset_m: scale * if follows { HELD_M.1 } else { HELD_M.0 },
                 // The root keeps its path and its height.
                 max_drop_m: 0.0,
                 floor_m: (!follows).then_some(0.0),
@@ -346,18 +381,22 @@ impl Work<'_> {
                 rotations,
                 contacts,
             } = &mut self.track;
-            lock_feet(&rig.skeleton, &rig.legs, roots, rotations, contacts, &options);
+            lock_feet(skeleton, legs, roots, rotations, contacts, &options);
         }
     }
 
     /// Lifts the motion, which the model made for a floor at height 0, onto the ground.
     fn lift(&mut self) {
-        let ground = &self.take.wanted.ground;
+        let Body {
+            skeleton,
+            legs,
+            wanted: Wanted { ground, .. },
+            ..
+        } = self.body;
         if let Some(level) = ground.level() {
             self.track.roots.iter_mut().for_each(|root| root.y += level);
             return;
         }
-        let rig = self.rig;
         let Track {
             roots,
             rotations,
@@ -365,8 +404,8 @@ impl Work<'_> {
         } = &mut self.track;
         let height = |x: f32, z: f32| ground.height(x, z).unwrap_or(f32::NAN);
         let short_m = lift_motion(
-            &rig.skeleton,
-            &rig.legs,
+            skeleton,
+            legs,
             roots,
             rotations,
             contacts,
@@ -389,7 +428,7 @@ impl Work<'_> {
     fn meet_parts(&mut self) {
         let mut poses = BTreeMap::new();
         let mut kept = self.whole();
-        let keys = self.take.wanted.keys.iter();
+        let keys = self.body.wanted.keys.iter();
         for key in keys.filter(|key| key.whole().is_none() && key.frame < self.track.len()) {
             let mut pose = self.track.pose(key.frame).to_vec();
             for (rotation, given) in pose.iter_mut().zip(&key.rotations) {
@@ -437,11 +476,11 @@ impl Work<'_> {
 
     /// Turns a joint to the rotation that an effector asks for.
     fn turn(&self, frame: usize, effector: &Effector, pose: &mut [Quat]) {
-        let joint = &self.rig.skeleton.joints[effector.joint];
+        let joint = &self.body.skeleton.joints[effector.joint];
         let (Some(rotation), Some(parent)) = (effector.rotation, joint.parent) else {
             return;
         };
-        let above = joint_transform(&self.rig.skeleton, self.track.roots[frame], pose, parent).1;
+        let above = joint_transform(self.body.skeleton, self.track.roots[frame], pose, parent).1;
         pose[effector.joint] = (above.inverse() * rotation).normalize();
     }
 

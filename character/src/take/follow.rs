@@ -142,7 +142,8 @@ impl Follow {
             if self.track.len() > begun {
                 self.track = self.track.part(0, begun);
             }
-            let mut plan = PathPlan::new(self.request(&stretch)?)?;
+            let root = Path::root().sized(self.take.size());
+            let mut plan = PathPlan::new(&root, self.request(&root, &stretch)?)?;
             // The notes of all samples would be equal.
             if self.sample == 0 {
                 let notes = std::mem::take(&mut plan.notes).into_iter();
@@ -220,7 +221,7 @@ impl Follow {
 
     /// The path of a stretch. Its time 0 is the newest finished frame, or the stretch's own first
     /// frame.
-    fn request(&self, stretch: &Stretch) -> Result<PathRequest, FieldError> {
+    fn request(&self, root: &Path<'_>, stretch: &Stretch) -> Result<PathRequest, FieldError> {
         let fps = self.take.clock.native_fps;
         let past = self.past();
         let begin = stretch.from - i64::from(!past.is_empty());
@@ -256,7 +257,7 @@ impl Follow {
         let weight = |word: &String| f32::from(u8::from(look.word.as_ref() == Some(word)));
         Ok(PathRequest {
             body: body.clone(),
-            points: ground_path(points)?,
+            points: ground_path(root, points)?,
             seconds: (made / fps).max(1e-3),
             past,
             targets,
@@ -293,16 +294,16 @@ impl Follow {
 }
 
 /// Checks that the points are within bounds and their times rise.
-fn ground_path(points: Vec<PathPoint>) -> Result<GroundPath, FieldError> {
-    let root = Path::root();
+fn ground_path(root: &Path<'_>, points: Vec<PathPoint>) -> Result<GroundPath, FieldError> {
     let path = root.field("path");
     for (index, point) in points.iter().enumerate() {
         for (axis, value) in ["x", "z"].into_iter().zip(point.place) {
             if !(-MAX_DISTANCE_M..=MAX_DISTANCE_M).contains(&value) {
                 let point = path.element("points", index);
                 let position = point.field("position");
-                let allowed = format!("-{MAX_DISTANCE_M} to {MAX_DISTANCE_M}");
-                return Err(position.field(axis).error(format!("is {value}"), allowed));
+                let most = root.metres(MAX_DISTANCE_M);
+                let message = format!("is {}", root.metres(value));
+                return Err(position.field(axis).error(message, format!("-{most} to {most}")));
             }
         }
     }

@@ -3,7 +3,8 @@
 //! A [`Take`] says what a motion must meet: a path over the ground, poses, places of joints. A
 //! [`Making`] asks a generator for one window at a time. A body with styles goes from keyframe to
 //! keyframe and walks between them ([`walk`]); a body whose network takes paths follows one
-//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must. A take in
+//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must, perhaps
+//! on another body ([`Onto`]). A take in
 //! parts has each window meet it ([`settle`]), so that frames are final as they are made; [`along`]
 //! plans such a take for a path.
 
@@ -13,6 +14,7 @@ mod follow;
 mod ground;
 mod making;
 mod note;
+mod onto;
 mod path_plan;
 mod request;
 mod seed;
@@ -30,6 +32,7 @@ pub use finish::Made;
 pub use ground::Ground;
 pub use making::Making;
 pub use note::{Note, Severity};
+pub use onto::Onto;
 pub use path_plan::{PathPlan, PathRequest, speed_mps};
 pub use request::{
     Clock, Effector, Follower, Knot, Look, MotionFrames, PoseKey, Prompt, Subject, Take, TakeSegment, Wanted,

@@ -81,11 +81,11 @@ struct Window {
 }
 
 impl PathPlan {
-    /// Plans the windows of a motion.
+    /// Plans the windows of a motion. `root` is the request, for errors and notes.
     ///
     /// # Errors
     /// [`FieldError`] for a path that is too fast, or too far from the past or the targets.
-    pub fn new(request: PathRequest) -> Result<Self, FieldError> {
+    pub fn new(root: &Path<'_>, request: PathRequest) -> Result<Self, FieldError> {
         let PathRequest {
             body,
             points,
@@ -97,7 +97,6 @@ impl PathPlan {
             guidance,
             seed,
         } = request;
-        let root = Path::root();
         let path = root.field("path");
         let (dims, fps) = (body.rig.dims, body.rig.fps);
         let mut fresh = (seconds * fps).round().max(1.0) as usize;
@@ -111,8 +110,8 @@ impl PathPlan {
         let start_s = if past.is_empty() { 0.0 } else { 1.0 / fps };
         let mut frames = points.frames(start_s, fps, fresh);
         check_speed(&path, &points, &frames, fps)?;
-        let notes = speed_notes(&body, &frames, fps);
-        lead_over(&root, &path, &mut frames, &past, &targets, fps)?;
+        let notes = speed_notes(root, &body, &frames, fps);
+        lead_over(root, &path, &mut frames, &past, &targets, fps)?;
         let lead = past.iter().filter_map(|key| key.root).map(flat);
         Ok(Self {
             path: lead.chain(frames).collect(),
@@ -267,10 +266,9 @@ pub(super) fn check_speed(
         None => Ok(()),
         Some((frame, speed)) => {
             let index = points.point_after((frame + 1) as f32 / fps);
-            let message = format!("is reached at {speed:.1} m/s");
-            Err(path
-                .element("points", index)
-                .error(message, format!("at most {MAX_SPEED_MPS} m/s")))
+            let message = format!("is reached at {:.1} m/s", path.metres(speed));
+            let allowed = format!("at most {} m/s", path.metres(MAX_SPEED_MPS));
+            Err(path.element("points", index).error(message, allowed))
         }
     }
 }
@@ -281,14 +279,15 @@ pub fn speed_mps(pair: &[[f32; 3]], fps: f32) -> f32 {
     distance([ax, az], [bx, bz]) * fps
 }
 
-fn speed_notes(body: &Body, frames: &[[f32; 3]], fps: f32) -> Vec<String> {
+fn speed_notes(root: &Path<'_>, body: &Body, frames: &[[f32; 3]], fps: f32) -> Vec<String> {
     let mut notes = Vec::new();
     let speeds = frames.windows(2).map(|pair| speed_mps(pair, fps));
     let fastest = speeds.fold(0.0, f32::max);
     if fastest > NOTED_SPEED * body.size_m {
         notes.push(format!(
-            "the path is up to {fastest:.1} m/s fast, more than clips of a body of {:.1} m show: poses may not be such as it takes",
-            body.size_m
+            "the path is up to {:.1} m/s fast, more than clips of a body of {:.1} m show: poses may not be such as it takes",
+            root.metres(fastest),
+            root.metres(body.size_m)
         ));
     }
     let turns = frames
@@ -358,11 +357,11 @@ pub(super) fn near(path: &Path<'_>, place: &str, off: [f32; 3]) -> Result<(), Fi
     match way <= MAX_OFF_M {
         true => Ok(()),
         false => {
-            let message = format!("is {way:.1} m from {place}");
+            let message = format!("is {:.1} m from {place}", path.metres(way));
             Err(path
                 .field("root")
                 .field("position")
-                .error(message, format!("at most {MAX_OFF_M} m")))
+                .error(message, format!("at most {} m", path.metres(MAX_OFF_M))))
         }
     }
 }

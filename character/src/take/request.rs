@@ -6,6 +6,8 @@ use troupe_motion::model::{Body, KeyTensors, Rig};
 use troupe_motion::{Quat, Vec3};
 
 use super::ground::Ground;
+use super::onto::Onto;
+use crate::Size;
 use crate::live::request::Context;
 use crate::style::Style;
 
@@ -63,6 +65,9 @@ pub struct Take {
     /// meets whole poses alone: such a take has no effectors, parts of poses, ground or loop, and
     /// its path is a guide.
     pub in_parts: bool,
+    /// The body of the answer, and what it must meet; none for the take's own. Then `wanted` only
+    /// guides the take's body. Not for takes in parts.
+    pub onto: Option<Onto>,
 }
 
 /// Style of the motion, and options of the sampler.
@@ -78,6 +83,14 @@ pub struct Look {
     pub steps: Option<u32>,
     /// Strength of the word; none for 1.
     pub guidance: Option<f32>,
+}
+
+impl Take {
+    /// The size of the answer's body, for errors and notes about the take's.
+    pub(super) fn size(&self) -> Size {
+        let scale = self.onto.as_ref().map(|onto| onto.retargeter().scale());
+        scale.map_or_else(Size::default, |scale| Size::new(scale, 0.0))
+    }
 }
 
 /// A part of the motion with its own prompt.

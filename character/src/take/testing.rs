@@ -42,6 +42,7 @@ pub(super) fn take(frames: usize) -> Take {
         },
         past: None,
         in_parts: false,
+        onto: None,
     }
 }
 

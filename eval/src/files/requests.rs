@@ -12,6 +12,7 @@ use anyhow::{Context as _, ensure};
 use clap::Args;
 use prost::Message as _;
 use serde_json::json;
+use troupe_character::Path as FieldPath;
 use troupe_cli::{Failure, Reading, read_clip_on};
 use troupe_client::{CONTEXT_FRAMES, Key};
 use troupe_engine::pack::Pack;
@@ -172,7 +173,8 @@ fn write_request(
         characters: vec![character],
         skeleton: String::new(),
     };
-    let (items, _) = prepare(&request, &pack.rig, RequestLimits { max_characters: 1 })?;
+    let limits = RequestLimits { max_characters: 1 };
+    let (items, _) = prepare(&FieldPath::root(), &request, &pack.rig, limits)?;
     let item = items.first().context("no work item")?;
 
     let name = |ending: &str| format!("{index:03}.{ending}");

@@ -16,6 +16,7 @@ use super::{EventQueue, LivePack, SessionError, TimeSource};
 use crate::skeleton::Dress;
 use crate::wire::Measure;
 use troupe_batch::{OwnerId, SubmitError};
+use troupe_character::Size;
 use troupe_character::live::{Character, FrameOut, Stats};
 use troupe_character::scene::Resident;
 use troupe_character::style::Style;
@@ -190,6 +191,11 @@ impl SessionCell {
     /// Axes, units and size of the client's values.
     pub fn measure(&self) -> Measure {
         Measure::of(self.convention, self.pack.worn().map(|worn| &**worn))
+    }
+
+    /// The size of the client's body, for errors about values of the character's.
+    pub fn size(&self) -> Size {
+        self.pack.worn().map_or_else(Size::default, |worn| worn.size())
     }
 
     /// Seed of the character's plans, as the client chose it.

@@ -88,7 +88,7 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
             };
             let outcome = (live.character)
                 .give(command.sequence, command.at_frame, intent)
-                .map_err(|refusal| refused(path, refusal))?;
+                .map_err(|refusal| refused(&path.sized(cell.size()), refusal))?;
             if let (CommandOutcome::Accepted, Some(style)) = (outcome, style) {
                 live.style = style;
             }
@@ -134,6 +134,7 @@ fn intent(
             Some(Intent::Locomote(locomotion))
         }
         Some(Asked::FollowPath(asked)) => {
+            let path = path.sized(cell.size());
             let path = follow_path(&path.field("follow_path"), asked, cell, live)?;
             Some(Intent::FollowPath(path))
         }
@@ -202,10 +203,15 @@ fn refused(path: &Path<'_>, refusal: CommandError) -> SessionError {
         CommandError::UnknownApproach { .. } => interact.field("approach"),
         _ => interact.field("instance"),
     };
-    SessionError::Refused {
-        field: field.to_string(),
-        refusal,
-    }
+    let field = field.to_string();
+    let refusal = match refusal {
+        CommandError::PathTooFar { off_m, most_m } => CommandError::PathTooFar {
+            off_m: path.metres(off_m),
+            most_m: path.metres(most_m),
+        },
+        refusal => refusal,
+    };
+    SessionError::Refused { field, refusal }
 }
 
 fn check_at(path: &Path<'_>, at: u64, frame: u64) -> Result<(), FieldError> {

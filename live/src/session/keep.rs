@@ -18,6 +18,7 @@ use super::backlog::Backlog;
 use super::cell::{SessionCell, SessionParts};
 use super::space::{Space, Spaces, of_record};
 use crate::records::{Changes, Kind, Records, RecordsError};
+use crate::skeleton::{Dress, Last};
 use crate::world::Store;
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 use troupe_character::Path;
@@ -36,7 +37,7 @@ const RESTORED: Metric = Metric::new(
 );
 
 /// Version of the record format. Records of other versions are not restored.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 /// Number of sessions that are read from the registry under one lock.
 const PAGE: usize = 256;
 /// Bytes after which a round ends: about 600 walking people, which take a tenth of a core's time at
@@ -63,6 +64,8 @@ struct Record<'a> {
     priority: f32,
     style: &'a str,
     character: &'a [u8],
+    /// What its skeleton keeps of the frames so far.
+    worn: Option<Last>,
 }
 
 /// The state of a session when it was last saved. A different stamp means that it has changed.
@@ -245,7 +248,10 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
         "" => (pack.clone(), None),
         name => {
             let worn = world.skeletons().wear("skeleton", name, pack, packs.table());
-            let (pack, dress) = worn.map_err(|error| text(&error))?;
+            let (pack, mut dress) = worn.map_err(|error| text(&error))?;
+            if !record.worn.is_some_and(|last| dress.resume(last)) {
+                return Err(format!("skeleton {name:?} has other joints now"));
+            }
             (pack, Some(dress))
         }
     };
@@ -504,10 +510,11 @@ impl Keeper {
 
     fn record(&mut self, cell: &SessionCell) -> Vec<u8> {
         self.buffer.clear();
-        let (priority, style) = {
+        let (priority, style, worn) = {
             let live = cell.live();
             saved::save(&live.character, &mut self.buffer);
-            (live.priority, live.style.clone())
+            let worn = live.dress.as_ref().map(Dress::last);
+            (live.priority, live.style.clone(), worn)
         };
         let record = Record {
             format: FORMAT,
@@ -522,6 +529,7 @@ impl Keeper {
             priority,
             style: &style.name,
             character: &self.buffer,
+            worn,
         };
         // Writing to a vector does not fail.
         postcard::to_allocvec(&record).unwrap_or_default()

@@ -74,7 +74,7 @@ impl Sessions {
         let restored = cell.take_woken();
         if let (true, Some(seen)) = (restored, seen) {
             let joined = live.character.rejoin(&seen.last);
-            joined.map_err(|error| unfit(path, error))?;
+            joined.map_err(|error| unfit(&path.sized(cell.size()), error))?;
             if let Some((root, rotations)) = &seen.own {
                 live.begin_at(*root, rotations);
             }
@@ -129,8 +129,12 @@ fn unfit(path: &Path<'_>, error: RejoinError) -> FieldError {
             error.to_string(),
             format!("at most {}", frame + MAX_REJOIN_FRAMES),
         ),
-        RejoinError::Place { .. } => path
-            .field("pose")
-            .error(error.to_string(), format!("at most {MAX_REJOIN_M} m")),
+        RejoinError::Place { metres } => {
+            let error = RejoinError::Place {
+                metres: path.metres(metres),
+            };
+            let allowed = format!("at most {} m", path.metres(MAX_REJOIN_M));
+            path.field("pose").error(error.to_string(), allowed)
+        }
     }
 }

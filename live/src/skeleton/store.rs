@@ -10,8 +10,10 @@ use troupe_character::{FieldError, Path};
 use troupe_motion::retarget::Figure;
 
 use super::doc::{BodyDoc, SkeletonDoc};
+use super::dress::Dress;
 use super::error::SkeletonError;
-use super::worn::{Dress, Worn};
+use super::guest::Guests;
+use super::worn::Worn;
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::LivePack;
 use crate::world::{MemoryHolder, NoMemory, UploadMemory};
@@ -37,6 +39,7 @@ pub struct Skeletons {
     folder: Option<PathBuf>,
     /// Held by the one writer.
     writing: Mutex<()>,
+    pub(super) guests: Guests,
 }
 
 /// A skeleton and the packs that it is worn on.
@@ -58,7 +61,7 @@ struct Fit {
 }
 
 impl Own {
-    fn new(doc: SkeletonDoc) -> Result<Self, String> {
+    pub(super) fn new(doc: SkeletonDoc) -> Result<Self, String> {
         Ok(Self {
             figure: doc.body.figure()?,
             doc,
@@ -113,7 +116,7 @@ impl Own {
     }
 
     /// [`Own::on`], if its certificate passes or the skeleton was forced.
-    fn fit(
+    pub(super) fn fit(
         &self,
         of: (&LoadedPack, usize),
         table: &PackTable,
@@ -184,6 +187,7 @@ impl Skeletons {
             all: RwLock::new(all.collect()),
             folder,
             writing: Mutex::default(),
+            guests: Guests::default(),
         })
     }
 

@@ -153,8 +153,11 @@ fn check_heights(path: &Path<'_>, key: &v1::Keyframe, ground_y_m: f32) -> Result
 /// Checks that a height of the root joint, metres, is near that of the ground.
 pub fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), FieldError> {
     if (finite(path, value)? - ground_y_m).abs() > MAX_HEIGHT_M {
-        let (low, high) = (ground_y_m - MAX_HEIGHT_M, ground_y_m + MAX_HEIGHT_M);
-        return Err(path.error(format!("is {value:?} m"), format!("{low} to {high}")));
+        let [low, high] = [-MAX_HEIGHT_M, MAX_HEIGHT_M].map(|most| path.height(ground_y_m + most));
+        return Err(path.error(
+            format!("is {:?} m", path.height(value)),
+            format!("{low} to {high}"),
+        ));
     }
     Ok(())
 }
@@ -165,9 +168,13 @@ fn check_same_height(path: &Path<'_>, value: f32, height: f32) -> Result<(), Fie
     if (value - height).abs() <= HEIGHT_TOLERANCE_M {
         return Ok(());
     }
+    let (value, height) = (path.height(value), path.height(height));
     Err(path.error(
         format!("is {value} m, but the keyframe's root is at {height} m"),
-        format!("within {HEIGHT_TOLERANCE_M} m of {height}, or left out"),
+        format!(
+            "within {} m of {height}, or left out",
+            path.metres(HEIGHT_TOLERANCE_M)
+        ),
     ))
 }
 
@@ -272,10 +279,12 @@ fn check_velocity(
     ] {
         let path = path.field(name);
         if finite(&path, value)?.abs() > MAX_VELOCITY {
-            return Err(path.error(
-                format!("is {value}"),
-                format!("-{MAX_VELOCITY} to {MAX_VELOCITY}"),
-            ));
+            let said = |value: f32| match name {
+                "angular" => value,
+                _ => path.metres(value),
+            };
+            let most = said(MAX_VELOCITY);
+            return Err(path.error(format!("is {}", said(value)), format!("-{most} to {most}")));
         }
     }
     let height = height.ok_or_else(|| {
@@ -309,8 +318,11 @@ pub fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Result<(), F
         if !(0.0..=MAX_DISTANCE_M).contains(&distance) {
             let path = path.field("root");
             return Err(path.field("position").error(
-                format!("is {distance} m from the last context frame"),
-                format!("at most {MAX_DISTANCE_M} m from the last context frame"),
+                format!("is {} m from the last context frame", path.metres(distance)),
+                format!(
+                    "at most {} m from the last context frame",
+                    path.metres(MAX_DISTANCE_M)
+                ),
             ));
         }
     }

@@ -78,6 +78,13 @@ pub fn within(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<f32, F
     }
 }
 
+/// Checks a length or speed, which must be from `low` to `high`, metres or m/s. The error has the
+/// caller's.
+pub fn metres_within(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<f32, FieldError> {
+    let said = |value: f32| path.metres(value);
+    within(path, said(value), said(low), said(high)).map(|_| value)
+}
+
 /// Checks a priority, which must be from 0 to 1.
 pub fn priority(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
     within(path, value, 0.0, 1.0)

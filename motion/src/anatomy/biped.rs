@@ -165,14 +165,28 @@ fn is_bone(name: &Name) -> bool {
     !name.is_helper() && !name.has("end")
 }
 
-/// The joint that turns the thigh: that before the knee, which is before the foot. Twist joints do
-/// not count.
+/// The joints of a limb that turn its bones. Twist joints do not count, nor further joints along a
+/// bone, which have its name with a number: `thigh.L.001` below `thigh.L`.
+fn bones(tree: &Tree, limb: &[usize]) -> Vec<usize> {
+    let names = &tree.names;
+    let mut all: Vec<usize> = limb.to_vec();
+    all.retain(|&joint| is_bone(&names[joint]));
+    let is_further = |nth: usize| {
+        let same = |a: &Name, b: &Name| (a.side, &a.words) == (b.side, &b.words);
+        let name = &names[all[nth]];
+        name.is_numbered && nth > 0 && same(name, &names[all[nth - 1]])
+    };
+    let first: Vec<usize> = (0..all.len()).filter(|&nth| !is_further(nth)).collect();
+    // In a rig that numbers all its joints they are the bones.
+    match first.len() < 2 {
+        true => all,
+        false => first.into_iter().map(|nth| all[nth]).collect(),
+    }
+}
+
+/// The joint that turns the thigh: that before the knee, which is before the foot.
 fn hip(tree: &Tree, leg: &[usize]) -> usize {
-    let joints: Vec<usize> = leg[1..leg.len() - 1]
-        .iter()
-        .copied()
-        .filter(|&joint| is_bone(&tree.names[joint]))
-        .collect();
+    let joints = bones(tree, &leg[1..leg.len() - 1]);
     match joints[..] {
         [.., hip, _knee] => hip,
         [hip] => hip,
@@ -184,12 +198,7 @@ fn hip(tree: &Tree, leg: &[usize]) -> usize {
 fn arm(tree: &Tree, chest: usize, wrist: usize) -> Option<[usize; 3]> {
     let chain = tree.chain(chest, wrist)?;
     // A hand that carries the other is no end of an arm.
-    let joints: Vec<usize> = chain
-        .get(1..chain.len() - 1)?
-        .iter()
-        .copied()
-        .filter(|&joint| is_bone(&tree.names[joint]))
-        .collect();
+    let joints = bones(tree, chain.get(1..chain.len() - 1)?);
     let named = joints.iter().position(|&joint| {
         let name = &tree.names[joint];
         name.has_any(&ELBOW) || (name.has("lower") && name.has("arm"))
@@ -351,6 +360,53 @@ mod tests {
         let body = Biped::find(&tree(&joints)).unwrap();
         assert_eq!((body.head, body.spine.len()), (6, 7));
         assert_eq!(body.arms, Some([[12, 13, 14], [20, 21, 22]]));
+    }
+
+    #[test]
+    fn further_joints_along_a_bone_are_no_bones() {
+        let mut joints = vec![
+            ("hips".to_owned(), None),
+            ("spine".to_owned(), Some(0)),
+            ("head".to_owned(), Some(1)),
+        ];
+        for side in ["L", "R"] {
+            for (chain, top) in [
+                (
+                    &[
+                        "thigh",
+                        "thigh.001",
+                        "shin",
+                        "shin.001",
+                        "shin.002",
+                        "foot",
+                        "toe",
+                    ][..],
+                    0,
+                ),
+                (
+                    &[
+                        "shoulder",
+                        "upper_arm",
+                        "upper_arm.001",
+                        "forearm",
+                        "forearm.001",
+                        "hand",
+                    ],
+                    1,
+                ),
+            ] {
+                for (nth, part) in chain.iter().enumerate() {
+                    let (part, number) = part.split_at(part.find('.').unwrap_or(part.len()));
+                    let parent = if nth == 0 { top } else { joints.len() - 1 };
+                    joints.push((format!("{part}.{side}{number}"), Some(parent)));
+                }
+            }
+        }
+        let joints: Vec<(&str, Option<usize>)> =
+            joints.iter().map(|(name, parent)| (&**name, *parent)).collect();
+        let body = Biped::find(&tree(&joints)).unwrap();
+        assert_eq!((body.hips, body.feet), ([3, 16], [8, 21]));
+        assert_eq!(body.arms, Some([[11, 13, 15], [24, 26, 28]]));
     }
 
     #[test]

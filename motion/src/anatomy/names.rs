@@ -21,6 +21,8 @@ pub struct Name {
     pub side: Option<Side>,
     /// Words in small letters, without the side and numbers.
     pub words: Vec<String>,
+    /// Whether it ends with a number of three digits, as Blender names a further joint: `thigh.L.001`.
+    pub is_numbered: bool,
 }
 
 /// Words for parts of a body, which may follow a side without a gap: `lfemur`.
@@ -38,7 +40,11 @@ const HELPERS: [&str; 9] = [
 impl Name {
     /// Takes a name apart. A namespace is left out.
     pub fn of(name: &str) -> Self {
-        let mut parsed = Self::default();
+        let number = name.rsplit_once(['.', '_']).map(|(_, number)| number);
+        let mut parsed = Self {
+            is_numbered: number.is_some_and(|n| n.len() == 3 && n.bytes().all(|b| b.is_ascii_digit())),
+            ..Self::default()
+        };
         for word in words(without_namespace(name)) {
             let side = match &*word {
                 "left" | "l" | "lft" => Some(Side::Left),
@@ -146,6 +152,8 @@ mod tests {
             );
         }
         assert!(Name::of("foot_ik.L").is_helper());
+        assert!(Name::of("thigh.L.001").is_numbered && Name::of("thigh_L_001").is_numbered);
+        assert!(!Name::of("thigh.L").is_numbered && !Name::of("leg_01").is_numbered);
         assert_eq!(without_namespace("a:"), "a:");
     }
 }

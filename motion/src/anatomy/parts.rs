@@ -11,6 +11,10 @@ use crate::skeleton::Skeleton;
 /// Limbs of a robot that end this near to the lowest one are legs, by its height.
 const LEG_SHARE: f32 = 0.15;
 
+/// A leg whose joints are nearer to the line between its ends than this share of its length is
+/// straight.
+const STRAIGHT: f32 = 0.05;
+
 const NO_BODY: &str = "no body is found among the joints: two legs of a hip, a knee and a foot each, and a head, \
                        by their names or as they stand at rest";
 
@@ -179,7 +183,7 @@ impl Parts {
         let legs = [0, 1].map(|side| {
             let hip = body.hips[side];
             let chain = top(body.feet[side], hip);
-            let knee = middle(places, &chain);
+            let knee = knee(places, &chain, on_fours);
             let girdle = top(hip, body.pelvis);
             Limb {
                 toe: toe(tree, places, body.feet[side]),
@@ -189,7 +193,10 @@ impl Parts {
         let arms = body.arms.map(|arms| {
             arms.map(|[shoulder, elbow, wrist]| {
                 let chain = top(wrist, shoulder);
-                let at = chain.iter().position(|&joint| joint == elbow).unwrap_or(1);
+                let at = match on_fours {
+                    true => knee(places, &chain, on_fours),
+                    false => chain.iter().position(|&joint| joint == elbow).unwrap_or(1),
+                };
                 let girdle = top(shoulder, chest.unwrap_or(body.pelvis));
                 Limb {
                     toe: toe(tree, places, wrist).filter(|_| on_fours),
@@ -244,6 +251,20 @@ fn limb(girdle: &[usize], chain: &[usize], elbow: usize) -> Limb {
         lower: chain[elbow..last].to_vec(),
         end: chain[last],
         toe: None,
+    }
+}
+
+/// Index of the joint at which a leg bends. A leg on four has more joints than a knee, and folds
+/// most by the one that is farthest beside the line between its ends.
+fn knee(places: &[Vec3], chain: &[usize], on_fours: bool) -> usize {
+    let last = chain.len() - 1;
+    let [top, end] = [chain[0], chain[last]].map(|joint| places[joint]);
+    let line = end - top;
+    let beside = |&at: &usize| (places[chain[at]] - top).reject_from(line).length();
+    let farthest = (1..last).max_by(|a, b| beside(a).total_cmp(&beside(b)));
+    match farthest.filter(|at| on_fours && beside(at) > STRAIGHT * line.length()) {
+        Some(at) => at,
+        None => middle(places, chain),
     }
 }
 

@@ -2,9 +2,11 @@
 
 use glam::{Quat, Vec3};
 
+use crate::anatomy::Parts;
 use crate::fk::joint_transform;
 use crate::skeleton::Skeleton;
 
+use super::limbs::is_below;
 use super::{Leg, Posed, Trunk, arm_of, place_end, two_bone};
 
 /// How far the hips move back for balance: metres a radian of bow, and metres a metre of crouch.
@@ -21,7 +23,7 @@ const COST_OF_CROUCH: f32 = 3e-3;
 
 /// How far a pose may bend to reach its points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ReachOptions {
+pub struct ReachOptions<'a> {
     /// World position of joint 0. If it is given, the root stays there and does not crouch.
     pub root: Option<Vec3>,
     /// Deepest bow of the trunk's upper end, radians. 1.5 is the deepest in the default pack's
@@ -29,14 +31,18 @@ pub struct ReachOptions {
     pub max_bow: f32,
     /// Deepest crouch: how far the root may be lowered, metres.
     pub max_crouch_m: f32,
+    /// The parts of a body whose trunk and limbs its shape alone does not show: one with twists
+    /// along its bones, or with a root below the pelvis.
+    pub parts: Option<&'a Parts>,
 }
 
-impl Default for ReachOptions {
+impl Default for ReachOptions<'_> {
     fn default() -> Self {
         Self {
             root: None,
             max_bow: 1.9,
             max_crouch_m: 0.5,
+            parts: None,
         }
     }
 }
@@ -96,7 +102,7 @@ pub fn reach_pose(
     legs: &[Leg],
     base: Posed<'_>,
     points: &[(usize, Vec3)],
-    options: &ReachOptions,
+    options: &ReachOptions<'_>,
 ) -> Reached {
     if !base.fits(skeleton) || !base.is_finite() {
         return Reached::of(base, points.len());
@@ -108,7 +114,7 @@ pub fn reach_pose(
     let fixed_root = fixed_root
         .map(|point| point.1)
         .or(options.root.filter(|root| root.is_finite()));
-    let stance = Stance::new(skeleton, legs, base, points);
+    let stance = Stance::new(skeleton, legs, base, points, options.parts);
     let steps = |most: f32, step: f32| (most.clamp(0.0, 3.0) / step + 1e-3).floor() as usize;
     let crouches = match fixed_root {
         Some(_) => 0,
@@ -147,7 +153,7 @@ pub fn reach_pose(
 pub fn pose_at(skeleton: &Skeleton, legs: &[Leg], base: Posed<'_>, root: Vec3, bow: f32) -> Reached {
     let mut made = Reached::of(base, 0);
     if base.fits(skeleton) && base.is_finite() && root.is_finite() && bow.is_finite() {
-        Stance::new(skeleton, legs, base, &[]).pose(root, bow, &mut made);
+        Stance::new(skeleton, legs, base, &[], None).pose(root, bow, &mut made);
         made.crouch_m = base.root.y - root.y;
     }
     made
@@ -168,16 +174,25 @@ struct Stance<'a> {
 }
 
 impl<'a> Stance<'a> {
-    fn new(skeleton: &'a Skeleton, legs: &'a [Leg], base: Posed<'a>, points: &'a [(usize, Vec3)]) -> Self {
+    fn new(
+        skeleton: &'a Skeleton,
+        legs: &'a [Leg],
+        base: Posed<'a>,
+        points: &'a [(usize, Vec3)],
+        parts: Option<&Parts>,
+    ) -> Self {
         let place = |joint: usize| joint_transform(skeleton, base.root, base.rotations, joint).0;
+        let is_foot = |leg: &Leg, joint: usize| {
+            leg.toe == Some(joint) || (parts.is_some() && is_below(skeleton, joint, leg.foot))
+        };
         let mut feet: Vec<Vec3> = legs.iter().map(|leg| place(leg.foot)).collect();
         let mut reaching = Vec::new();
         for &(joint, point) in points.iter().filter(|(_, point)| point.is_finite()) {
             if let Some(nth) = legs.iter().position(|leg| leg.foot == joint) {
                 feet[nth] = point;
-            } else if let Some(nth) = legs.iter().position(|leg| leg.toe == Some(joint)) {
+            } else if let Some(nth) = legs.iter().position(|leg| is_foot(leg, joint)) {
                 feet[nth] = point + place(legs[nth].foot) - place(joint);
-            } else if let Some(chain) = arm_of(skeleton, joint) {
+            } else if let Some(chain) = arm_to(skeleton, parts, joint) {
                 reaching.push((chain, point));
             }
         }
@@ -186,7 +201,7 @@ impl<'a> Stance<'a> {
             legs,
             base,
             points,
-            trunk: Trunk::of(skeleton),
+            trunk: parts.map_or_else(|| Trunk::of(skeleton), Trunk::of_parts),
             forward: base.forward(skeleton),
             feet,
             reaching,
@@ -225,5 +240,15 @@ impl<'a> Stance<'a> {
                 f32::INFINITY
             }
         }));
+    }
+}
+
+/// The limb that brings a joint to a point: the arm that it is the end of, or is below the end of.
+fn arm_to(skeleton: &Skeleton, parts: Option<&Parts>, joint: usize) -> Option<[usize; 3]> {
+    let mut arms = parts.and_then(|parts| parts.arms.as_ref()).into_iter().flatten();
+    let arm = arms.find(|arm| joint == arm.end || is_below(skeleton, joint, arm.end));
+    match arm.map(|arm| arm.chain()) {
+        Some([upper, middle, _]) => Some([upper, middle, joint]),
+        None => arm_of(skeleton, joint),
     }
 }

@@ -165,6 +165,7 @@ fn invalid_input_is_returned_unchanged() {
         root: Some(Vec3::INFINITY),
         max_bow: f32::NAN,
         max_crouch_m: -4.0,
+        parts: None,
     };
     let made = reach(&point[..1], &odd);
     assert!(made.root.is_finite() && made.bow == 0.0 && made.crouch_m == 0.0);

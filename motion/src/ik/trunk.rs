@@ -2,6 +2,7 @@
 
 use glam::{Quat, Vec3};
 
+use crate::anatomy::{Limb, Parts};
 use crate::fk::joint_transform;
 use crate::robot::Robot;
 use crate::rotation::align_sign;
@@ -26,6 +27,14 @@ impl Trunk {
         Self {
             spine: limbs::spine(skeleton),
             arms: arms(skeleton),
+        }
+    }
+
+    /// The trunk of a body whose parts are known.
+    pub(crate) fn of_parts(parts: &Parts) -> Self {
+        Self {
+            spine: parts.trunk.clone(),
+            arms: parts.arms.iter().flatten().map(Limb::chain).collect(),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::build;
 use super::dolls::doll;
 use super::figures::Figures;
 use super::motions::{Motion, ON_FOUR, ON_TWO, clip};
@@ -13,6 +14,9 @@ use super::{Retargeter, retarget};
 pub struct Certificate {
     /// One for each motion.
     pub trials: Vec<Trial>,
+    /// What of the target's build no body has: each as a sentence with the joint, the length and
+    /// what is allowed.
+    pub build: Vec<String>,
 }
 
 /// A motion of the source, carried over.
@@ -37,6 +41,7 @@ impl Certificate {
         };
         // The doll stands on as many legs as the source, so that this is always one.
         let mut dresser = Retargeter::new(doll.clone(), source).ok();
+        let target = retargeter.target.clone();
         let mut retargeter = retargeter.clone();
         let mut carried = |motion: &Motion| {
             let clip = clip(&doll, motion).ok()?;
@@ -49,11 +54,13 @@ impl Certificate {
         };
         Self {
             trials: motions.iter().map(trial).collect(),
+            build: build::faults(&target),
         }
     }
 
-    /// What is beyond the bar: each as a sentence with the motion, the joint of the target that is
-    /// worst, the figure and the bar. Empty if all is well.
+    /// What is beyond the bar: what of the target's build no body has, then each figure as a
+    /// sentence with the motion, the joint of the target that is worst, and the bar. Empty if all
+    /// is well.
     pub fn faults(&self) -> Vec<String> {
         let of = |trial: &Trial| {
             let faults = trial.figures.faults().into_iter();
@@ -61,11 +68,12 @@ impl Certificate {
                 .map(|fault| format!("{}: {fault}", trial.name))
                 .collect::<Vec<_>>()
         };
-        self.trials.iter().flat_map(of).collect()
+        let build = self.build.iter().cloned();
+        build.chain(self.trials.iter().flat_map(of)).collect()
     }
 
     /// Whether every figure is within the bar.
     pub fn passes(&self) -> bool {
-        self.trials.iter().all(|trial| trial.figures.faults().is_empty())
+        self.build.is_empty() && self.trials.iter().all(|trial| trial.figures.faults().is_empty())
     }
 }

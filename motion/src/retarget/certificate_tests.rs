@@ -2,13 +2,18 @@
 
 use std::sync::Arc;
 
-use glam::Quat;
+use glam::{Quat, Vec3};
 
 use super::dolls::doll;
+use super::motions::{ON_FOUR, clip};
 use super::tests::{HIPS_M, example, figure, g1, person};
 use super::*;
-use crate::anatomy::{LimbDoc, PartsDoc};
+use crate::anatomy::{LimbDoc, PartsDoc, places};
+use crate::clip::Clip;
+use crate::fk::local_from_world_rotations;
 use crate::read::RestPose;
+use crate::rotation::from_wxyz;
+use crate::skeleton::{Joint, Skeleton};
 
 fn certificate(source: &Figure, target: &Figure) -> Certificate {
     Certificate::of(&Retargeter::new(source.clone(), target.clone()).unwrap())
@@ -46,6 +51,39 @@ fn people_of_many_shapes_and_robots_go_together() {
 }
 
 #[test]
+fn lengths_that_no_body_has_are_refused_with_the_joint() {
+    let (_, source) = example();
+    let stretched = |part: &str, to_m: f32| {
+        let mut skeleton = (*person(0, 1.0, 3, RestPose::T).skeleton()).clone();
+        let is_it = |joint: &Joint| joint.name == format!("mixamorig:{part}");
+        for joint in skeleton.joints.iter_mut().filter(|joint| is_it(joint)) {
+            joint.offset_m *= to_m / joint.offset_m.length();
+        }
+        figure(&Arc::new(skeleton), 1.0)
+    };
+    for (part, to_m, said) in [
+        ("Spine1", 99.0, "build: the trunk is 99."),
+        ("Head", 5.0, "build: the neck is 5."),
+        ("LeftForeArm", 18.0, "build: an arm is 18."),
+        ("RightUpLeg", 6.0, "build: the way to a hip is 6."),
+    ] {
+        let certificate = certificate(&source, &stretched(part, to_m));
+        let faults = certificate.faults();
+        let named = format!("m of it to mixamorig:{part}; allowed: ");
+        assert!(
+            faults[0].starts_with(said) && faults[0].contains(&named),
+            "{part}: {faults:#?}"
+        );
+        assert!(!certificate.passes());
+    }
+    // Cartoons are no fault: a long trunk on short legs, and arms down to the ground.
+    for (part, to_m) in [("Spine1", 3.0), ("LeftForeArm", 2.0), ("Head", 1.0)] {
+        let build = certificate(&source, &stretched(part, to_m)).build;
+        assert_eq!(build, [""; 0]);
+    }
+}
+
+#[test]
 fn animals_go_together() {
     let [of, mut larger] = [true, true].map(doll);
     assert_eq!(certificate(&of, &of).faults(), [""; 0]);
@@ -59,6 +97,92 @@ fn animals_go_together() {
     let certificate = certificate(&of, &larger);
     assert_eq!(certificate.faults(), [""; 0]);
     assert_eq!(certificate.trials.len(), 4);
+}
+
+/// A body of the repository's pack of many bodies.
+fn animal(name: &str) -> Figure {
+    #[derive(serde::Deserialize)]
+    struct Tables {
+        height_m: f32,
+        neutral: Neutral,
+        skeleton: Skeleton,
+    }
+    #[derive(serde::Deserialize)]
+    struct Neutral {
+        rotations: Vec<[f32; 4]>,
+    }
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/unimogen/bodies");
+    let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).unwrap();
+    let tables: Tables = toml::from_str(&text).unwrap();
+    let world = tables.neutral.rotations.into_iter().map(from_wxyz);
+    let world: Vec<Quat> = world.collect();
+    let mut rest = world.clone();
+    local_from_world_rotations(&tables.skeleton, &world, &mut rest);
+    let skeleton = Arc::new(tables.skeleton);
+    Figure::new(skeleton, &rest, Some(tables.height_m), &PartsDoc::default()).unwrap()
+}
+
+#[test]
+fn a_horse_goes_onto_a_fox() {
+    // A horse's legs are almost straight, and its fore legs have a joint more.
+    let [horse, fox] = ["horse", "fox"].map(animal);
+    assert_eq!(certificate(&horse, &fox).faults(), [""; 0]);
+}
+
+#[test]
+fn legs_of_animals_that_turn_otherwise_are_seen() {
+    let fox = animal("fox");
+    let walk = clip(&doll(true), &ON_FOUR[1]).unwrap();
+    let mut dresser = Retargeter::new(doll(true), fox.clone()).unwrap();
+    let (walk, _) = retarget(&mut dresser, &walk).unwrap();
+    let figures = |made: &Clip| Figures::of([&fox, &fox], [&walk, made], (0.0, None));
+    assert!(figures(&walk).worst_deg < 0.1);
+    // A knee, and a whole leg.
+    let leg = &fox.parts.legs[0];
+    for joint in [leg.lower[0], leg.top] {
+        let mut other = walk.clone();
+        for frame in 0..other.frames() {
+            let rotation = &mut other.rotations_at_mut(frame)[joint];
+            *rotation *= Quat::from_rotation_x(0.5);
+        }
+        let worst = figures(&other);
+        assert!(worst.worst_deg > 20.0, "{worst:?}");
+        assert!(worst.joints.bone.starts_with("Back_Leg"), "{worst:?}");
+    }
+}
+
+#[test]
+fn a_leg_that_a_joint_along_its_bone_makes_longer_does_not_lower_the_body() {
+    let mut animal = doll(true);
+    let mut skeleton = (*animal.skeleton).clone();
+    // Fore legs are bent by a joint along the upper bone, and are straight in the pose.
+    for (top, limb) in [13, 17].into_iter().zip(animal.parts.arms.iter_mut().flatten()) {
+        skeleton.joints[top + 1].offset_m = Vec3::new(0.0, -0.3, 0.3);
+        skeleton.joints[top + 2].offset_m = Vec3::new(0.0, -0.3, -0.3);
+        (limb.upper, limb.lower) = (vec![top, top + 1], vec![top + 2]);
+        (limb.end, limb.toe) = (top + 3, None);
+    }
+    let still = vec![Quat::IDENTITY; skeleton.joint_count()];
+    animal.places = places(&skeleton, &still);
+    let lowest = animal
+        .places
+        .iter()
+        .map(|place| place.y)
+        .fold(f32::INFINITY, f32::min);
+    animal.places.iter_mut().for_each(|place| place.y -= lowest);
+    animal.skeleton = Arc::new(skeleton);
+    let mut pose = still.clone();
+    for top in [13, 17] {
+        pose[top] = Quat::from_rotation_x(std::f32::consts::FRAC_PI_4);
+        pose[top + 1] = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+        pose[top + 2] = Quat::from_rotation_x(std::f32::consts::FRAC_PI_4);
+    }
+    // Its fore feet are on the ground.
+    let root = animal.places[0] + Vec3::Y * (0.6 * 2.0_f32.sqrt() - 0.6);
+    let mut out = still;
+    let mut retargeter = Retargeter::new(animal.clone(), animal).unwrap();
+    let made = retargeter.pose(root, &pose, &mut out);
+    assert!(made.y > root.y - 0.01, "{made} {root}");
 }
 
 #[test]

@@ -19,6 +19,7 @@ pub fn retarget(retargeter: &mut Retargeter, clip: &Clip) -> Result<(Clip, Figur
     let mut short = (0.0, None);
     let mut pose = vec![Quat::IDENTITY; joints];
     retargeter.reset();
+    retargeter.set_step(1.0 / clip.fps);
     for frame in 0..clip.frames() {
         roots.push(retargeter.pose(clip.root_positions[frame], clip.rotations_at(frame), &mut pose));
         rotations.extend_from_slice(&pose);

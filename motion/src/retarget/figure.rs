@@ -62,7 +62,11 @@ impl Figure {
         }
         let neutral = match parts.on_fours {
             true => pose,
-            false => neutral(&skeleton, &parts, pose)?,
+            false => {
+                let mut neutral = neutral(&skeleton, &parts, pose)?;
+                feet::level(&skeleton, &parts, &mut neutral);
+                neutral
+            }
         };
         Self::of_parts(skeleton, parts, neutral, root_y_m)
     }

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use serde::Serialize;
 
-use super::Figure;
+use super::{Figure, feet};
 use crate::anatomy::Limb;
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
@@ -323,13 +323,45 @@ impl Feet {
     fn of(figures: [&Figure; 2], worlds: &[WorldMotion; 2], scale: f32, fps: f32) -> Self {
         let mut feet = Self::default();
         let [source, target] = figures;
-        for [from, to] in limbs(source, target) {
+        // Arms have no feet.
+        let count = if source.parts.on_fours { 4 } else { 2 };
+        for [from, to] in limbs(source, target).into_iter().take(count) {
             let points = [from.toe.zip(to.toe), Some((from.end, to.end))];
-            for (a, b) in points.into_iter().flatten().filter(|_| from.toe.is_some()) {
+            for (a, b) in points.into_iter().flatten() {
                 feet.add([a, b], figures, worlds, scale, fps);
             }
+            feet.see_points([from, to], figures, worlds, scale);
         }
         feet
+    }
+
+    /// Sees how deep the points of a foot beyond ankle and toes are under the ground.
+    fn see_points(
+        &mut self,
+        [from, to]: [&Limb; 2],
+        [source, target]: [&Figure; 2],
+        worlds: &[WorldMotion; 2],
+        scale: f32,
+    ) {
+        let points = feet::points(target, to);
+        let known = [Some(from.end), from.toe].into_iter().flatten();
+        let known: Vec<(usize, Vec3)> = known.map(|joint| (joint, Vec3::ZERO)).collect();
+        let depth = |figure: &Figure, world: &WorldMotion, frame: usize, (joint, way): (usize, Vec3)| {
+            let still = figure.places[joint].y + (figure.neutral[joint] * way).y;
+            let turned = world.rotations_at(frame)[joint] * way;
+            let now = world.positions_at(frame)[joint].y + turned.y;
+            still - (now - figure.skeleton.ground_y_m)
+        };
+        for frame in 0..worlds[0].frames() {
+            let of_source = known.iter().map(|&point| depth(source, &worlds[0], frame, point));
+            let allowed = of_source.fold(0.0, f32::max) * scale;
+            for &point in &points {
+                let under = depth(target, &worlds[1], frame, point) - allowed;
+                if under > self.under.0 {
+                    self.under = (under, Some(point.0));
+                }
+            }
+        }
     }
 
     /// Adds a point of a foot, in the source and in the target.

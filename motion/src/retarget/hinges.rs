@@ -24,8 +24,6 @@ pub(super) struct Hinges {
     groups: Vec<(usize, usize)>,
     arms: Vec<Arm>,
     fitted: Fitted,
-    /// Whether a pose was made, from which the next one goes on.
-    is_warm: bool,
 }
 
 /// An arm whose elbow is a hinge.
@@ -71,25 +69,23 @@ impl Hinges {
                 .filter_map(|(side, arm)| Arm::of(figure, robot, side, arm))
                 .collect(),
             fitted,
-            is_warm: false,
         })
     }
 
     /// Turns the hinges of a pose towards wanted rotations in the world, one a joint, and the arms
-    /// towards the directions of their bones.
+    /// towards the directions of their bones. If they are warm, they go on from the pose.
     pub(super) fn turn(
         &mut self,
-        figure: &Figure,
-        robot: &Robot,
+        (figure, robot): (&Figure, &Robot),
+        is_warm: bool,
         wanted: &[Quat],
         bones: &[ArmBones; 2],
         out: &mut [Quat],
     ) {
-        if !self.is_warm {
+        if !is_warm {
             self.fitted.angles.clear();
             self.fitted.angles.resize(robot.hinges().len(), 0.0);
             robot.pose(wanted[0], &self.fitted.angles, out);
-            self.is_warm = true;
         }
         out[0] = wanted[0];
         let of = (&*figure.skeleton, robot);
@@ -108,10 +104,6 @@ impl Hinges {
     /// Brings a pose onto the hinges, and what follows them.
     pub(super) fn fit(&mut self, robot: &Robot, out: &mut [Quat]) {
         robot.fit(out, &mut self.fitted);
-    }
-
-    pub(super) fn reset(&mut self) {
-        self.is_warm = false;
     }
 }
 

@@ -2,6 +2,7 @@
 
 use glam::{Quat, Vec3};
 
+use super::feet::Toes;
 use super::figure::Figure;
 use crate::anatomy::Limb;
 use crate::ik::{bend_by, is_chain, side_of};
@@ -25,8 +26,9 @@ pub(super) struct Chain {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub(super) limb: Chain,
-    /// Ahead of the body in the neutral pose, in the hip's own frame of reference.
-    pub(super) ahead: Vec3,
+    /// Where the knee bends to in the neutral pose, in the hip's own frame of reference: ahead of a
+    /// body on two legs.
+    pub(super) aside: Vec3,
     /// Length of the target's leg, metres.
     pub(super) length_m: f32,
     /// The inverse of the ankle's rotation in the neutral pose.
@@ -39,6 +41,7 @@ pub(super) struct Step {
     pub(super) toe_m: Vec3,
     /// From the target's ankle to its toe in the ankle's own frame of reference.
     pub(super) foot: Vec3,
+    pub(super) toes: Option<Toes>,
 }
 
 /// An arm of the target.
@@ -63,22 +66,23 @@ impl Chain {
 
     /// Bends the limb so that its end comes to a goal, as [`crate::ik::place_end`] does, with the
     /// rotation that the end has in the world. `to` are the places and rotations in the world of
-    /// the pose `out`, whose limb is as in `to`. Returns the remaining distance, metres.
+    /// the pose `out`, whose limb is as in `to`. Returns the remaining distance, metres, and the
+    /// place of the end; none if it cannot be bent.
     pub(super) fn bend(
         &self,
         to: &(Vec<Vec3>, Vec<Quat>),
         goal: (Vec3, f32),
         pole: Vec3,
         out: &mut [Quat],
-    ) -> f32 {
+    ) -> Option<(f32, Vec3)> {
         let (places, world) = to;
         let [upper, middle, end] = self.chain;
         let side = |first, line, shorter_m| side_near(first, line, pole, shorter_m);
         let joints = self.chain.map(|joint| places[joint]);
-        let Some(bend) = bend_by(joints, goal, &side) else {
-            return f32::INFINITY;
-        };
+        let bend = bend_by(joints, goal, &side)?;
+        let mut place = joints[2];
         if let Some((first, second)) = bend.turns {
+            place = joints[0] + first * (joints[1] - joints[0]) + second * (joints[2] - joints[1]);
             let above = |nth: usize| self.above[nth].map_or(Quat::IDENTITY, |joint| world[joint]);
             let mut write = |joint: usize, above: Quat, rotation: Quat| {
                 let local = (above.conjugate() * rotation).normalize();
@@ -88,7 +92,7 @@ impl Chain {
             write(middle, first * above(1), second * world[middle]);
             write(end, second * above(2), world[end]);
         }
-        bend.short_m
+        Some((bend.short_m, place))
     }
 }
 
@@ -117,16 +121,28 @@ pub(super) fn steps(source: &Figure, target: &Figure, scale: f32) -> Vec<Step> {
         let apart = |a: usize, b: usize| target.places[b] - scale * source.places[a];
         Step {
             limb: Chain::of(target, to),
-            ahead: target.neutral[to.upper[0]].conjugate() * Vec3::Z,
+            aside: target.neutral[to.upper[0]].conjugate() * aside(target, to),
             length_m: length_m(target, to.chain()),
             still: target.neutral[to.end].conjugate(),
             from: [from.end, toe],
             ankle_m: apart(from.end, to.end),
             toe_m: apart(toe, own),
             foot: target.neutral[to.end].conjugate() * target.between(to.end, own),
+            toes: Toes::of(target, to),
         }
     };
     limbs.into_iter().map(step).collect()
+}
+
+/// The side to which a leg bends in the neutral pose. Legs on four bend as they stand.
+fn aside(figure: &Figure, leg: &Limb) -> Vec3 {
+    if !figure.parts.on_fours {
+        return Vec3::Z;
+    }
+    let [top, middle, end] = leg.chain();
+    let (first, line) = (figure.between(top, middle), figure.between(top, end));
+    let shorter_m = first.length().min(figure.between(middle, end).length());
+    side_of(first, line.normalize_or(Vec3::NEG_Y), Vec3::Z, shorter_m)
 }
 
 /// The arms of the target.

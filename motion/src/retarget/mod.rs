@@ -6,13 +6,18 @@
 //! Inverse kinematics brings the feet to the scaled places of the source's feet, at the height of
 //! the target's own soles. So a foot that stands in the source stands in the target.
 
+mod build;
 mod certificate;
 #[cfg(feature = "files")]
 #[cfg(test)]
 mod certificate_tests;
 mod clip;
+mod contacts;
 mod dolls;
 mod feet;
+#[cfg(feature = "files")]
+#[cfg(test)]
+mod feet_tests;
 mod figure;
 mod figures;
 mod hinges;
@@ -25,6 +30,7 @@ mod tests;
 mod turns;
 
 use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
 
 use self::hinges::Hinges;
 use self::limbs::{Chain, Hand, Step};
@@ -50,6 +56,8 @@ const LIFTED_SHARE: f32 = 0.1;
 const DROP_SHARE: f32 = 0.1;
 /// Most feet.
 const MAX_STEPS: usize = 4;
+/// Time from pose to pose at first, seconds.
+const STEP_S: f32 = 1.0 / 30.0;
 
 /// Why motion cannot be carried over.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -77,8 +85,9 @@ pub struct Retargeter {
     turns: Turns,
     steps: Vec<Step>,
     hands: Vec<Hand>,
-    /// Headings of the feet: they change while a foot is in the air. None before the first pose.
-    headings: [Option<f32>; MAX_STEPS],
+    memory: Memory,
+    /// Time from the last pose to the next, seconds.
+    step_s: f32,
     scale: f32,
     /// World transforms of the source's joints that count.
     from: (Vec<Vec3>, Vec<Quat>),
@@ -89,6 +98,28 @@ pub struct Retargeter {
     bent: Vec<Quat>,
     /// Farthest that a limb of the last pose remained from its place, metres, and its last joint.
     short: (f32, Option<usize>),
+}
+
+/// What of a body is held at places.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Holds {
+    /// Places of the source's wrists in the source's world, left and right. The target's wrists
+    /// come to the same places in its size ([`Retargeter::scale`]), or as near as the arms reach
+    /// ([`Retargeter::short_m`]). Bodies on four have no hands: theirs are left out.
+    pub hands: [Option<Vec3>; 2],
+    /// How far the hips are held as on a seat, 0 to 1. Free hips are as far above the own soles as
+    /// the source's are above its soles, in the target's size. Held ones are as far above the
+    /// ground.
+    pub hips: f32,
+}
+
+/// What the next pose of a motion takes from those before, beside the last pose itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    /// Headings of the feet: they change while a foot is in the air. None before the first pose.
+    headings: [Option<f32>; MAX_STEPS],
+    /// Whether hinges go on from the last pose.
+    is_warm: bool,
 }
 
 impl Retargeter {
@@ -115,7 +146,8 @@ impl Retargeter {
             turns: Turns::new(&source, &target, &counts),
             steps,
             hands,
-            headings: [None; MAX_STEPS],
+            memory: Memory::default(),
+            step_s: STEP_S,
             scale,
             from,
             hinges: Hinges::of(&target),
@@ -149,10 +181,24 @@ impl Retargeter {
 
     /// Forgets the poses before: the next one begins a motion.
     pub fn reset(&mut self) {
-        self.headings = [None; MAX_STEPS];
-        if let Some(hinges) = &mut self.hinges {
-            hinges.reset();
-        }
+        self.memory = Memory::default();
+    }
+
+    /// Sets the time from the last pose to the next, and from each to the one after it, seconds. At
+    /// first it is a thirtieth. A pose of the same moment again takes 0.
+    pub fn set_step(&mut self, seconds: f32) {
+        self.step_s = seconds.max(0.0);
+    }
+
+    /// What it keeps of the poses so far.
+    pub fn memory(&self) -> Memory {
+        self.memory
+    }
+
+    /// Goes on where another retargeter of the same bodies was. The next pose goes into the
+    /// rotations of that one's last pose.
+    pub fn resume(&mut self, memory: Memory) {
+        self.memory = memory;
     }
 
     /// Carries the next pose of a motion over. `root` is the world position of joint 0. Rotations
@@ -163,23 +209,14 @@ impl Retargeter {
     /// # Panics
     /// If `rotations` or `out` is shorter than its skeleton.
     pub fn pose(&mut self, root: Vec3, rotations: &[Quat], out: &mut [Quat]) -> Vec3 {
-        self.pose_holding(root, rotations, [None; 2], out)
+        self.pose_holding(root, rotations, Holds::default(), out)
     }
 
-    /// As [`Retargeter::pose`], with hands that hold on to something. `hands` are the places of the
-    /// source's wrists in the source's world, left and right. The target's wrists come to the same
-    /// places in its size ([`Retargeter::scale`]), or as near as the arms reach
-    /// ([`Retargeter::short_m`]). Bodies on four have no hands: theirs are left out.
+    /// As [`Retargeter::pose`], with hands that hold on to something, and hips on a seat.
     ///
     /// # Panics
     /// As [`Retargeter::pose`].
-    pub fn pose_holding(
-        &mut self,
-        root: Vec3,
-        rotations: &[Quat],
-        hands: [Option<Vec3>; 2],
-        out: &mut [Quat],
-    ) -> Vec3 {
+    pub fn pose_holding(&mut self, root: Vec3, rotations: &[Quat], holds: Holds, out: &mut [Quat]) -> Vec3 {
         self.turns
             .world(&self.source.skeleton, root, rotations, &mut self.from);
         let is_robot = self.hinges.is_some();
@@ -193,9 +230,10 @@ impl Retargeter {
                 arms.each_ref().map(bones)
             });
             let bones = bones.unwrap_or([[Vec3::NEG_Y; 2]; 2]);
-            hinges.turn(&self.target, robot, &self.to.1, &bones, out);
+            let is_warm = std::mem::replace(&mut self.memory.is_warm, true);
+            hinges.turn((&self.target, robot), is_warm, &self.to.1, &bones, out);
         }
-        let root = self.root(out);
+        let root = self.root(holds.hips, out);
         let count = self.steps.len();
         let mut goals = [Vec3::ZERO; MAX_STEPS];
         for (nth, goal) in goals[..count].iter_mut().enumerate() {
@@ -205,13 +243,20 @@ impl Retargeter {
         let root = root - drop;
         self.short = (0.0, None);
         for (nth, &goal) in goals[..count].iter().enumerate() {
-            let Step { limb, ahead, .. } = self.steps[nth];
-            let pole = self.to.1[limb.chain[0]] * ahead;
-            self.place(limb, (root, drop), goal, pole, out);
+            let Step {
+                limb, aside, toes, ..
+            } = self.steps[nth];
+            let pole = self.to.1[limb.chain[0]] * aside;
+            let ankle = self.place(limb, (root, drop), goal, pole, out);
+            if let (Some(toes), Some(ankle)) = (toes, ankle) {
+                let height = ankle.y - self.source.skeleton.ground_y_m;
+                let local = out[toes.joint];
+                out[toes.joint] = toes.bent(height, self.to.1[limb.chain[2]], local);
+            }
         }
         for nth in 0..self.hands.len() {
             let Hand { limb, side, behind } = self.hands[nth];
-            if let Some(place) = hands[side] {
+            if let Some(place) = holds.hands[side] {
                 // Elbows bend backwards.
                 let pole = self.to.1[limb.chain[0]] * behind;
                 self.place(limb, (root, drop), self.scaled(place), pole, out);
@@ -224,11 +269,26 @@ impl Retargeter {
     }
 
     /// Brings the end of a limb to a goal in the world with its wanted rotation. `drop` is how far
-    /// the joints' places are above those of a body whose root is at `root`.
-    fn place(&mut self, limb: Chain, (root, drop): (Vec3, Vec3), goal: Vec3, pole: Vec3, out: &mut [Quat]) {
+    /// the joints' places are above those of a body whose root is at `root`. Returns the place of
+    /// an end without hinges.
+    fn place(
+        &mut self,
+        limb: Chain,
+        (root, drop): (Vec3, Vec3),
+        goal: Vec3,
+        pole: Vec3,
+        out: &mut [Quat],
+    ) -> Option<Vec3> {
+        let mut place = None;
         let short = match (limb.is_whole, &self.hinges) {
             (false, _) => f32::INFINITY,
-            (true, None) => limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out),
+            (true, None) => match limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out) {
+                None => f32::INFINITY,
+                Some((short, end)) => {
+                    place = Some(end - drop);
+                    short
+                }
+            },
             (true, Some(_)) => {
                 let rotation = self.to.1[limb.chain[2]];
                 let skeleton = &self.target.skeleton;
@@ -246,11 +306,12 @@ impl Retargeter {
         if short > self.short.0 {
             self.short = (short, Some(limb.chain[2]));
         }
+        place
     }
 
     /// The target's root, so that the middle of its hips is at that of the source's, scaled. Finds
-    /// the places of its joints.
-    fn root(&mut self, out: &[Quat]) -> Vec3 {
+    /// the places of its joints. `held` is how far the hips are held.
+    fn root(&mut self, held: f32, out: &[Quat]) -> Vec3 {
         match &self.hinges {
             None => self.turns.places(&self.target.skeleton, &mut self.to),
             Some(_) => {
@@ -262,9 +323,10 @@ impl Retargeter {
         let hips = middle(&self.from.0, self.source.hips());
         let own = middle(&self.to.0, self.target.hips());
         let neutral = |figure: &Figure| figure.places[figure.hips()[0]].y;
-        // Heights are scaled from where the soles stand.
+        // Heights are scaled from where the soles stand, and those of a seat from the ground.
         let ground = self.source.skeleton.ground_y_m;
-        let height = (hips.y - ground - neutral(&self.source)) * self.scale + neutral(&self.target);
+        let soles = neutral(&self.target) - self.scale * neutral(&self.source);
+        let height = (hips.y - ground) * self.scale + (1.0 - held) * soles;
         let root = Vec3::new(hips.x * self.scale, ground + height, hips.z * self.scale) - own;
         self.turns.shift(root, &mut self.to.0);
         root
@@ -286,11 +348,13 @@ impl Retargeter {
         let now = heading_of(rotation * step.still, Vec3::X);
         // A standing foot rolls; what is between the places of the two feet does not turn with it.
         let lifted = over(ankle).min(over(toe)) / (LIFTED_SHARE * self.source.leg_m);
-        let facing = match self.headings[nth] {
+        // As much of the turn is left after a time, in however many steps it goes by.
+        let left = (1.0 - lifted.clamp(0.0, 1.0)).powf(self.step_s / STEP_S);
+        let facing = match self.memory.headings[nth] {
             None => now,
-            Some(before) => before + lifted.clamp(0.0, 1.0) * wrap_angle(now - before),
+            Some(before) => before + (1.0 - left) * wrap_angle(now - before),
         };
-        self.headings[nth] = Some(facing);
+        self.memory.headings[nth] = Some(facing);
         let facing = yaw(facing);
         let by_ankle = self.scaled(self.from.0[ankle]) + facing * step.ankle_m;
         if toe == ankle {
@@ -306,11 +370,16 @@ impl Retargeter {
     fn drop(&self, goals: &[Vec3]) -> f32 {
         let mut most = 0.0_f32;
         for (step, goal) in self.steps.iter().zip(goals) {
-            let [top, _, end] = step.limb.chain;
+            let [top, middle, end] = step.limb.chain;
             let hip = self.to.0[top];
+            // Joints along a bone change its length.
+            let length_m = match self.hinges {
+                Some(_) => step.length_m,
+                None => hip.distance(self.to.0[middle]) + self.to.0[middle].distance(self.to.0[end]),
+            };
             let down = hip.y - goal.y;
             let across = (goal - hip).with_y(0.0).length();
-            let reach = (1.0 - 0.5 * SOFT_SHARE) * step.length_m;
+            let reach = (1.0 - 0.5 * SOFT_SHARE) * length_m;
             let height = goal.y - self.source.skeleton.ground_y_m - self.target.places[end].y;
             let near = 1.0 - (height / (LIFTED_SHARE * step.length_m)).clamp(0.0, 1.0);
             if across < reach {

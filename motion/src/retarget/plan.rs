@@ -58,7 +58,7 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
     for side in [0, 1] {
         let mut carry = |from: &Limb, to: &Limb, trunk: usize, is_leg: bool| {
             if source.parts.on_fours {
-                return whole_limb(from, to, trunk, &mut set);
+                return whole_limb([source, target], [from, to], &mut set);
             }
             limb(from, to, trunk, &mut set);
             // Robots have limits of their own.
@@ -131,13 +131,50 @@ fn twists(from: &Limb, to: &Limb, target: &Figure, set: &mut dyn FnMut(usize, Tu
     }
 }
 
-/// A leg of a body on four, whose bones have no common names: all its joints share the bend.
-fn whole_limb(from: &Limb, to: &Limb, trunk: usize, set: &mut dyn FnMut(usize, Turn)) {
-    let joints = |limb: &Limb| -> Vec<usize> {
+/// A leg of a body on four, whose bones have no common names: all its joints share the bend. Legs
+/// with as many joints turn joint by joint; otherwise each bone turns as those do that are as far
+/// down the leg.
+fn whole_limb(figures: [&Figure; 2], limbs: [&Limb; 2], set: &mut dyn FnMut(usize, Turn)) {
+    let [from, to] = limbs.map(|limb| -> Vec<usize> {
         let bones = limb.girdle.iter().chain(&limb.upper).chain(&limb.lower);
         bones.copied().chain([limb.end]).chain(limb.toe).collect()
-    };
-    spread(&joints(from), &joints(to), (trunk, trunk), set);
+    });
+    let middles = middles(figures[0], &from);
+    let last = from.len() - 1;
+    for (nth, (&joint, middle)) in to.iter().zip(self::middles(figures[1], &to)).enumerate() {
+        let above = middles
+            .iter()
+            .rposition(|&at| at <= middle)
+            .unwrap_or(0)
+            .min(last);
+        let below = (above + 1).min(last);
+        let room = (middles[below] - middles[above]).max(f32::MIN_POSITIVE);
+        let turn = match from.len() == to.len() {
+            true => Turn::Between(from[nth], from[nth], 0.0),
+            false => {
+                let share = (middle - middles[above]) / room;
+                Turn::Between(from[above], from[below], share.clamp(0.0, 1.0))
+            }
+        };
+        set(joint, turn);
+    }
+}
+
+/// For each joint of a chain how far down the chain the middle of the bone below it is, 0 to 1.
+fn middles(figure: &Figure, chain: &[usize]) -> Vec<f32> {
+    let bones = chain
+        .windows(2)
+        .map(|bone| figure.between(bone[0], bone[1]).length());
+    let bones: Vec<f32> = bones.collect();
+    let whole = bones.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+    let mut above = 0.0;
+    let middles = bones.iter().map(|bone| {
+        above += bone;
+        (above - 0.5 * bone) / whole
+    });
+    let mut middles: Vec<f32> = middles.collect();
+    middles.push(1.0);
+    middles
 }
 
 /// Joints of a chain share the bend of another: the same number turns alike, otherwise each lies

@@ -259,6 +259,58 @@ fn poses_of_the_same_motion_are_the_same_again() {
 }
 
 /// Random turns, one a joint.
+/// A clip at another rate.
+fn resampled(clip: &Clip, fps: f32) -> Clip {
+    let count = ((clip.frames() - 1) as f32 / clip.fps * fps) as usize + 1;
+    let (mut roots, mut rotations) = (Vec::new(), Vec::new());
+    for frame in 0..count {
+        let at = frame as f32 * clip.fps / fps;
+        let from = (at as usize).min(clip.frames() - 2);
+        let share = at - from as f32;
+        roots.push(clip.root_positions[from].lerp(clip.root_positions[from + 1], share));
+        let pairs = clip.rotations_at(from).iter().zip(clip.rotations_at(from + 1));
+        rotations.extend(pairs.map(|(a, b)| crate::rotation::slerp(*a, *b, share)));
+    }
+    Clip::new(clip.skeleton.clone(), fps, roots, rotations).unwrap()
+}
+
+#[test]
+fn feet_turn_as_fast_at_every_rate() {
+    let (clip, source) = example();
+    let target = person(0, 1.4, 3, RestPose::T).walk(2, 30.0, &NUMBERS);
+    let mut retargeter = Retargeter::new(source, figure(&target.skeleton, 1.4)).unwrap();
+    // Headings of both feet, ten times a second.
+    let mut headings = |fps: f32, every: usize| {
+        let clip = resampled(&clip, fps);
+        let mut pose = vec![Quat::IDENTITY; target.skeleton.joint_count()];
+        retargeter.reset();
+        retargeter.set_step(1.0 / fps);
+        let each = 0..clip.frames();
+        let headings = each.map(|frame| {
+            retargeter.pose(clip.root_positions[frame], clip.rotations_at(frame), &mut pose);
+            let [left, right, ..] = retargeter.memory.headings;
+            [left.unwrap(), right.unwrap()]
+        });
+        headings.step_by(every).collect::<Vec<_>>()
+    };
+    let usual = headings(30.0, 3);
+    let most = usual.iter().map(|two| two[0]).fold(f32::MIN, f32::max);
+    let least = usual.iter().map(|two| two[0]).fold(f32::MAX, f32::min);
+    assert!(most - least > 0.2, "they turn: {least} to {most}");
+    for (fps, every) in [(50.0, 5), (60.0, 6)] {
+        let other = headings(fps, every);
+        let pairs = usual.iter().flatten().zip(other.iter().flatten());
+        let apart = pairs.map(|(a, b)| wrap_angle(a - b).abs()).fold(0.0, f32::max);
+        assert!(apart < 0.03, "{fps} Hz: {apart} rad");
+    }
+    // The same moment again changes nothing.
+    let before = retargeter.memory();
+    retargeter.set_step(0.0);
+    let mut pose = vec![Quat::IDENTITY; target.skeleton.joint_count()];
+    retargeter.pose(clip.root_positions[9], clip.rotations_at(9), &mut pose);
+    assert_eq!(retargeter.memory(), before);
+}
+
 fn any_turns(joints: usize) -> impl Strategy<Value = Vec<Vec3>> {
     let turn = [-1.2_f32..1.2, -1.2_f32..1.2, -1.2_f32..1.2];
     proptest::collection::vec(turn.prop_map(Vec3::from), joints)
@@ -296,7 +348,8 @@ fn hands_hold_on_to_places() {
     let mut out = vec![Quat::IDENTITY; target.skeleton.joint_count()];
     let mut pose = |hands: [Option<Vec3>; 2]| {
         retargeter.reset();
-        let root = retargeter.pose_holding(clip.root_positions[0], clip.rotations_at(0), hands, &mut out);
+        let holds = Holds { hands, hips: 0.0 };
+        let root = retargeter.pose_holding(clip.root_positions[0], clip.rotations_at(0), holds, &mut out);
         let world = WorldMotion::from_clip(
             &Clip::new(Arc::clone(&target.skeleton), 30.0, vec![root], out.clone()).unwrap(),
         );
@@ -329,6 +382,41 @@ fn hands_hold_on_to_places() {
         "{short_m} {left_m}"
     );
     assert_eq!(joint, Some(wrists[1]));
+}
+
+#[test]
+fn hips_on_a_seat_are_as_far_above_the_ground_as_the_sources() {
+    let (clip, source) = example();
+    let target = person(0, 1.8, 3, RestPose::T).skeleton();
+    // Its hips are 15 cm higher over its soles than the other's in that size: thick soles.
+    let rest = vec![Quat::IDENTITY; target.joint_count()];
+    let root_y_m = Some(1.8 * HIPS_M + 0.15);
+    let target = Figure::new(target, &rest, root_y_m, &PartsDoc::default()).unwrap();
+    let mut retargeter = Retargeter::new(source.clone(), target.clone()).unwrap();
+    let mut out = rest.clone();
+    let mut height = |hips: f32| {
+        let down = clip.root_positions[0] - 0.35 * Vec3::Y;
+        retargeter.reset();
+        let holds = Holds {
+            hips,
+            ..Holds::default()
+        };
+        let root = retargeter.pose_holding(down, clip.rotations_at(0), holds, &mut out);
+        let place = |skeleton: &Arc<Skeleton>, root: Vec3, pose: &[Quat], hips: [usize; 2]| {
+            let made = Clip::new(Arc::clone(skeleton), 30.0, vec![root], pose.to_vec()).unwrap();
+            let world = WorldMotion::from_clip(&made);
+            0.5 * (world.positions_at(0)[hips[0]].y + world.positions_at(0)[hips[1]].y)
+        };
+        let from = place(&clip.skeleton, down, clip.rotations_at(0), source.hips());
+        let to = place(&target.skeleton, root, &out, target.hips());
+        to - retargeter.scale() * from
+    };
+    let [free, half, held] = [0.0, 0.5, 1.0].map(&mut height);
+    assert!(held.abs() < 1e-4, "{held}");
+    assert!(
+        free.abs() > 0.03 && (half - 0.5 * free).abs() < 1e-4,
+        "{free} {half}"
+    );
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod waiting;
 use std::path::Path;
 use std::sync::Arc;
 
+use troupe_character::Path as FieldPath;
 use troupe_character::live::{CONTEXT_FRAMES, FrameOut, LivePlan, LiveShape, finish_live};
 use troupe_character::primitives::PlanTargets;
 use troupe_engine::pack::Pack;
@@ -48,7 +49,7 @@ impl Work {
         let clip = file.to_clip_on(&skeleton, &BvhOptions::default()).unwrap();
 
         let request = request(&clip);
-        let (_, mut plans) = prepare(&request, &pack.rig, LIMITS).unwrap();
+        let (_, mut plans) = prepare(&FieldPath::root(), &request, &pack.rig, LIMITS).unwrap();
         let frame = SegmentFrame::from_root(clip.root_at(CONTEXT_FRAMES - 1));
         let plan = plans.remove(0);
         Self {
@@ -73,7 +74,7 @@ impl Work {
 
     /// Checks a request, and moves it into the segment frame.
     pub fn prepare(&self) -> (Vec<KeyframeTask>, Vec<Plan>) {
-        prepare(&self.request, &self.pack.rig, LIMITS).unwrap()
+        prepare(&FieldPath::root(), &self.request, &self.pack.rig, LIMITS).unwrap()
     }
 
     /// Turns output of the networks into the answer to a request.

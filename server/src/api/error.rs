@@ -74,12 +74,14 @@ pub enum ApiError {
         /// Size limit of a body.
         limit_bytes: usize,
     },
-    /// The Content-Type is not JSON. Pages of other sites can send such bodies without a preflight
-    /// request.
-    #[error("Content-Type is {found:?}; allowed: application/json")]
+    /// The Content-Type is not one that is read. Pages of other sites can send such bodies without a
+    /// preflight request.
+    #[error("Content-Type is {found:?}; allowed: {allowed}")]
     WrongType {
         /// The Content-Type, shortened.
         found: String,
+        /// The types that are read.
+        allowed: &'static str,
     },
     /// No such path or gRPC method.
     #[error("there is no {0}")]
@@ -119,10 +121,10 @@ impl ApiError {
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
                 .allowed(format!("at most {limit_bytes} bytes")),
-            Self::WrongType { .. } => WRONG_TYPE
+            Self::WrongType { allowed, .. } => WRONG_TYPE
                 .because("UNSUPPORTED_MEDIA_TYPE")
                 .field("Content-Type")
-                .allowed("application/json"),
+                .allowed(*allowed),
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),

@@ -1,5 +1,7 @@
 //! Answers in the protocol's form: glTF with the extension `MMCP_motion`.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 use serde_json::{Map, Value};
 use troupe_character::take::{Made, Note, trajectory};
@@ -21,6 +23,9 @@ struct Extension<'a> {
     model: &'a str,
     fps: f32,
     samples: Vec<Sample>,
+    /// Joints of the request for those of the model, if they differ.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    canonical_to_request: BTreeMap<String, String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     notes: Vec<Note>,
 }
@@ -41,9 +46,9 @@ struct Sample {
 /// # Errors
 /// [`GlbError`] for numbers that JSON cannot hold.
 pub fn write(asked: &Asked, samples: &[Made]) -> Result<Vec<u8>, GlbError> {
-    let skeleton = &asked.model.rig().skeleton;
+    let skeleton = &asked.joints.skeleton;
     let (clock, is_loop) = (&asked.take.clock, asked.take.is_loop);
-    let contacts = asked.model.contact_joints();
+    let contacts = &asked.joints.contacts;
     let mut notes = asked.notes.clone();
     let (mut listed, mut motions) = (Vec::new(), Vec::new());
     for (nth, made) in samples.iter().enumerate() {
@@ -59,7 +64,6 @@ pub fn write(asked: &Asked, samples: &[Made]) -> Result<Vec<u8>, GlbError> {
             chunk_boundaries: made.boundaries.clone(),
             foot_contacts: contacts
                 .iter()
-                .enumerate()
                 .map(|(bit, joint)| {
                     let flags = made.track.contacts.iter().map(|bits| bits >> bit & 1 == 1);
                     (joint.clone(), flags.collect())
@@ -78,6 +82,7 @@ pub fn write(asked: &Asked, samples: &[Made]) -> Result<Vec<u8>, GlbError> {
         model: &asked.model.id,
         fps: clock.fps,
         samples: listed,
+        canonical_to_request: asked.joints.pairs(),
         notes,
     };
     let extension = serde_json::to_value(extension).map_err(|error| GlbError::Json(error.to_string()))?;

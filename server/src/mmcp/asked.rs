@@ -12,7 +12,7 @@ use super::skeleton::Joints;
 pub struct Asked {
     /// The model that makes the motion.
     pub model: Model,
-    /// The order of joints in the request.
+    /// The joints of the request.
     pub joints: Arc<Joints>,
     /// The motion to make.
     pub take: Arc<Take>,

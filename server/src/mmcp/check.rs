@@ -13,11 +13,14 @@ use super::limits::{
     FPS, GUIDANCE, MAX_SAMPLES, MAX_SECONDS, MAX_SEGMENTS, MAX_TRANSITION_FRAMES, STEPS, TEMPERATURES,
 };
 use super::model::Model;
+use super::onto::onto;
 use super::schema::{
     ENGLISH, Guidance, MotionReference, Options, Request, Text, Unconditioned, check_version, read, take_type,
 };
+use super::skeleton::Joints;
 use super::{reference, skeleton};
 use troupe_base::echo::cut;
+use troupe_live::session::Space;
 use troupe_live::wire::MAX_PROMPT_CHARS;
 use troupe_service::inbetween::check_words;
 
@@ -41,11 +44,12 @@ enum Segment {
     Motion(MotionReference),
 }
 
-/// Checks a request for one of `models`.
+/// Checks a request for one of `models`, which are those of `space`. A skeleton of the caller's own
+/// takes milliseconds.
 ///
 /// # Errors
 /// [`Fault`] for the first value that is not accepted.
-pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
+pub fn check(value: Value, models: &[Model], space: &Space) -> Result<Asked, Fault> {
     if let Some(version) = value.get("protocol_version").and_then(Value::as_str)
         && super::schema::major(version).is_some()
     {
@@ -60,12 +64,17 @@ pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
     let constraints = constraints::read_all(std::mem::take(&mut request.constraints))?;
     let model = models.iter().find(|model| model.id == request.model);
     let model = model.ok_or_else(|| unknown(&request.model, models))?;
-    let joints = skeleton::check(&request.skeleton, model)?;
+    let joints = skeleton::check(&request.skeleton, model, space)?;
     let lengths = lengths(&segments, request.duration_frames, constraints.is_empty())?;
     let clock = clock(&request, model, &lengths)?;
     let options = request.options.unwrap_or_default();
     check_options(&options, model, segments.len())?;
-    let wanted = constraints::check(&constraints, &Scope { model, clock })?;
+    let scope = Scope {
+        model,
+        joints: &joints,
+        clock,
+    };
+    let wanted = constraints::check(&constraints, &scope)?;
     let mut notes = Vec::new();
     if clock.resamples() {
         notes.push(Note::info(
@@ -78,7 +87,15 @@ pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
     }
     let look = look(&options, model, &mut notes)?;
     let native = |frame: usize| clock.native(frame).round() as usize;
-    let parts = parts(&segments, &lengths, (&clock, model), &mut notes)?;
+    let of = (model, &joints, space);
+    let parts = parts(&segments, &lengths, (&clock, of), &mut notes)?;
+    let (wanted, onto) = match &joints.worn {
+        None => (wanted, None),
+        Some(worn) => {
+            let (guide, onto) = onto(worn, wanted, &joints.still);
+            (guide, Some(onto))
+        }
+    };
     let take = Take {
         subject: model.subject(),
         segments: parts,
@@ -92,6 +109,7 @@ pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
         look,
         past: None,
         in_parts: false,
+        onto,
     };
     Ok(Asked {
         model: model.clone(),
@@ -257,7 +275,7 @@ fn clock(request: &Request, model: &Model, lengths: &[usize]) -> Result<Clock, F
 fn parts(
     segments: &[Segment],
     lengths: &[usize],
-    (clock, model): (&Clock, &Model),
+    (clock, of): (&Clock, (&Model, &Joints, &Space)),
     notes: &mut Vec<Note>,
 ) -> Result<Vec<TakeSegment>, Fault> {
     let whole = clock.native_frames();
@@ -266,10 +284,10 @@ fn parts(
     for (index, &frames) in lengths.iter().enumerate() {
         end += frames;
         let prompt = match segments.get(index) {
-            Some(Segment::Text(text)) => Prompt::Words(words(index, text, model, notes)?),
+            Some(Segment::Text(text)) => Prompt::Words(words(index, text, of.0, notes)?),
             Some(Segment::Motion(like)) => {
                 let place = format!("segments[{index}]");
-                Prompt::Like(reference::check(&place, like, model)?)
+                Prompt::Like(reference::check(&place, like, of)?)
             }
             Some(Segment::Unconditioned(_)) | None => Prompt::Free,
         };

@@ -12,7 +12,7 @@ use super::limits::{
 };
 use super::model::Model;
 use super::schema::{EffectorTarget, FillMode, GroundHeight, PoseKeyframe, RootPath, read, take_type};
-use super::skeleton::rotation;
+use super::skeleton::{Joints, rotation};
 
 /// Types of constraints in the protocol.
 const TYPES: [&str; 4] = ["root_path", "effector_target", "pose_keyframe", "ground_height"];
@@ -21,6 +21,8 @@ const TYPES: [&str; 4] = ["root_path", "effector_target", "pose_keyframe", "grou
 pub struct Scope<'a> {
     /// The model that must meet the constraints.
     pub model: &'a Model,
+    /// The body that must meet them.
+    pub joints: &'a Joints,
     /// Converts frames of the request to frames of the model.
     pub clock: Clock,
 }
@@ -255,7 +257,7 @@ type Knots = BTreeMap<i64, Knot>;
 
 impl Scope<'_> {
     fn joints(&self) -> HashMap<&str, usize> {
-        let joints = self.model.rig().skeleton.joints.iter().enumerate();
+        let joints = self.joints.skeleton.joints.iter().enumerate();
         joints
             .map(|(index, joint)| (joint.name.as_str(), index))
             .collect()
@@ -311,20 +313,17 @@ impl Scope<'_> {
         Ok(())
     }
 
-    /// Rejects a path that is faster than any living thing.
+    /// Rejects a path that is faster than any living thing of the body's size.
     fn check_speed(&self, path: &[Knot]) -> Result<(), Fault> {
         for pair in path.windows(2) {
             let [a, b] = [pair[0], pair[1]];
             let way = (b.place[0] - a.place[0]).hypot(b.place[1] - a.place[1]);
             let speed = way * self.clock.native_fps / (b.frame - a.frame);
-            if speed > MAX_SPEED_MPS {
+            let most = MAX_SPEED_MPS * self.joints.scale();
+            if speed > most {
                 let at = b.frame * self.clock.fps / self.clock.native_fps;
                 let found = format!("has a root path of {speed:.1} m/s before frame {at:.0}");
-                return Err(Fault::option(
-                    "constraints",
-                    found,
-                    format!("at most {MAX_SPEED_MPS} m/s"),
-                ));
+                return Err(Fault::option("constraints", found, format!("at most {most} m/s")));
             }
         }
         Ok(())
@@ -349,7 +348,7 @@ impl Scope<'_> {
         effectors: &mut Vec<Effector>,
     ) -> Result<(), Fault> {
         let joint = self.joint(format!("{place}.joint"), &given.joint, joints)?;
-        let axes = self.model.axes();
+        let axes = &self.joints.axes;
         for (nth, &frame) in given.frames.iter().enumerate() {
             let frame = self.frame(&format!("{place}.frames[{nth}]"), frame)?;
             let point = world(&format!("{place}.positions[{nth}]"), given.positions[nth])?;
@@ -382,10 +381,10 @@ impl Scope<'_> {
         ground: &Ground,
     ) -> Result<PoseKey, Fault> {
         let frame = self.frame(&format!("{place}.frame"), given.frame)?;
-        let (rest, axes) = (self.model.rest().0, self.model.axes());
+        let Joints { still, axes, .. } = self.joints;
         let mut rotations: Vec<Option<Quat>> = match given.fill_mode {
-            FillMode::Generate => vec![None; rest.len()],
-            FillMode::Rest => rest.into_iter().map(Some).collect(),
+            FillMode::Generate => vec![None; still.len()],
+            FillMode::Rest => still.iter().copied().map(Some).collect(),
         };
         for (name, &xyzw) in &given.joint_rotations {
             let place = format!("{place}.joint_rotations.{}", troupe_base::echo::cut(name, 64));

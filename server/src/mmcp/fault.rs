@@ -10,7 +10,7 @@ pub enum Code {
     SchemaValidation,
     /// No model has this id.
     UnknownModel,
-    /// The skeleton is not the model's own.
+    /// The skeleton is not the model's own, and its motion cannot be carried over.
     RetargetingUnsupported,
     /// The model takes no constraint of this type.
     UnsupportedConstraint,

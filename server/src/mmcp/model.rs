@@ -17,6 +17,7 @@ use super::limits::{
 use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
 use troupe_live::packs::{LoadedPack, PackTable};
+use troupe_live::skeleton::can_wear;
 use troupe_live::wire::MAX_PROMPT_CHARS;
 use troupe_service::inbetween::fitting;
 
@@ -99,6 +100,11 @@ impl Model {
     /// those out.
     pub fn imitates(&self) -> bool {
         self.speaks() && self.can(Capability::Describe)
+    }
+
+    /// Whether motion of the model can be carried over to other bodies.
+    pub fn can_be_worn(&self, table: &PackTable) -> bool {
+        can_wear((&self.loaded, self.place), table)
     }
 
     /// Most frames of a reference motion.
@@ -260,13 +266,13 @@ impl Model {
     }
 
     /// The model's entry in the answer to `GET /capabilities`.
-    fn describe(&self, max_request_bytes: usize) -> Spec {
+    fn describe(&self, table: &PackTable, max_request_bytes: usize) -> Spec {
         let moves = self.walks() || self.follows();
         Spec {
             id: self.id.clone(),
             fps: self.rig().fps,
             canonical_skeleton: self.skeleton(),
-            supports_retargeting: false,
+            supports_retargeting: self.can_be_worn(table),
             supports_joint_translation: false,
             supports_async: false,
             supports_segment_seed: true,
@@ -326,7 +332,9 @@ impl Capabilities {
             coordinate_system: coordinates(),
             units: units(),
             response_formats: ["gltf_2.0_json"],
-            models: models.map(|model| model.describe(max_request_bytes)).collect(),
+            models: models
+                .map(|model| model.describe(table, max_request_bytes))
+                .collect(),
         }
     }
 }

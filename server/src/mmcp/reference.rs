@@ -15,24 +15,31 @@ use super::fault::{Code, Fault};
 use super::limits::FPS;
 use super::model::Model;
 use super::schema::MotionReference;
-use super::skeleton;
+use super::skeleton::{self, Joints};
 use troupe_base::echo::cut;
+use troupe_live::session::Space;
 use troupe_service::inbetween::check_description;
 
 /// Checks the reference motion of the segment at `place` in the request.
 ///
 /// # Errors
 /// [`Fault`] for the first value that is not accepted.
-pub fn check(place: &str, given: &MotionReference, model: &Model) -> Result<MotionFrames, Fault> {
+pub fn check(
+    place: &str,
+    given: &MotionReference,
+    (model, joints, space): (&Model, &Joints, &Space),
+) -> Result<MotionFrames, Fault> {
     check_form(place, given, model)?;
-    if let Some(own) = &given.skeleton {
-        skeleton::check(own, model).map_err(|mut fault| {
+    let own = given.skeleton.as_ref().map(|own| {
+        skeleton::check(own, model, space).map_err(|mut fault| {
             fault.place.field = format!("{place}.{}", fault.place.field);
             fault
-        })?;
-    }
-    let joints = joints(place, given, model)?;
-    let clip = clip(place, given, &joints, model)?;
+        })
+    });
+    let own = own.transpose()?;
+    let joints = own.as_ref().unwrap_or(joints);
+    let order = order(place, given, joints)?;
+    let clip = clip(place, given, &order, (model, joints))?;
     let frames = keyframes(&clip, model);
     let task = Task::Describe(DescribeTask {
         frames: frames.to_vec(),
@@ -89,9 +96,9 @@ fn check_form(place: &str, given: &MotionReference, model: &Model) -> Result<(),
     }
 }
 
-/// The model's index of each joint in the reference motion. The root must be among them.
-fn joints(place: &str, given: &MotionReference, model: &Model) -> Result<Vec<usize>, Fault> {
-    let own = &model.rig().skeleton.joints;
+/// The skeleton's index of each joint in the reference motion. The root must be among them.
+fn order(place: &str, given: &MotionReference, joints: &Joints) -> Result<Vec<usize>, Fault> {
+    let own = &joints.skeleton.joints;
     let places: HashMap<&str, usize> = own
         .iter()
         .enumerate()
@@ -124,19 +131,32 @@ fn joints(place: &str, given: &MotionReference, model: &Model) -> Result<Vec<usi
     }
 }
 
-/// The reference motion at the model's frame rate. Joints that it leaves out are at rest.
-fn clip(place: &str, given: &MotionReference, joints: &[usize], model: &Model) -> Result<Clip, Fault> {
-    let (rest, axes) = (model.rest().0, model.axes());
-    let mut rotations: Vec<Quat> = Vec::with_capacity(given.rotations.len() * rest.len());
+/// The reference motion on the model's skeleton, at the model's frame rate. Joints that it leaves
+/// out are at rest.
+fn clip(
+    place: &str,
+    given: &MotionReference,
+    order: &[usize],
+    (model, joints): (&Model, &Joints),
+) -> Result<Clip, Fault> {
+    let Joints { still, axes, .. } = joints;
+    let mut rotations: Vec<Quat> = Vec::with_capacity(given.rotations.len() * still.len());
     let mut roots = Vec::with_capacity(given.root_positions.len());
     for (frame, (pose, &root)) in given.rotations.iter().zip(&given.root_positions).enumerate() {
         let first = rotations.len();
-        rotations.extend_from_slice(&rest);
-        for (nth, (&joint, &xyzw)) in joints.iter().zip(pose).enumerate() {
+        rotations.extend_from_slice(still);
+        for (nth, (&joint, &xyzw)) in order.iter().zip(pose).enumerate() {
             let turned = skeleton::rotation(&format!("{place}.rotations[{frame}][{nth}]"), xyzw)?;
             rotations[first + joint] = axes.to_model(joint, turned);
         }
         roots.push(world(&format!("{place}.root_positions[{frame}]"), root)?);
+    }
+    if let Some(worn) = &joints.worn {
+        let frames = roots.iter().copied().zip(rotations.chunks_exact(still.len()));
+        let back = worn.back(&frames.collect::<Vec<_>>());
+        let poses: Vec<Vec<Quat>>;
+        (roots, poses) = back.into_iter().unzip();
+        rotations = poses.concat();
     }
     let rig = model.rig();
     let clip = Clip::new(rig.skeleton.clone(), given.fps as f32, roots, rotations);

@@ -22,6 +22,7 @@ use troupe_base::offload::{WorkerStopped, offload};
 use troupe_base::telemetry::RequestContext;
 use troupe_batch::trace_served;
 use troupe_live::packs::LoadedPack;
+use troupe_live::session::Space;
 use troupe_service::{Service, ServiceError};
 
 /// Most samples whose planning stays on the calling thread.
@@ -84,31 +85,48 @@ pub enum Reply {
 /// [`Failure`] for a single request that is not served, and for a malformed batch.
 pub async fn generate(service: &Service, body: RequestOrBatch) -> Result<Reply, Failure> {
     let arrived = Instant::now();
-    let models = models(service.table()?);
-    let RequestOrBatch(value) = body;
     let most = service.max_characters();
+    let space = service.space()?.clone();
+    let RequestOrBatch(value) = body;
+    let is_batch = value.get("requests").is_some();
+    // A skeleton of the caller's own takes milliseconds.
+    let takes = offload(usize::MAX, 0, move || read(value, &space, most)).await??;
+    let mut made = serve(service, takes, arrived).await;
+    match (is_batch, made.pop()) {
+        (false, Some(document)) => document.map(Reply::One),
+        (true, Some(last)) => {
+            made.push(last);
+            Ok(Reply::Many(made))
+        }
+        (_, None) => Err(WorkerStopped.into()),
+    }
+}
+
+/// Checks a request, or each request of a batch.
+fn read(value: Value, space: &Space, most: usize) -> Result<Vec<Result<Asked, Failure>>, Fault> {
+    let models = models(space.packs.table());
     if value.get("requests").is_none() {
-        let take = check(value, &models)?;
+        let take = check(value, &models, space)?;
         if take.samples > most {
             let found = format!("is {}", take.samples);
-            return Err(Fault::option("options.num_samples", found, format!("1 to {most}")).into());
+            return Err(Fault::option(
+                "options.num_samples",
+                found,
+                format!("1 to {most}"),
+            ));
         }
-        let mut made = serve(service, vec![Ok(take)], arrived).await;
-        return match made.pop() {
-            Some(document) => document.map(Reply::One),
-            None => Err(WorkerStopped.into()),
-        };
+        return Ok(vec![Ok(take)]);
     }
     let takes: Vec<Result<Asked, Failure>> = batch(value)?
         .into_iter()
-        .map(|item| check(item?, &models).map_err(Failure::from))
+        .map(|item| check(item?, &models, space).map_err(Failure::from))
         .collect();
     let samples: usize = takes.iter().flatten().map(|take| take.samples).sum();
     if samples > most {
         let found = format!("have {samples} samples in all");
-        return Err(Fault::option("requests", found, format!("at most {most}")).into());
+        return Err(Fault::option("requests", found, format!("at most {most}")));
     }
-    Ok(Reply::Many(serve(service, takes, arrived).await))
+    Ok(takes)
 }
 
 /// The requests of a batch. A request without a version gets the batch's version.

@@ -1,7 +1,11 @@
-//! Compares the skeleton of a request with the model's own.
+//! The skeleton of a request: the model's own, or a body that motion is carried over to.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
+use troupe_character::FieldError;
+use troupe_live::session::Space;
+use troupe_live::skeleton::{Guest, SkeletonError, Worn};
 use troupe_motion::gltf::GltfJoint;
 use troupe_motion::{Quat, Vec3};
 
@@ -68,15 +72,43 @@ impl Axes {
     }
 }
 
-/// The joints of a request: those of the model in any order.
+/// The joints of a request: those of the model in any order, or a body of the caller's own.
 #[derive(Debug, Clone)]
 pub struct Joints {
-    /// The model's index of each joint of the request.
+    /// The skeleton of the motion: the model's, or the caller's own.
+    pub skeleton: Arc<troupe_motion::Skeleton>,
+    /// Its rest pose, relative to the parents.
+    pub still: Vec<Quat>,
+    /// Its contact joints, by the bits of a motion's contacts.
+    pub contacts: Vec<(usize, String)>,
+    /// The axes of its joints on the wire.
+    pub axes: Axes,
+    /// Its index of each joint of the request.
     pub order: Vec<usize>,
     /// The joints at rest, as the request gives them.
     pub rest: Vec<GltfJoint>,
-    /// The axes of the model's joints on the wire.
-    pub axes: Axes,
+    /// The way from the model's skeleton to the caller's own. None for the model's.
+    pub worn: Option<Arc<Worn>>,
+}
+
+impl Joints {
+    /// Length of the caller's legs by that of the model's.
+    pub fn scale(&self) -> f32 {
+        self.worn.as_ref().map_or(1.0, |worn| worn.scale())
+    }
+
+    /// The caller's joints for those of the model, by name.
+    pub fn pairs(&self) -> BTreeMap<String, String> {
+        let mut pairs = BTreeMap::new();
+        if let Some(worn) = &self.worn {
+            let [model, own] = worn.onto().figures().map(|figure| &figure.skeleton().joints);
+            for (from, to) in worn.onto().pairs() {
+                let name = || own[to].name.clone();
+                pairs.entry(model[from].name.clone()).or_insert_with(name);
+            }
+        }
+        pairs
+    }
 }
 
 /// Checks that a rotation has about unit length.
@@ -95,14 +127,41 @@ pub fn rotation(place: &str, xyzw: [f64; 4]) -> Result<Quat, Fault> {
     }
 }
 
-/// Checks the skeleton of a request, whose joints must be the model's. Their order and their rest
-/// rotations may differ, because channels replace rest rotations.
+/// Checks the skeleton of a request: the model's, or a body that its motion can be carried over to.
 ///
 /// # Errors
-/// [`Fault`] for joints that do not form a tree or are not the model's.
-pub fn check(skeleton: &Skeleton, model: &Model) -> Result<Joints, Fault> {
+/// [`Fault`] for joints that do not form a tree, or whose body does not fit the model.
+pub fn check(skeleton: &Skeleton, model: &Model, space: &Space) -> Result<Joints, Fault> {
     check_form(skeleton)?;
     let parents = tree(&skeleton.joints)?;
+    let mut rest = Vec::with_capacity(parents.len());
+    for (index, (joint, &parent)) in skeleton.joints.iter().zip(&parents).enumerate() {
+        let place = format!("skeleton.joints[{index}].rest_rotation");
+        rest.push(GltfJoint {
+            name: joint.name.clone(),
+            parent,
+            translation_m: Vec3::from_array(joint.rest_translation.map(|value| value as f32)),
+            rotation: rotation(&place, joint.rest_rotation)?,
+        });
+    }
+    match same(skeleton, model) {
+        Ok(order) => Ok(Joints {
+            skeleton: model.rig().skeleton.clone(),
+            still: model.rest().0,
+            contacts: model.contact_joints().into_iter().enumerate().collect(),
+            axes: model.axes(),
+            order,
+            rest,
+            worn: None,
+        }),
+        Err(fault) if !model.can_be_worn(space.packs.table()) => Err(fault),
+        Err(_) => carried(rest, model, space),
+    }
+}
+
+/// The model's index of each joint of a request that has the model's skeleton. Their order and
+/// their rest rotations may differ, because channels replace rest rotations.
+fn same(skeleton: &Skeleton, model: &Model) -> Result<Vec<usize>, Fault> {
     let own = model.skeleton();
     let places: HashMap<&str, usize> = own
         .joints
@@ -118,7 +177,6 @@ pub fn check(skeleton: &Skeleton, model: &Model) -> Result<Joints, Fault> {
         ));
     }
     let mut order = Vec::with_capacity(own.joints.len());
-    let mut rest = Vec::with_capacity(own.joints.len());
     for (index, joint) in skeleton.joints.iter().enumerate() {
         let field = |name: &str| format!("skeleton.joints[{index}].{name}");
         let Some(&place) = places.get(joint.name.as_str()) else {
@@ -151,18 +209,61 @@ pub fn check(skeleton: &Skeleton, model: &Model) -> Result<Joints, Fault> {
             ));
         }
         order.push(place);
-        rest.push(GltfJoint {
-            name: joint.name.clone(),
-            parent: parents[index],
-            translation_m: Vec3::from_array(joint.rest_translation.map(|value| value as f32)),
-            rotation: rotation(&field("rest_rotation"), joint.rest_rotation)?,
-        });
     }
+    Ok(order)
+}
+
+/// The joints of a body that the model's motion is carried over to.
+fn carried(rest: Vec<GltfJoint>, model: &Model, space: &Space) -> Result<Joints, Fault> {
+    let joint = |joint: &GltfJoint| troupe_motion::Joint {
+        name: joint.name.clone(),
+        parent: joint.parent,
+        offset_m: joint.translation_m,
+    };
+    let still: Vec<Quat> = rest.iter().map(|joint| joint.rotation).collect();
+    let guest = Guest {
+        joints: rest.iter().map(joint).collect(),
+        rest: still.clone(),
+        height_m: rest[0].translation_m.y,
+    };
+    let of = (&*model.loaded, model.place);
+    let skeletons = space.store.skeletons();
+    let worn = skeletons.guest("skeleton", guest, of, space.packs.table());
+    let worn = worn.map_err(unfit)?;
+    let skeleton = worn.skeleton().clone();
+    let contacts = worn.onto().contacts().into_iter().flatten();
+    let contacts: BTreeMap<usize, usize> = contacts.collect();
+    let named = |(bit, joint): (usize, usize)| (bit, skeleton.joints[joint].name.clone());
     Ok(Joints {
-        order,
+        contacts: contacts.into_iter().map(named).collect(),
+        axes: Axes::new(&skeleton, &vec![Quat::IDENTITY; still.len()]),
+        order: (0..still.len()).collect(),
+        skeleton,
+        still,
         rest,
-        axes: model.axes(),
+        worn: Some(worn),
     })
+}
+
+/// The protocol's error for a body that motion cannot be carried over to.
+fn unfit(error: SkeletonError) -> Fault {
+    let canonical = "or canonical_skeleton";
+    match error {
+        SkeletonError::Field(FieldError {
+            field,
+            message,
+            allowed,
+        }) => foreign(field, message, format!("{allowed}; {canonical}")),
+        SkeletonError::Unfit {
+            field, pack, faults, ..
+        } => {
+            let message = format!("does not fit {pack}: {}", faults.join("; "));
+            let allowed =
+                format!("a body with as many legs as the model's and figures within the bar; {canonical}");
+            foreign(field, message, allowed).with("faults", faults)
+        }
+        other => foreign("skeleton", other.to_string(), "canonical_skeleton"),
+    }
 }
 
 fn foreign(field: impl Into<String>, message: String, allowed: impl Into<String>) -> Fault {

@@ -109,7 +109,7 @@ pub fn refuse(
     if !plan.strict || found.is_feasible() {
         return Ok(());
     }
-    let root = Path::root();
+    let root = Path::root().sized(plan.size);
     let path = root.element("characters", index);
     let character = InfeasibleCharacter {
         path: &path,
@@ -173,7 +173,7 @@ impl InfeasibleCharacter<'_> {
         let key = self.path.element(list, index);
         let message = format!(
             "{}{}",
-            in_words(figure, reading),
+            in_words(self.path, figure, reading),
             of_joint(reading, &self.rig.skeleton)
         );
         let allowed = self.allowed(figure, reading);
@@ -188,7 +188,7 @@ impl InfeasibleCharacter<'_> {
         if let Some(given) = &self.plan.root {
             return self.on_the_given_way(given, figure, reading);
         }
-        let what = in_words(figure, reading);
+        let what = in_words(self.path, figure, reading);
         let joint = of_joint(reading, &self.rig.skeleton);
         let message = format!("take a motion that {what} in frame {}{joint}", reading.frame);
         self.path
@@ -200,16 +200,16 @@ impl InfeasibleCharacter<'_> {
     fn on_the_given_way(&self, given: &GivenRoot, figure: Figure, reading: Reading) -> FieldError {
         let next = given.frames.partition_point(|&frame| frame < reading.frame);
         let index = next.min(given.frames.len().saturating_sub(1));
-        let what = in_words(figure, reading);
+        let what = in_words(self.path, figure, reading);
         let joint = of_joint(reading, &self.rig.skeleton);
         let message = format!("leads to a motion that {what} in frame {}{joint}", reading.frame);
-        let allowed = format!("at most {}", value(figure, reading.limit));
+        let allowed = format!("at most {}", value(self.path, figure, reading.limit));
         self.path.element("root", index).error(message, allowed)
     }
 
     /// The limit of a figure. If a longer segment would help, also its number of frames.
     fn allowed(&self, figure: Figure, reading: Reading) -> String {
-        let limit = format!("at most {}", value(figure, reading.limit));
+        let limit = format!("at most {}", value(self.path, figure, reading.limit));
         let gap = self
             .frames
             .saturating_sub(self.plan.context.len() + self.plan.targets.len())
@@ -249,7 +249,8 @@ impl InfeasibleCharacter<'_> {
                 let message = format!(
                     "is {:.2} m over the ground from the place that the context leads to in {steps} frames; characters reach \
                      at most {:.2} m from there",
-                    reading.value, reading.limit
+                    self.path.metres(reading.value),
+                    self.path.metres(reading.limit)
                 );
                 let distance = self.distance(limits, &context, target, steps);
                 root.field("position")
@@ -265,12 +266,10 @@ impl InfeasibleCharacter<'_> {
             _ => {
                 let message = format!(
                     "moves the joints by {:.2} m in the mean in {steps} frames",
-                    reading.value
+                    self.path.metres(reading.value)
                 );
-                pose.error(
-                    message,
-                    format!("at most {:.2} m in as many{frames}", reading.limit),
-                )
+                let most = self.path.metres(reading.limit);
+                pose.error(message, format!("at most {most:.2} m in as many{frames}"))
             }
         }
     }
@@ -279,6 +278,7 @@ impl InfeasibleCharacter<'_> {
     fn distance(&self, limits: &Limits, context: &[Key<'_>], target: &Key<'_>, steps: usize) -> String {
         match farthest(limits, context, target, steps) {
             Some(most) => {
+                let most = self.path.metres(most);
                 format!("at most {most:.2} m from the last context frame in this direction in {steps} frames")
             }
             None => format!("a place nearer to the one that the context leads to in {steps} frames"),
@@ -300,9 +300,9 @@ impl InfeasibleCharacter<'_> {
     }
 }
 
-/// A figure in words, as a predicate of a keyframe or a motion.
-pub(super) fn in_words(figure: Figure, reading: Reading) -> String {
-    let found = value(figure, reading.value);
+/// A figure in words, as a predicate of the keyframe or the motion at `path`.
+pub(super) fn in_words(path: &Path<'_>, figure: Figure, reading: Reading) -> String {
+    let found = value(path, figure, reading.value);
     match figure {
         Figure::RootSpeed => format!("moves the root at {found}"),
         Figure::RootAcceleration => format!("accelerates the root by {found}"),
@@ -317,11 +317,11 @@ pub(super) fn in_words(figure: Figure, reading: Reading) -> String {
     }
 }
 
-/// A value with its unit.
-pub(super) fn value(figure: Figure, value: f32) -> String {
+/// A value with its unit, as the caller of `path` says it.
+pub(super) fn value(path: &Path<'_>, figure: Figure, value: f32) -> String {
     match figure.unit() {
         "rad" => format!("{:.0}°", value.to_degrees()),
-        unit => format!("{value:.2} {unit}"),
+        unit => format!("{:.2} {unit}", path.metres(value)),
     }
 }
 

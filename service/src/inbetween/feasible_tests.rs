@@ -70,7 +70,7 @@ fn plan(character: v1::Character, rig: &Rig) -> Result<Plan, FieldError> {
         skeleton: String::new(),
     };
     let limits = RequestLimits { max_characters: 1 };
-    prepare(&request, rig, limits).map(|(_, mut plans)| plans.remove(0))
+    prepare(&Path::root(), &request, rig, limits).map(|(_, mut plans)| plans.remove(0))
 }
 
 /// What a strict request is refused for before anything is made.

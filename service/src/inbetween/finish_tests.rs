@@ -39,6 +39,7 @@ fn plan(frames: Option<usize>, target_roots: Vec<Option<GlobalRoot>>) -> Plan {
         },
         frames,
         most_frames: 64,
+        size: Default::default(),
         strict: false,
         context: Vec::new(),
         targets: target_roots

@@ -1,5 +1,6 @@
 //! A live plan asks the networks for what a single request with the same keyframes would.
 
+use troupe_character::Path;
 use troupe_character::live::CharacterOptions;
 use troupe_character::live::request::{self, Context};
 use troupe_character::primitives::{PlanTargets, TargetKey};
@@ -106,7 +107,7 @@ fn a_live_plan_asks_as_a_single_request_would() {
         skeleton: String::new(),
     };
     let limits = RequestLimits { max_characters: 1 };
-    let (single, plan) = prepare(&request, &rig, limits).unwrap();
+    let (single, plan) = prepare(&Path::root(), &request, &rig, limits).unwrap();
     assert_eq!(
         (item.frames, &item.allowed_counts),
         (Some(34), &single[0].allowed_counts)

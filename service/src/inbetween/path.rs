@@ -33,17 +33,18 @@ const MAX_GUIDANCE: f32 = 8.0;
 /// Most words that an error lists.
 const MAX_LISTED: usize = 32;
 
-/// Checks a path and the frames before it, for a pack whose network takes paths.
+/// Checks a path and the frames before it, for a pack whose network takes paths. `root` is the
+/// request, for errors.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub fn prepare_path(
+    root: &Path<'_>,
     goal: &v1::PathGoal,
     past: &[v1::Keyframe],
     seed: u64,
     pack: &Pack,
 ) -> Result<PathPlan, FieldError> {
-    let root = Path::root();
     let path = root.field("path");
     let mut notes = Vec::new();
     let body = body(&path, goal, pack, &mut notes)?;
@@ -52,10 +53,10 @@ pub fn prepare_path(
         let allowed = format!("none: the network of the pack {} takes none", pack.name());
         return Err(path.field("keyframes").error("is given", allowed));
     }
-    let [past, targets] = check_ends(goal, past, &body.rig)?;
+    let [past, targets] = check_ends(root, goal, past, &body.rig)?;
     let (points, seconds) = points(&path, goal, WALK * body.size_m)?;
     let guidance = goal.guidance.unwrap_or(1.0);
-    let mut plan = PathPlan::new(PathRequest {
+    let request = PathRequest {
         points,
         seconds,
         past,
@@ -65,18 +66,19 @@ pub fn prepare_path(
         guidance: units::within(&path.field("guidance"), guidance, 0.0, MAX_GUIDANCE)?,
         seed,
         body,
-    })?;
+    };
+    let mut plan = PathPlan::new(root, request)?;
     plan.notes.extend(notes);
     Ok(plan)
 }
 
 /// Checks the frames before the path, and those at its end.
 fn check_ends(
+    root: &Path<'_>,
     goal: &v1::PathGoal,
     past: &[v1::Keyframe],
     rig: &Rig,
 ) -> Result<[Vec<Checked>; 2], FieldError> {
-    let root = Path::root();
     let path = root.field("path");
     let context = rig.dims.context_frames;
     if !past.is_empty() && past.len() != context {
@@ -84,7 +86,7 @@ fn check_ends(
         let allowed = format!("none, or exactly {context}");
         return Err(root.field("past").error(message, allowed));
     }
-    let past = check_keyframes(&root, "past", past, Role::Context, rig)?;
+    let past = check_keyframes(root, "past", past, Role::Context, rig)?;
     units::length(
         &path.field("targets"),
         goal.targets.len(),
@@ -134,7 +136,7 @@ fn points(path: &Path<'_>, goal: &v1::PathGoal, usual_mps: f32) -> Result<(Groun
     let [least, most] = SPEEDS_MPS;
     let speed = goal
         .speed
-        .map(|speed| units::within(&path.field("speed"), speed, least, most));
+        .map(|speed| units::metres_within(&path.field("speed"), speed, least, most));
     let speed = speed.transpose()?;
     let mut points = Vec::with_capacity(count);
     for (index, point) in goal.points.iter().enumerate() {
@@ -192,7 +194,7 @@ fn point(path: &Path<'_>, point: &v1::PathPoint) -> Result<PathPoint, FieldError
         return Err(position.error("is missing", "x and z in metres"));
     };
     for (axis, value) in [("x", x), ("z", z)] {
-        units::within(&position.field(axis), value, -MAX_DISTANCE_M, MAX_DISTANCE_M)?;
+        units::metres_within(&position.field(axis), value, -MAX_DISTANCE_M, MAX_DISTANCE_M)?;
     }
     let heading = point
         .heading

@@ -32,7 +32,7 @@ fn straight(seconds: f32) -> v1::PathGoal {
 }
 
 fn plan(goal: &v1::PathGoal) -> Result<PathPlan, FieldError> {
-    prepare_path(goal, &[], 5, &pack())
+    prepare_path(&Path::root(), goal, &[], 5, &pack())
 }
 
 /// The neutral pose along the task's path.
@@ -120,7 +120,7 @@ fn it_leads_over_from_the_past_and_ends_at_the_targets() {
         body: "human".into(),
         ..straight(4.0)
     };
-    let mut plan = prepare_path(&goal, &past, 5, &pack()).unwrap();
+    let mut plan = prepare_path(&Path::root(), &goal, &past, 5, &pack()).unwrap();
     let (frames, tasks) = walked(&mut plan);
     assert_eq!(frames.len(), 120);
     assert_eq!(tasks[0].context.len(), 4);
@@ -137,6 +137,7 @@ fn it_leads_over_from_the_past_and_ends_at_the_targets() {
     );
 
     let far = prepare_path(
+        &Path::root(),
         &straight(2.0),
         &[key(6.0, 0.0), key(6.0, 0.0), key(6.0, 0.0), key(6.0, 0.0)],
         5,

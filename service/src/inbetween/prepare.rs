@@ -1,7 +1,7 @@
 //! From a request to tasks for the model.
 
 use troupe_character::keyframe::{Checked, Given, KeyWriter};
-use troupe_character::{FieldError, Path};
+use troupe_character::{FieldError, Path, Size};
 use troupe_motion::SegmentFrame;
 use troupe_motion::model::{Dims, KeyframeTask, Rig};
 use troupe_proto::v1;
@@ -31,6 +31,8 @@ pub struct Plan {
     pub most_frames: usize,
     /// Whether an answer that is not feasible is an error.
     pub strict: bool,
+    /// The size of the caller's body, for errors.
+    pub size: Size,
     /// The context keyframes.
     pub context: Vec<Given>,
     /// The target keyframes. The last one is the segment's last frame.
@@ -56,16 +58,17 @@ pub struct ExtraOutputs {
     pub qpos: bool,
 }
 
-/// Checks a request for `pack`, and makes it the input of the stages.
+/// Checks a request for the pack of `rig`, and makes it the input of the stages. `root` is the
+/// request, for errors.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub fn prepare(
+    root: &Path<'_>,
     request: &v1::InBetweenRequest,
     rig: &Rig,
     limits: RequestLimits,
 ) -> Result<(Vec<KeyframeTask>, Vec<Plan>), FieldError> {
-    let root = Path::root();
     let count = request.characters.len();
     if count == 0 || count > limits.max_characters {
         let message = if count == 0 {
@@ -139,6 +142,7 @@ fn prepare_character(
         frames,
         most_frames: most_tokens * rig.dims.frames_per_token,
         strict: character.strict,
+        size: path.size(),
         context: context.iter().map(|key| key.given(&frame)).collect(),
         targets: targets.iter().map(|key| key.given(&frame)).collect(),
         root,

@@ -48,7 +48,7 @@ fn prepared(character: v1::Character) -> Result<(KeyframeTask, Plan), FieldError
         characters: vec![character],
         skeleton: String::new(),
     };
-    let (mut items, mut plans) = prepare(&request, &toy_rig(), LIMITS)?;
+    let (mut items, mut plans) = prepare(&Path::root(), &request, &toy_rig(), LIMITS)?;
     Ok((items.remove(0), plans.remove(0)))
 }
 
@@ -199,17 +199,17 @@ fn keyframes_alone_can_ask_for_more_tokens() {
         characters: vec![character()],
         skeleton: String::new(),
     };
-    let (items, _) = prepare(&request, &pack, LIMITS).unwrap();
+    let (items, _) = prepare(&Path::root(), &request, &pack, LIMITS).unwrap();
     assert_eq!(items[0].allowed_counts[..3], [false, true, true]);
     request.characters[0].frame_count = Some(4);
-    let error = prepare(&request, &pack, LIMITS).unwrap_err();
+    let error = prepare(&Path::root(), &request, &pack, LIMITS).unwrap_err();
     assert_eq!(
         (error.field.as_str(), error.allowed.as_str()),
         ("characters[0].frame_count", "5 to 64")
     );
     request.characters[0].frame_count = None;
     request.characters[0].allowed_token_counts = vec![1];
-    let error = prepare(&request, &pack, LIMITS).unwrap_err();
+    let error = prepare(&Path::root(), &request, &pack, LIMITS).unwrap_err();
     assert_eq!(error.allowed, "2 to 16");
 }
 
@@ -321,7 +321,7 @@ fn the_number_of_characters_is_limited() {
             characters: vec![character(); count],
             skeleton: String::new(),
         };
-        let error = prepare(&request, &toy_rig(), LIMITS).unwrap_err();
+        let error = prepare(&Path::root(), &request, &toy_rig(), LIMITS).unwrap_err();
         assert_eq!(
             (
                 error.field.as_str(),

@@ -27,18 +27,19 @@ pub struct Prepared {
     pub notes: Vec<String>,
 }
 
-/// Checks the words to act out, the goal of `request`, and makes them a task for `pack`.
+/// Checks the words to act out, the goal of `request`, and makes them a task for `pack`. `root` is
+/// the request, for errors.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub fn prepare_prompt(
+    root: &Path<'_>,
     request: &v1::GenerateRequest,
     prompt: &v1::Prompt,
     pack: &Pack,
 ) -> Result<Prepared, FieldError> {
-    let root = Path::root();
     let path = root.field("prompt");
-    let sampling = check_sampling(&root, request.sampling.as_ref())?;
+    let sampling = check_sampling(root, request.sampling.as_ref())?;
     check_pack(&path, prompt, pack)?;
     let texts = Texts::check(&path, request, prompt)?;
     let frames = check_length(&path, prompt, &pack.rig)?;
@@ -46,7 +47,7 @@ pub fn prepare_prompt(
     let audio = audio
         .map(|audio| check_audio(&path.field("audio"), audio))
         .transpose()?;
-    let keys = Keys::check(&root, request, prompt, pack)?;
+    let keys = Keys::check(root, request, prompt, pack)?;
 
     let frame = segment(keys.past.last());
     let mut writer = KeyWriter::new(&pack.rig.skeleton, pack.rig.fps);

@@ -146,8 +146,11 @@ fn check_reach(path: &Path<'_>, given: &RootKey, segment: &SegmentFrame) -> Resu
     match distance <= MAX_DISTANCE_M {
         true => Ok(()),
         false => Err(path.error(
-            format!("is {distance} m from the last context frame"),
-            format!("at most {MAX_DISTANCE_M} m from the last context frame"),
+            format!("is {} m from the last context frame", path.metres(distance)),
+            format!(
+                "at most {} m from the last context frame",
+                path.metres(MAX_DISTANCE_M)
+            ),
         )),
     }
 }
@@ -163,18 +166,23 @@ fn check_same(
     if let (Some([x, z]), Some(at)) = (root.ground, key.root.map(|root| root.position)) {
         let off = (x - at.x).hypot(z - at.z);
         if off > PLACE_TOLERANCE_M {
+            let [off, within, x, z] = [off, PLACE_TOLERANCE_M, at.x, at.z].map(|value| path.metres(value));
             return Err(path.error(
                 format!("is {off} m over the ground from the root of {name}, which has the same frame"),
-                format!("x and z within {PLACE_TOLERANCE_M} m of {} and {}", at.x, at.z),
+                format!("x and z within {within} m of {x} and {z}"),
             ));
         }
     }
     if let (Some(given), Some(height)) = (root.height, key.height)
         && (given - height).abs() > HEIGHT_TOLERANCE_M
     {
+        let (given, height) = (path.height(given), path.height(height));
         return Err(path.field("height").error(
             format!("is {given} m, but {name} has the same frame and its root at {height} m"),
-            format!("within {HEIGHT_TOLERANCE_M} m of {height}, or left out"),
+            format!(
+                "within {} m of {height}, or left out",
+                path.metres(HEIGHT_TOLERANCE_M)
+            ),
         ));
     }
     let faces = key.root.map(|root| root.heading).or_else(|| {

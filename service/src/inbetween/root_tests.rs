@@ -48,7 +48,12 @@ fn prepared(character: v1::Character) -> Result<(KeyframeTask, Plan), FieldError
         characters: vec![character],
         skeleton: String::new(),
     };
-    let (mut items, mut plans) = prepare(&request, &toy_rig(), RequestLimits { max_characters: 1 })?;
+    let (mut items, mut plans) = prepare(
+        &Path::root(),
+        &request,
+        &toy_rig(),
+        RequestLimits { max_characters: 1 },
+    )?;
     Ok((items.remove(0), plans.remove(0)))
 }
 

@@ -72,7 +72,7 @@ fn prepared(pack: &Pack, change: Change) -> Result<crate::inbetween::Prepared, S
     };
     change(&mut request, &mut prompt);
     request.goal = Some(Goal::Prompt(prompt.clone()));
-    prepare_prompt(&request, &prompt, pack).map_err(|error| error.to_string())
+    prepare_prompt(&Path::root(), &request, &prompt, pack).map_err(|error| error.to_string())
 }
 
 fn refusal(pack: &Pack, change: Change) -> String {
@@ -262,7 +262,7 @@ fn a_past_targets_or_audio_need_no_words() {
         let mut request = v1::GenerateRequest::default();
         let mut prompt = v1::Prompt::default();
         change(&mut request, &mut prompt);
-        let prepared = prepare_prompt(&request, &prompt, &pack()).unwrap();
+        let prepared = prepare_prompt(&Path::root(), &request, &prompt, &pack()).unwrap();
         let Task::Prompt(task) = prepared.task else {
             panic!("no prompt")
         };

@@ -106,7 +106,7 @@ impl Carrier {
         frames.hinge_residuals.clear();
         frames.clamped_hinges.clear();
         for (root, pose) in roots.iter_mut().zip(rotations.chunks_exact_mut(joints)) {
-            pins.settle(self.done, root, pose);
+            pins.settle(&self.worn, self.done, root, pose);
             self.done += 1;
             if let Some(robot) = &skeleton.robot {
                 robot.fit(pose, &mut fitted);

@@ -26,9 +26,6 @@ use troupe_live::skeleton::Worn;
 
 use crate::{Service, ServiceError};
 
-/// Scales that differ from 1 by less than this need no word in an error.
-const SAME_SIZE: f32 = 0.005;
-
 impl Service {
     /// The skeleton called `name` on a body of a pack. None for an empty name.
     pub(crate) fn worn(
@@ -42,21 +39,5 @@ impl Service {
         let space = self.space()?;
         let skeletons = space.store.skeletons();
         Ok(Some(skeletons.worn("skeleton", name, of, space.packs.table())?))
-    }
-}
-
-/// Says in an error about a value that it is in the pack's size.
-pub(crate) fn in_size(error: ServiceError, worn: &Worn) -> ServiceError {
-    match error {
-        ServiceError::Field(mut error) if (worn.scale() - 1.0).abs() > SAME_SIZE => {
-            error.message = format!(
-                "{}, on the pack's body: lengths of skeleton {} divided by {:.3}",
-                error.message,
-                worn.name(),
-                worn.scale()
-            );
-            ServiceError::Field(error)
-        }
-        error => error,
     }
 }

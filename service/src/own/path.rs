@@ -40,7 +40,7 @@ impl OwnCharacter {
         for (nth, (root, rotations)) in carried.enumerate() {
             let made = carrier.before(*root, rotations);
             if let (true, Some(given)) = (nth + 1 == count, past.given.last()) {
-                pins.add(-1, given, made);
+                pins.add(worn, -1, given, made);
             }
         }
         Self { carrier, pins }
@@ -130,7 +130,7 @@ fn pin(pins: &mut Pins, frame: i64, keys: &Keys, worn: &Arc<Worn>) {
     let mut carrier = Carrier::new(worn, Columns::default());
     for (given, carried) in keys.given.iter().zip(&keys.carried) {
         if let Some((root, rotations)) = carried {
-            pins.add(frame, given, carrier.before(*root, rotations));
+            pins.add(worn, frame, given, carrier.before(*root, rotations));
         }
     }
 }
@@ -163,9 +163,9 @@ impl OwnAnswer {
                 let frame = first + nth as i64;
                 let made = usize::try_from(frame - carrier.done()).ok();
                 match (made.and_then(|at| carried.at(at)), key) {
-                    (Some(made), _) => pins.add(frame, given, made),
+                    (Some(made), _) => pins.add(&self.worn, frame, given, made),
                     (None, Some((root, rotations))) => {
-                        pins.add(frame, given, carrier.before(*root, rotations))
+                        pins.add(&self.worn, frame, given, carrier.before(*root, rotations))
                     }
                     (None, None) => {}
                 }

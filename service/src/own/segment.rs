@@ -119,7 +119,7 @@ impl OwnSegment {
         let mut pins = Pins::default();
         for (frame, given) in &pinned {
             if let Some(made) = carried.at(*frame) {
-                pins.add(*frame as i64, given, made);
+                pins.add(worn, *frame as i64, given, made);
             }
         }
         carrier.write(carried, &pins, frames);

@@ -18,6 +18,7 @@ mod http;
 mod live;
 mod motion;
 mod object;
+mod own_kept;
 mod own_skeleton;
 mod real;
 mod retarget;

@@ -1,26 +1,24 @@
 //! Characters on a skeleton of the user's own: sessions, in-betweens and paths in its size.
 
-use std::path::Path;
-
 use troupe_client::{Client, FollowPath, InBetween, Locomotion, Pack, SessionOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::rotation::angle_between;
-use troupe_motion::{Quat, Vec3};
+use troupe_motion::{Joint, Quat, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::put_skeleton_request::Source;
+use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_proto::v1::skeletons_client::SkeletonsClient;
 
-use crate::cli::Folder;
 use crate::motion::walk;
 use crate::server::{Server, shared};
 
 /// Size of the hero by that of the pack's body.
-const SCALE: f32 = 1.5;
+pub const SCALE: f32 = 1.5;
 
 /// The pack's skeleton in another size and with other names, in the pose in which a character
 /// stands at first.
-async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
+pub async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
     let skeleton = pack.skeleton();
     let name = |index: usize| format!("hero_{}", skeleton.joints[index].name);
     let joint = |index: usize| {
@@ -56,13 +54,13 @@ async fn joints(client: &Client, pack: &Pack) -> v1::BodySkeleton {
     }
 }
 
-async fn put(server: &Server, request: v1::PutSkeletonRequest) -> Result<v1::OwnSkeleton, tonic::Status> {
+pub async fn put(server: &Server, request: v1::PutSkeletonRequest) -> Result<v1::OwnSkeleton, tonic::Status> {
     let mut rpc = SkeletonsClient::new(server.channel().await);
     rpc.put_skeleton(request).await.map(tonic::Response::into_inner)
 }
 
 /// The hero on a server, and the pack that wears it.
-async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
+pub async fn hero(server: &Server, name: &str) -> (Client, Pack, Pack) {
     let (client, pack) = server.client().await;
     let request = v1::PutSkeletonRequest {
         name: name.to_owned(),
@@ -207,6 +205,22 @@ async fn a_gap_is_filled_between_the_keyframes_of_the_skeleton() {
         .windows(2)
         .map(|pair| pair[0].distance(pair[1]));
     assert!(steps.fold(0.0, f32::max) < SCALE * 0.12);
+    // Feet do not dip into the ground, nor where the given poses end.
+    let lowest = |clip: &Clip| {
+        let toe = |joint: &Joint| joint.name.contains("Toes");
+        let joints = clip.skeleton.joints.iter();
+        let toes: Vec<usize> = joints
+            .enumerate()
+            .filter(|(_, of)| toe(of))
+            .map(|(toe, _)| toe)
+            .collect();
+        let world = WorldMotion::from_clip(clip);
+        let heights = (0..clip.frames()).flat_map(|frame| toes.iter().map(move |&toe| (frame, toe)));
+        let heights = heights.map(|(frame, toe)| world.positions_at(frame)[toe].y);
+        heights.fold(f32::INFINITY, f32::min)
+    };
+    let (low, given) = (lowest(&filled), lowest(&own));
+    assert!(low > given - 0.01, "{low} m, and {given} m in the walk");
 }
 
 #[tokio::test]
@@ -229,6 +243,87 @@ async fn a_path_is_walked_in_the_size_of_the_skeleton() {
     assert_eq!(own.frames(), other.frames());
     let (apart, roots) = (apart_m(&own, &other), roots_apart_m(&own, &other));
     assert!(apart < 0.07 && roots < 0.07, "{apart} m, roots {roots} m");
+}
+
+#[tokio::test]
+async fn errors_and_notes_say_lengths_in_the_size_of_the_skeleton() {
+    let server = shared();
+    let (client, pack, worn) = hero(server, "sized").await;
+    let session = client
+        .session(&worn, &SessionOptions::new().seed(1))
+        .await
+        .unwrap();
+    let path = |points: [Vec3; 2], speed: f32| v1::FollowPath {
+        points: points
+            .map(|Vec3 { x, y, z }| v1::PathPoint {
+                position: Some(v1::Vec3 { x, y, z }),
+                ..v1::PathPoint::default()
+            })
+            .to_vec(),
+        speed: Some(speed),
+        ..v1::FollowPath::default()
+    };
+    let mut rpc = SessionsClient::new(server.channel().await);
+    let mut refused = async |sequence: u64, path: v1::FollowPath| {
+        let command = v1::Command {
+            session_id: session.id().to_owned(),
+            sequence,
+            intent: Some(v1::command::Intent::FollowPath(path)),
+            ..v1::Command::default()
+        };
+        let request = v1::StepRequest {
+            session_ids: vec![session.id().to_owned()],
+            commands: vec![command],
+            ..v1::StepRequest::default()
+        };
+        let answer = rpc.step(request).await.unwrap().into_inner();
+        answer.command_results[0]
+            .problem
+            .as_ref()
+            .map(|found| format!("{}; {}", found.message, found.allowed))
+    };
+    let fast = refused(1, path([Vec3::ZERO, Vec3::Z], 30.0)).await.unwrap();
+    assert!(fast.contains("is 30 m/s; allowed: 0.075 to 22.5 m/s"), "{fast}");
+    let far = refused(2, path([30.0 * Vec3::X, Vec3::Z], 1.0)).await.unwrap();
+    assert!(
+        far.contains("the path begins 30.0") && far.contains("at most 7.5 m"),
+        "{far}"
+    );
+    session.close().await.unwrap();
+
+    let follow = async |seconds: f32, is_strict: bool| {
+        let path = FollowPath::along([Vec3::ZERO, 30.0 * Vec3::Z]).seconds(seconds);
+        client.follow(&worn, &path.strict(is_strict)).await
+    };
+    let error = follow(0.5, false).await.unwrap_err().to_string();
+    assert!(
+        error.contains("is reached at 60.0 m/s; allowed: at most 22.5 m/s"),
+        "{error}"
+    );
+    let slow = follow(3.0, true).await.unwrap_err().to_string();
+    assert!(slow.contains("moves the root at 10."), "{slow}");
+    let made = follow(3.0, false).await.unwrap().whole().await.unwrap();
+    let note = made.notes.first().unwrap();
+    assert!(note.contains("the path goes at 10.0 m/s"), "{note}");
+
+    // A gap whose target is 30 m away.
+    let of_pack = walk(&pack);
+    let mut roots: Vec<Vec3> = of_pack.root_positions.iter().map(|root| SCALE * *root).collect();
+    roots[66] = roots[40] + 30.0 * Vec3::X;
+    let own = Clip::new(
+        worn.skeleton().clone(),
+        of_pack.fps,
+        roots,
+        of_pack.rotations.clone(),
+    )
+    .unwrap();
+    let gap = InBetween::from_clip(&own, 40, 66).unwrap().strict(true);
+    let error = client.in_between(&worn, &gap).await.unwrap_err().to_string();
+    println!("{error}");
+    assert!(
+        error.contains("is 2") && error.contains(" m over the ground"),
+        "{error}"
+    );
 }
 
 #[tokio::test]
@@ -256,6 +351,47 @@ async fn what_does_not_fit_is_refused_with_the_field() {
         .replace("_L\"", "_#\"")
         .replace("_R\"", "_L\"")
         .replace("_#\"", "_R\"");
+    let forced = v1::PutSkeletonRequest {
+        parts: swapped.clone(),
+        force: true,
+        ..named("forced", Some(Source::Joints(good.clone())))
+    };
+    let forced = put(server, forced).await.unwrap();
+    assert!(forced.forced && !forced.fit.as_ref().unwrap().faults.is_empty());
+    let worn = pack.wearing(&forced).unwrap();
+    let session = client.session(&worn, &SessionOptions::new()).await.unwrap();
+    session.close().await.unwrap();
+    // Not even by force.
+    let mut tiny = good.clone();
+    let offsets = tiny.joints.iter_mut().filter_map(|joint| joint.offset.as_mut());
+    for offset in offsets {
+        (offset.x, offset.y, offset.z) = (0.02 * offset.x, 0.02 * offset.y, 0.02 * offset.z);
+    }
+    let tiny = v1::PutSkeletonRequest {
+        force: true,
+        ..named("tiny", Some(Source::Joints(tiny)))
+    };
+    let error = put(server, tiny).await.unwrap_err().to_string();
+    assert!(
+        error.contains("its legs are 0.03") && error.contains("0.05 to 20"),
+        "{error}"
+    );
+    // A neck of 5 m.
+    let mut giraffe = good.clone();
+    let is_head = |joint: &&mut v1::BodyJoint| joint.name == "hero_Head";
+    giraffe.joints.iter_mut().find(is_head).unwrap().offset = Some(v1::Vec3 {
+        x: 0.0,
+        y: 9.0,
+        z: 0.0,
+    });
+    let error = put(server, named("giraffe", Some(Source::Joints(giraffe))))
+        .await
+        .unwrap_err();
+    let said = crate::server::ErrorAnswer::from_status(&error).message;
+    assert!(
+        said.contains("the neck is 9.") && said.contains("m of it to hero_Head; allowed: 0.00 to "),
+        "{said}"
+    );
     for (request, field) in [
         (named("../up", Some(Source::Joints(good.clone()))), "name"),
         (named("a", None), "source"),
@@ -271,7 +407,7 @@ async fn what_does_not_fit_is_refused_with_the_field() {
         ),
         (
             v1::PutSkeletonRequest {
-                parts: swapped,
+                parts: swapped.clone(),
                 ..named("a", Some(Source::Joints(good.clone())))
             },
             "source",
@@ -295,31 +431,53 @@ async fn what_does_not_fit_is_refused_with_the_field() {
 }
 
 #[tokio::test]
-async fn a_file_goes_up_as_it_is_and_survives_a_restart() {
-    let folder = Folder::new("own-skeleton");
-    let kept = folder.file("store");
-    let start = async || {
-        let store = kept.clone();
-        Server::start_with(move |config| config.store = Some(store)).await
-    };
-    let server = start().await;
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/walk.bvh");
-    let bvh = std::fs::read(example).unwrap();
-    let send = |server: &Server| {
-        let url = format!("{}/v1/skeletons/hero?file=hero.bvh", server.url());
-        let request = reqwest::Client::new().put(url);
-        request
-            .header("content-type", "application/octet-stream")
-            .body(bvh.clone())
-    };
-    let answer = send(&server).send().await.unwrap();
-    assert_eq!(answer.status(), 200, "{}", answer.text().await.unwrap());
-    assert!(server.stop().await);
-    let server = start().await;
+async fn a_session_begins_with_the_first_joint_of_its_skeleton() {
+    let server = shared();
     let (client, pack) = server.client().await;
-    let own = client.skeleton("hero", &pack).await.unwrap();
-    assert_eq!(own.joints.len(), pack.skeleton().joint_count());
-    // The same upload again changes nothing.
-    assert_eq!(send(&server).send().await.unwrap().status(), 200);
-    server.stop().await;
+    // A first joint half a metre beside the hips.
+    let mut beside = joints(&client, &pack).await;
+    beside.joints[0].parent = "beside".to_owned();
+    beside.joints[0].offset = Some(v1::Vec3 {
+        x: 0.5,
+        y: 0.0,
+        z: 0.0,
+    });
+    beside.joints.insert(
+        0,
+        v1::BodyJoint {
+            name: "beside".to_owned(),
+            ..v1::BodyJoint::default()
+        },
+    );
+    let still = v1::Quat {
+        w: 1.0,
+        ..v1::Quat::default()
+    };
+    beside.neutral.insert(0, still);
+    let request = v1::PutSkeletonRequest {
+        name: "beside".to_owned(),
+        source: Some(Source::Joints(beside)),
+        ..v1::PutSkeletonRequest::default()
+    };
+    let own = put(server, request).await.unwrap();
+    let worn = pack.wearing(&own).unwrap();
+    let place = Vec3::new(2.0, 0.0, 1.0);
+    let options = SessionOptions::new().seed(1).at(place, 0.7);
+    let mut session = client.session(&worn, &options).await.unwrap();
+    let mut recording = troupe_client::Recording::of(&session);
+    session
+        .step(1)
+        .await
+        .unwrap()
+        .iter()
+        .for_each(|frame| recording.push(frame));
+    let info = client.session_info(session.id()).await.unwrap();
+    session.close().await.unwrap();
+    let root = recording.into_clip().unwrap().root_positions[0];
+    assert!((root - place).with_y(0.0).length() < 0.1, "{root}");
+    let said = info.position.unwrap();
+    assert!(
+        root.distance(Vec3::new(said.x, said.y, said.z)) < 1e-4,
+        "{root} {said:?}"
+    );
 }

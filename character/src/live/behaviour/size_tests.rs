@@ -69,6 +69,9 @@ fn seated(seat: Definition, scale: f32) -> Harness {
     assert!(rig.until(600, sits).is_some(), "{scale}: {:?}", rig.events);
     rig.run(2);
     assert!(matches!(rig.character.activity(), Activity::Held { .. }));
+    let mut reached = Vec::new();
+    rig.character.reaches(&mut reached);
+    assert!(reached.contains(&0), "{scale}: the hips are held: {reached:?}");
     rig
 }
 

@@ -86,8 +86,12 @@ fn speed(path: &Path<'_>, speed_mps: Option<f32>, style: &Style) -> Result<f32, 
     match speed_mps {
         Some(speed) if (MIN_PATH_MPS..=MAX_PATH_MPS).contains(&speed) => Ok(speed),
         Some(speed) => Err(path.field("speed").error(
-            format!("is {speed} m/s"),
-            format!("{MIN_PATH_MPS} to {MAX_PATH_MPS} m/s"),
+            format!("is {} m/s", path.metres(speed)),
+            format!(
+                "{} to {} m/s",
+                path.metres(MIN_PATH_MPS),
+                path.metres(MAX_PATH_MPS)
+            ),
         )),
         None if style.default_speed_mps >= MIN_PATH_MPS => Ok(style.default_speed_mps.min(MAX_PATH_MPS)),
         None => Ok(USUAL_MPS),
@@ -105,7 +109,7 @@ fn spread(path: &Path<'_>, points: &[AskedPoint], speed_mps: f32) -> Result<Vec<
     match time_s <= MAX_PATH_S {
         true => Ok(times),
         false => Err(path.field("points").error(
-            format!("take {time_s} s at {speed_mps} m/s"),
+            format!("take {time_s} s at {} m/s", path.metres(speed_mps)),
             format!("at most {MAX_PATH_S} s"),
         )),
     }
@@ -115,7 +119,7 @@ fn spread(path: &Path<'_>, points: &[AskedPoint], speed_mps: f32) -> Result<Vec<
 fn given(path: &Path<'_>, points: &[AskedPoint], speed_mps: Option<f32>) -> Result<Vec<f32>, FieldError> {
     if let Some(speed) = speed_mps {
         return Err(path.field("speed").error(
-            format!("is {speed}, and the points have times"),
+            format!("is {}, and the points have times", path.metres(speed)),
             "times or a speed, not both",
         ));
     }
@@ -142,8 +146,8 @@ fn given(path: &Path<'_>, points: &[AskedPoint], speed_mps: Option<f32>) -> Resu
             let speed = between(&points[from], point) / (time_s - before);
             if speed > MAX_PATH_MPS {
                 return Err(place.error(
-                    format!("is {time_s}: the way there would take {speed} m/s"),
-                    format!("at most {MAX_PATH_MPS} m/s"),
+                    format!("is {time_s}: the way there would take {} m/s", path.metres(speed)),
+                    format!("at most {} m/s", path.metres(MAX_PATH_MPS)),
                 ));
             }
         }

@@ -126,7 +126,10 @@ mod tests {
             (ApiError::Field(field), Code::SchemaValidation),
             (ApiError::TooLarge { limit_bytes: 1 }, Code::PayloadTooLarge),
             (
-                ApiError::WrongType { found: String::new() },
+                ApiError::WrongType {
+                    found: String::new(),
+                    allowed: "application/json",
+                },
                 Code::SchemaValidation,
             ),
             (ApiError::WrongMethod("PUT".to_owned()), Code::InvalidRequest),

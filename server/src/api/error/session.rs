@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
 use troupe_character::live::{CommandError, MAX_WAITING_COMMANDS};
-use troupe_character::primitives::path::MAX_LEAD_M;
 use troupe_live::packs::{CannotDo, UnknownBody, UnknownPack};
 use troupe_live::session::{SessionError, SpaceError};
 
@@ -103,9 +102,9 @@ impl Tabled for CommandError {
             Self::ByPath | Self::SkillByPath => INVALID
                 .because("PACK_CANNOT")
                 .allowed("a pack whose characters go to keyframes"),
-            Self::PathTooFar { .. } => NOT_NOW
+            Self::PathTooFar { most_m, .. } => NOT_NOW
                 .because("PATH_TOO_FAR")
-                .allowed(format!("at most {MAX_LEAD_M} m")),
+                .allowed(format!("at most {most_m} m")),
             Self::UnknownObject { .. } => NOT_FOUND.because("UNKNOWN_OBJECT"),
             Self::WrongPack { .. } => NOT_NOW.because("WRONG_PACK"),
             Self::UnknownSkill { there_are, .. } => INVALID.because("UNKNOWN_SKILL").allowed(match there_are

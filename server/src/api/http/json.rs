@@ -122,7 +122,8 @@ pub(in crate::api) async fn body<S: Send + Sync>(
 ) -> Result<Bytes, ApiError> {
     let wrong = wrong_type(request.headers());
     if let Some(found) = wrong.filter(|_| !request.body().is_end_stream()) {
-        return Err(ApiError::WrongType { found });
+        let allowed = "application/json";
+        return Err(ApiError::WrongType { found, allowed });
     }
     bytes(request, state, limits).await
 }

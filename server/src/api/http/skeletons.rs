@@ -17,6 +17,9 @@ use crate::api::ours::Ours;
 /// Content types of a file as it is. Pages of other sites cannot send them without a preflight
 /// request.
 const FILES: [&str; 3] = ["model/gltf-binary", "application/octet-stream", "application/xml"];
+/// All that are read.
+const TYPES: &str = "application/json; for a file as it is, model/gltf-binary, application/octet-stream, or \
+                     application/xml of a robot";
 
 /// List skeletons
 #[utoipa::path(
@@ -68,7 +71,14 @@ impl<S: Send + Sync> FromRequest<S> for Sent {
         let sent = sent.and_then(|sent| sent.to_str().ok()).unwrap_or_default();
         let kind = sent.split(';').next().unwrap_or_default().trim();
         if !FILES.iter().any(|file| file.eq_ignore_ascii_case(kind)) {
-            return Ok(Self::Json(JsonBody::from_request(request, state).await?.0));
+            let read = JsonBody::from_request(request, state).await;
+            return read.map(|json| Self::Json(json.0)).map_err(|error| match error {
+                ApiError::WrongType { found, .. } => ApiError::WrongType {
+                    found,
+                    allowed: TYPES,
+                },
+                error => error,
+            });
         }
         let limits = request.extensions().get::<BodyLimits>().cloned();
         let limits = limits.ok_or_else(|| ApiError::Internal("no limits are set".to_owned()))?;

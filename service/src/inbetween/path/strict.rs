@@ -41,16 +41,16 @@ fn judge_after(past: &[Checked], rig: &Rig) -> Option<Judge> {
     Some(judge)
 }
 
-/// Rejects a path if it, its past or its targets exceed the body's limits.
+/// Rejects a path if it, its past or its targets exceed the body's limits. `root` is the request.
 ///
 /// # Errors
 /// [`NotFeasible`], with the field at fault.
-pub fn refuse_path(plan: &PathPlan) -> Result<(), NotFeasible> {
+pub fn refuse_path(root: &Path<'_>, plan: &PathPlan) -> Result<(), NotFeasible> {
     let Some(mut judge) = Judge::new(&plan.body.rig) else {
         return Ok(());
     };
-    refuse_ends(&mut judge, plan.newest(), plan.targets())?;
-    refuse_speed(plan.way(), plan.body.rig.fps, &judge)
+    refuse_ends(root, &mut judge, [plan.newest(), plan.targets()])?;
+    refuse_speed(root, plan.way(), plan.body.rig.fps, &judge)
 }
 
 /// Rejects a walk as [`refuse_path`] does. Also rejects keyframes beyond the limits, and a path
@@ -58,33 +58,40 @@ pub fn refuse_path(plan: &PathPlan) -> Result<(), NotFeasible> {
 ///
 /// # Errors
 /// [`NotFeasible`], with the field at fault.
-pub fn refuse_walk(walking: &Walking, rig: &Rig) -> Result<(), NotFeasible> {
+pub fn refuse_walk(root: &Path<'_>, walking: &Walking, rig: &Rig) -> Result<(), NotFeasible> {
     let Some(mut judge) = Judge::new(rig) else {
         return Ok(());
     };
-    refuse_ends(&mut judge, &walking.past, &walking.targets)?;
-    let root = Path::root();
+    refuse_ends(root, &mut judge, [&walking.past, &walking.targets])?;
     let path = root.field("path");
     for (index, key) in walking.keyframes.iter().enumerate() {
         let place = path.element("keyframes", index);
         refuse_keys(&mut judge, std::slice::from_ref(key), |_| place.field("keyframe"))?;
     }
-    refuse_speed(&walking.path.way, rig.fps, &judge)?;
+    refuse_speed(root, &walking.path.way, rig.fps, &judge)?;
     match walking.path.too_fast {
         None => Ok(()),
         Some(fast) => {
-            let message = format!("goes at {:.2} m/s after {:.1} s", fast.path_mps, fast.time_s);
+            let message = format!(
+                "goes at {:.2} m/s after {:.1} s",
+                root.metres(fast.path_mps),
+                fast.time_s
+            );
             let allowed = format!(
                 "at most {:.2} m/s, as the style {} goes",
-                fast.style_mps, walking.style.name
+                root.metres(fast.style_mps),
+                walking.style.name
             );
             Err(path.field("points").error(message, allowed).into())
         }
     }
 }
 
-fn refuse_ends(judge: &mut Judge, past: &[Checked], targets: &[Checked]) -> Result<(), NotFeasible> {
-    let root = Path::root();
+fn refuse_ends(
+    root: &Path<'_>,
+    judge: &mut Judge,
+    [past, targets]: [&[Checked]; 2],
+) -> Result<(), NotFeasible> {
     let path = root.field("path");
     refuse_keys(judge, past, |frame| root.element("past", frame))?;
     refuse_keys(judge, targets, |frame| path.element("targets", frame))
@@ -102,14 +109,13 @@ fn refuse_keys<'a>(
         return Ok(());
     }
     let (figure, reading) = found.worst();
-    let allowed = format!("at most {}", value(figure, reading.limit));
-    Err(place(reading.frame)
-        .error(in_words(figure, reading), allowed)
-        .into())
+    let place = place(reading.frame);
+    let allowed = format!("at most {}", value(&place, figure, reading.limit));
+    Err(place.error(in_words(&place, figure, reading), allowed).into())
 }
 
 /// Rejects a path that is faster than the body can move.
-fn refuse_speed(way: &[[f32; 3]], fps: f32, judge: &Judge) -> Result<(), NotFeasible> {
+fn refuse_speed(root: &Path<'_>, way: &[[f32; 3]], fps: f32, judge: &Judge) -> Result<(), NotFeasible> {
     let limit = judge.limits().of(Figure::RootSpeed);
     let steps = way.windows(2).map(|pair| speed_mps(pair, fps)).enumerate();
     let (frame, fastest) = steps.fold((0, 0.0), |most, one| if one.1 > most.1 { one } else { most });
@@ -125,14 +131,13 @@ fn refuse_speed(way: &[[f32; 3]], fps: f32, judge: &Judge) -> Result<(), NotFeas
     let needed_s = way.len() as f32 / fps * reading.ratio();
     let message = format!(
         "{} after {:.1} s",
-        in_words(Figure::RootSpeed, reading),
+        in_words(root, Figure::RootSpeed, reading),
         frame as f32 / fps
     );
     let allowed = format!(
         "at most {}, as in about {needed_s:.1} s in all",
-        value(Figure::RootSpeed, limit)
+        value(root, Figure::RootSpeed, limit)
     );
-    let root = Path::root();
     let path = root.field("path");
     Err(path.field("points").error(message, allowed).into())
 }

@@ -35,12 +35,15 @@ pub struct Walking {
 }
 
 impl Walking {
-    /// Notes about what the pack may not do well.
-    pub fn notes(&self) -> Vec<String> {
+    /// Notes about what the pack may not do well, for the request `root`.
+    pub fn notes(&self, root: &Path<'_>) -> Vec<String> {
         let note = |fast: troupe_character::take::TooFast| {
             format!(
                 "the path goes at {:.1} m/s after {:.1} s, and the style {} at most at {:.1} m/s: the motion falls behind it",
-                fast.path_mps, fast.time_s, self.style.name, fast.style_mps
+                root.metres(fast.path_mps),
+                fast.time_s,
+                self.style.name,
+                root.metres(fast.style_mps)
             )
         };
         self.path.too_fast.map(note).into_iter().collect()
@@ -48,21 +51,22 @@ impl Walking {
 }
 
 /// Checks a path with its past, poses and targets, for a pack that walks in one of `styles`.
+/// `root` is the request, for errors.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub fn prepare_walk(
+    root: &Path<'_>,
     request: &v1::GenerateRequest,
     goal: &v1::PathGoal,
     pack: &Pack,
     styles: &StyleTable,
 ) -> Result<Walking, FieldError> {
-    let root = Path::root();
     let path = root.field("path");
     check_pack(&path, goal, pack)?;
     strict::check(&path, goal, pack.name(), &pack.rig)?;
     let style = style(&path, goal, pack, styles)?;
-    let [past, targets] = check_ends(goal, &request.past, &pack.rig)?;
+    let [past, targets] = check_ends(root, goal, &request.past, &pack.rig)?;
     let keyframes = keyframes(&path, goal, pack)?;
     let (points, seconds) = points(&path, goal, style.default_speed_mps)?;
     let planned = WalkRequest {
@@ -74,10 +78,10 @@ pub fn prepare_walk(
         keyframes: keyframes.clone(),
         targets: targets.clone(),
         seed: request.seed,
-        temperature: temperature(&root, request, pack)?,
+        temperature: temperature(root, request, pack)?,
     };
     Ok(Walking {
-        path: planned.plan()?,
+        path: planned.plan(root)?,
         past,
         keyframes: keyframes.into_iter().map(|(_, key)| key).collect(),
         targets,

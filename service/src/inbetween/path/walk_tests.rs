@@ -58,7 +58,7 @@ fn keyframe(time: f32, keyframe: v1::Keyframe) -> v1::PathKeyframe {
 
 fn prepared(request: &v1::GenerateRequest, goal: &v1::PathGoal) -> Result<Walking, FieldError> {
     let (pack, styles) = human();
-    prepare_walk(request, goal, &pack, &styles)
+    prepare_walk(&Path::root(), request, goal, &pack, &styles)
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn a_path_becomes_a_take_with_its_past_keyframes_and_targets() {
         way[90]
     );
     assert!(way[70][0].abs() < 1e-3, "and only near it: {:?}", way[70]);
-    assert_eq!(walking.notes(), [""; 0]);
+    assert_eq!(walking.notes(&Path::root()), [""; 0]);
 }
 
 #[test]
@@ -125,7 +125,7 @@ fn a_path_that_the_style_cannot_keep_up_with_has_a_note() {
         ..v1::PathGoal::default()
     };
     let walking = prepared(&v1::GenerateRequest::default(), &goal).unwrap();
-    let notes = walking.notes();
+    let notes = walking.notes(&Path::root());
     assert!(
         notes[0].contains("7.5 m/s") && notes[0].contains("falls behind"),
         "{notes:?}"
@@ -232,7 +232,7 @@ fn what_makes_no_sense_names_its_field() {
     for (change, said) in cases {
         let (mut request, mut goal) = (v1::GenerateRequest::default(), straight());
         change(&mut request, &mut goal, &styles);
-        let error = prepare_walk(&request, &goal, &pack, &styles).unwrap_err();
+        let error = prepare_walk(&Path::root(), &request, &goal, &pack, &styles).unwrap_err();
         assert!(error.to_string().starts_with(said), "{error}");
     }
 }
@@ -249,7 +249,7 @@ fn a_strict_path_is_one_that_the_style_and_the_data_show() {
     let (pack, _) = human();
     let refused = |goal: &v1::PathGoal| {
         let walking = prepared(&v1::GenerateRequest::default(), goal).unwrap();
-        strict::refuse_walk(&walking, &pack.rig)
+        strict::refuse_walk(&Path::root(), &walking, &pack.rig)
             .err()
             .map(|error| error.0.to_string())
     };

@@ -187,8 +187,8 @@ impl Using {
         }
     }
 
-    /// Adds the joints with points of the scene, from [`REACH_LEAD_FRAMES`] before their keyframe
-    /// to the end of its set.
+    /// Adds the joints with points of the scene, and joint 0 if the hips rest on the object, from
+    /// [`REACH_LEAD_FRAMES`] before their keyframe to the end of its set.
     pub(super) fn reaches(&self, frame: i64, into: &mut Vec<usize>) {
         if self.leaves() {
             return;
@@ -199,8 +199,11 @@ impl Using {
             let first = stretch.key + 1 - keys.len() as i64;
             let end = (self.made.get(nth + 1)).map_or(i64::MAX, |next| next.stretch.from);
             let is_on = (first - REACH_LEAD_FRAMES..=end).contains(&frame);
-            if is_on && self.set(stretch.set).is_some_and(of_scene) {
-                for &(joint, _) in keys.iter().flat_map(|key| &key.points) {
+            let set = self.set(stretch.set).filter(|_| is_on);
+            if let Some(set) = set.filter(|set| of_scene(set)) {
+                let points = keys.iter().flat_map(|key| &key.points);
+                let hips = set.rests().then_some(0);
+                for joint in points.map(|&(joint, _)| joint).chain(hips) {
                     if !into.contains(&joint) {
                         into.push(joint);
                     }
