@@ -3,7 +3,7 @@
 .venv/bin/python scripts/retarget-figures.py --clip CLIP ... --to CHARACTER ... [--urdf ROBOT]
 
 Beside it the same figures of rotations copied by name, relative to the rest poses. `--urdf` is the robot of clips in
-.csv. Build the program first:
+.csv. The character `mixamo` is a skeleton with Mixamo's joints at rest, which this script writes. Build the program first:
 
 cargo build --release --package troupe-motion --features fbx --example copied
 """
@@ -14,11 +14,56 @@ import os
 import statistics
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+
+# Joints of a grown person with parents and offsets in cm, in a T-pose. `*` is a side; on the right,
+# x has the other sign.
+MIXAMO = [
+    ("Hips", "", (0, 100, 0)),
+    ("Spine", "Hips", (0, 10, -1)),
+    ("Spine1", "Spine", (0, 12, 0)),
+    ("Spine2", "Spine1", (0, 13, 0)),
+    ("Neck", "Spine2", (0, 15, 1)),
+    ("Head", "Neck", (0, 10, 3)),
+    ("*Shoulder", "Spine2", (6, 9, 0)),
+    ("*Arm", "*Shoulder", (13, 0, 0)),
+    ("*ForeArm", "*Arm", (27, 0, 0)),
+    ("*Hand", "*ForeArm", (27, 0, 0)),
+    ("*UpLeg", "Hips", (9, -6, 0)),
+    ("*Leg", "*UpLeg", (0, -41, 0)),
+    ("*Foot", "*Leg", (0, -42, -1)),
+    ("*ToeBase", "*Foot", (0, -9, 14)),
+    ("*Toe_End", "*ToeBase", (0, -1, 9)),
+]
+
+
+def mixamo() -> str:
+    """The skeleton as a BVH of one frame."""
+    joints = []
+    for name, parent, (x, y, z) in MIXAMO:
+        for side, sign in (("Left", 1), ("Right", -1)) if "*" in name else (("", 1),):
+            joints.append((name.replace("*", side), parent.replace("*", side), (sign * x, y, z)))
+
+    def written(name: str, offset: tuple[int, int, int], depth: int) -> str:
+        places = "Xposition Yposition Zposition " if depth == 0 else ""
+        lines = [
+            f"{'JOINT' if depth else 'ROOT'} mixamorig:{name}",
+            "{",
+            f"OFFSET {offset[0]} {offset[1]} {offset[2]}",
+            f"CHANNELS {6 if depth == 0 else 3} {places}Zrotation Xrotation Yrotation",
+        ]
+        below = [written(child, at, depth + 1) for child, parent, at in joints if parent == name]
+        return "\n".join([*lines, *(below or ["End Site", "{", "OFFSET 0 0 0", "}"]), "}"])
+
+    frame = ["0", "100", "0", *["0"] * 3 * len(joints)]
+    return "\n".join(
+        ["HIERARCHY", written("Hips", (0, 0, 0), 0), "MOTION", "Frames: 1", "Frame Time: 0.033", " ".join(frame)]
+    )
 
 
 def measured(program: Path, clips: list[Path], to: Path, urdf: Path | None) -> list[dict[str, Any]]:
@@ -51,7 +96,10 @@ def main() -> None:
         "| feet short | copied by name: within | bones | sliding |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|---|")
-    for to in args.to:
+    folder = tempfile.TemporaryDirectory()
+    rig = Path(folder.name, "mixamo.bvh")
+    rig.write_text(mixamo() + "\n")
+    for to in (rig if to == Path("mixamo") else to for to in args.to):
         found = measured(args.program, args.clip, to, args.urdf)
         faults = found[0]["certificate"]
         passed, copied = (sum(not one[key] for one in found) for key in ("faults", "copied_faults"))

@@ -102,9 +102,7 @@ def mixamo(size=1.12, is_twisted=True) -> Rig:
         ("{}Toe_End", "{}ToeBase", (0.09, 0.01, 0.18)),
     ]
     prefix = "mixamorig:"
-    rows = [
-        (prefix + name, parent and prefix + parent, place) for name, parent, place in both(rows, ("Left", "Right"))
-    ]
+    rows = [(prefix + name, parent and prefix + parent, place) for name, parent, place in both(rows, ("Left", "Right"))]
     parts = {"Arm": "UpperArm", "ForeArm": "LowerArm", "Hand": "Hand", "UpLeg": "UpperLeg", "Leg": "LowerLeg"}
     parts |= {"Foot": "Foot", "ToeBase": "Toes"}
     joints = {

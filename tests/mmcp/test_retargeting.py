@@ -12,12 +12,7 @@ SEED = {"seed": 3}
 # Bones of limbs, by the model's joints.
 LIMBS = [
     (f"{upper}_{side}", f"{lower}_{side}")
-    for upper, lower in [
-        ("UpperArm", "LowerArm"),
-        ("LowerArm", "Hand"),
-        ("UpperLeg", "LowerLeg"),
-        ("LowerLeg", "Foot"),
-    ]
+    for upper, lower in [("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot")]
     for side in "LR"
 ]
 HORSE_LIMBS = [
@@ -85,7 +80,9 @@ def check_lengths(rig: Rig, answer: Answer):
         if joint["parent"]:
             above = answer.names.index(joint["parent"])
             length = np.linalg.norm(places[:, nth] - places[:, above], axis=-1)
-            np.testing.assert_allclose(length, np.linalg.norm(at_rest[joint["name"]] - at_rest[joint["parent"]]), atol=1e-4)
+            np.testing.assert_allclose(
+                length, np.linalg.norm(at_rest[joint["name"]] - at_rest[joint["parent"]]), atol=1e-4
+            )
 
 
 def slide(answer: Answer) -> float:
@@ -221,7 +218,12 @@ def test_the_root_and_turned_hands_as_effectors(ours, rig):
     goal = [0.3, 0.2, -0.4, 0.8]
     goal = [float(v) for v in np.array(goal) / np.linalg.norm(goal)]
     targets = [
-        {"type": "effector_target", "joint": rig.joints["Hips"], "frames": [60], "positions": [[0.2, 0.8 * scale, 1.1]]},
+        {
+            "type": "effector_target",
+            "joint": rig.joints["Hips"],
+            "frames": [60],
+            "positions": [[0.2, 0.8 * scale, 1.1]],
+        },
         {
             "type": "effector_target",
             "joint": hand,
@@ -252,7 +254,10 @@ def test_ground_and_loops(ours, rig):
         return 0.15 * scale * np.floor(max(z, 0) / (0.6 * scale))
 
     z = np.arange(-1, 6, 0.05) * scale
-    stairs = {"type": "ground_height", "points": [[float(x), float(v), float(height(v))] for x in (-0.3, 0, 0.3) for v in z]}
+    stairs = {
+        "type": "ground_height",
+        "points": [[float(x), float(v), float(height(v))] for x in (-0.3, 0, 0.3) for v in z],
+    }
     path = root_path({0: (0, 0), 119: (0, 4.76 * scale)})
     climbs = ours.make(on(rig, model, [free(120)], constraints=[path, stairs], options=SEED))
     climbed = climbs.roots()[0, -1, 1] - climbs.roots()[0, 0, 1]
@@ -307,7 +312,8 @@ def test_turned_and_placed_elsewhere(ours):
     turned = copy.deepcopy(plain)
     first = turned.skeleton["joints"][0]
     about = np.array([0.0, 1.0, 0.0, 0.0])
-    first["rest_translation"] = [float(v) for v in rotated(about, first["rest_translation"]) + [4.0, 2.0, -1.0]]
+    stage = np.array([4.0, 2.0, -1.0])
+    first["rest_translation"] = [float(v) for v in rotated(about, first["rest_translation"]) + stage]
     first["rest_rotation"] = [float(v) for v in times(about, np.array(first["rest_rotation"]))]
     path = [root_path({0: (0, 0), 89: (0, 3)})]
     answers = [ours.make(on(rig, model, [free(90)], constraints=path, options=SEED)) for rig in (plain, turned)]
@@ -388,4 +394,3 @@ def test_figures_beyond_the_bar_are_named(ours):
     code, error = ours.error(body)
     assert code == "retargeting_unsupported", error
     assert error["details"]["faults"], error
-

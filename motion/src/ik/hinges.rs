@@ -23,6 +23,9 @@ const MET_M: f32 = 2e-6;
 const DAMPING: (f32, f32) = (1e-3, 2e-2);
 /// Beyond this damping nothing moves any more.
 const STUCK: f32 = 10.0;
+/// A step towards a rotation that brings less than this share of what is lacking is the last one:
+/// the rotation is beyond the limits.
+const LEAST_GAIN: f32 = 1e-3;
 /// Largest turn of a hinge in a step, radians.
 const MOST_STEP: f32 = 0.5;
 
@@ -94,9 +97,13 @@ pub(super) fn solve(
         let before = limb.turned;
         limb.step(&lacking, goal, damping);
         let now = limb.lacking(goal, rotations);
-        if length(&now) < cost {
+        let gain = cost - length(&now);
+        if gain > 0.0 {
             lacking = now;
             damping = (damping * 0.3).max(DAMPING.0);
+            if goal.place.is_none() && gain < LEAST_GAIN * cost {
+                break;
+            }
         } else {
             limb.turned = before;
             damping *= 4.0;

@@ -61,6 +61,46 @@ fn place(skeleton: &Skeleton, root: Vec3, pose: &[Quat], joint: usize) -> (Vec3,
     joint_transform(skeleton, root, pose, joint)
 }
 
+proptest! {
+    #[test]
+    fn three_hinges_turn_exactly(shares in proptest::collection::vec(0.02_f32..0.98, 29)) {
+        let skeleton = g1();
+        let robot = skeleton.robot.as_ref().unwrap();
+        let angles = robot.hinges().iter().zip(&shares);
+        let angles: Vec<f32> = angles
+            .map(|(hinge, share)| hinge.lower_rad + share * (hinge.upper_rad - hinge.lower_rad))
+            .collect();
+        let mut wanted = standing(&skeleton);
+        robot.pose(Quat::from_rotation_y(0.7), &angles, &mut wanted);
+        for [top, end] in [
+            ["left_hip_pitch", "left_hip_yaw"],
+            ["waist_yaw", "waist_pitch"],
+            ["right_shoulder_pitch", "right_shoulder_yaw"],
+            ["left_wrist_roll", "left_wrist_yaw"],
+        ] {
+            let [top, end] = [top, end].map(|name| joint(&skeleton, name));
+            let rotation = place(&skeleton, Vec3::ZERO, &wanted, end).1;
+            let mut pose = wanted.clone();
+            robot.pose(Quat::from_rotation_y(0.7), &angles, &mut pose);
+            pose[top..=end].copy_from_slice(&standing(&skeleton)[top..=end]);
+            if super::three::turn((&skeleton, robot), &mut pose, (top, end), rotation) {
+                let turned = place(&skeleton, Vec3::ZERO, &pose, end).1;
+                prop_assert!(angle_between(turned, rotation) < 2e-3);
+                let (residual, clamped) = misfit(&skeleton, &pose);
+                prop_assert!(residual < 1e-3 && clamped == 0);
+            } else {
+                // The first and the last axis are almost on a line.
+                let axis = |joint: usize| {
+                    let hinge = &robot.hinges()[robot.hinge_of(joint).unwrap()];
+                    place(&skeleton, Vec3::ZERO, &wanted, joint).1 * hinge.axis
+                };
+                let sin = axis(top).cross(axis(end)).length();
+                prop_assert!(sin < 0.02, "{sin}");
+            }
+        }
+    }
+}
+
 #[test]
 fn legs_and_arms_are_found_through_the_hinges() {
     let skeleton = g1();

@@ -14,6 +14,7 @@ mod limbs;
 mod lock;
 mod reach;
 mod smooth;
+mod three;
 mod trunk;
 mod two_bone;
 

@@ -10,6 +10,7 @@ use crate::skeleton::Skeleton;
 
 use super::hinges::{Goal, solve};
 use super::limbs::longest;
+use super::three;
 use super::trunk::turn_in_world;
 
 /// The straightest that a limb is made, as a share of its length: a little bend keeps the side of
@@ -150,6 +151,10 @@ pub(crate) fn turn_hinges(
     (top, end): (usize, usize),
     rotation: Quat,
 ) {
+    // Joints that follow hinges need the search.
+    if of.1.mimics().is_empty() && three::turn(of, rotations, (top, end), rotation) {
+        return;
+    }
     let goal = Goal {
         place: None,
         rotation: Some(rotation),

@@ -24,9 +24,9 @@ const MOST_BEND: f32 = 1.4;
 /// their length a radian: they lie on their backs.
 const BACKWARDS: f32 = 0.5;
 
-/// Turns the feet of a neutral pose as they stand flat in the clip. A foot that never does keeps its
-/// rotations. Returns the mean height of the toes over the ground while they are flat, metres, if
-/// one is.
+/// Turns the feet of a neutral pose as they stand flat in the clip. A foot that never does keeps
+/// its rotations. Returns the mean height of the toes over the ground while they are flat, metres,
+/// if one is.
 pub(super) fn stand(clip: &Clip, parts: &Parts, neutral: &mut [Quat]) -> Option<f32> {
     let world = WorldMotion::from_clip(clip);
     let mut heights = Vec::new();
@@ -115,8 +115,8 @@ fn foot(skeleton: &Skeleton, ankle: usize) -> Vec<usize> {
     below
 }
 
-/// Points of a foot beyond its ankle and its toes' joint: each as a joint, and the way from there in
-/// the joint's own frame of reference, metres.
+/// Points of a foot beyond its ankle and its toes' joint: each as a joint, and the way from there
+/// in the joint's own frame of reference, metres.
 pub(super) fn points(figure: &Figure, leg: &Limb) -> Vec<(usize, Vec3)> {
     let joints = foot(&figure.skeleton, leg.end).into_iter().skip(1);
     let others = joints.filter(|&joint| Some(joint) != leg.toe);
