@@ -371,15 +371,16 @@ impl Retargeter {
         let mut most = 0.0_f32;
         for (step, goal) in self.steps.iter().zip(goals) {
             let [top, middle, end] = step.limb.chain;
-            let hip = self.to.0[top];
+            let [hip, knee, ankle] = [top, middle, end].map(|joint| self.to.0[joint]);
             // Joints along a bone change its length.
             let length_m = match self.hinges {
                 Some(_) => step.length_m,
-                None => hip.distance(self.to.0[middle]) + self.to.0[middle].distance(self.to.0[end]),
+                None => hip.distance(knee) + knee.distance(ankle),
             };
             let down = hip.y - goal.y;
             let across = (goal - hip).with_y(0.0).length();
-            let reach = (1.0 - 0.5 * SOFT_SHARE) * length_m;
+            // A leg that stands straighter may stay so.
+            let reach = ((1.0 - 0.5 * SOFT_SHARE) * length_m).max(hip.distance(ankle));
             let height = goal.y - self.source.skeleton.ground_y_m - self.target.places[end].y;
             let near = 1.0 - (height / (LIFTED_SHARE * step.length_m)).clamp(0.0, 1.0);
             if across < reach {

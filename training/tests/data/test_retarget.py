@@ -147,17 +147,25 @@ def test_clips_of_other_skeletons_are_brought_onto_one(
 def test_a_pack_gives_the_skeleton(folder: Path, tmp_path: Path):
     prepare(folder, tmp_path / "cache", RetargetSource(JointSource(given={"unit": "cm"}), "own_1.bvh"))
     skeleton = Skeleton.load(tmp_path / "cache" / "skeleton.json")
-    joints = "".join(
-        f'[[skeleton.joints]]\nname = "{name}"\nparent = "{skeleton.names[parent] if parent >= 0 else ""}"\n'
-        f"offset_m = {offset}\n"
-        for name, parent, offset in zip(skeleton.names, skeleton.parents, skeleton.offsets, strict=True)
-    )
     pack = tmp_path / "pack.toml"
-    pack.write_text(f"[skeleton]\nleft_axis = {skeleton.left_axis}\nground_y_m = 0.0\n{joints}")
+
+    def write(offsets: list[list[float]]) -> None:
+        joints = "".join(
+            f'[[skeleton.joints]]\nname = "{name}"\nparent = "{skeleton.names[parent] if parent >= 0 else ""}"\n'
+            f"offset_m = {offset}\n"
+            for name, parent, offset in zip(skeleton.names, skeleton.parents, offsets, strict=True)
+        )
+        pack.write_text(f"[skeleton]\nleft_axis = {skeleton.left_axis}\nground_y_m = 0.0\n{joints}")
+
+    write(skeleton.offsets)
     for path in folder.glob("own_*.bvh"):
         path.unlink()
     prepare(folder, tmp_path / "other", RetargetSource(JointSource(given={"unit": "cm"}), str(pack)))
     assert Skeleton.load(tmp_path / "other" / "skeleton.json").names == skeleton.names
+    # Bones along other axes stand by the rotations of their motion alone.
+    write([[y, x, z] for x, y, z in skeleton.offsets])
+    with pytest.raises(SystemExit, match=r"pack\.toml: .*no stance.*name a file of motion of the same skeleton"):
+        prepare(folder, tmp_path / "other", RetargetSource(JointSource(given={"unit": "cm"}), str(pack)))
     pack.write_text("[skeleton]\n[robot]\n")
     with pytest.raises(SystemExit, match="needs its URDF"):
         prepare(folder, tmp_path / "other", RetargetSource(JointSource(), str(pack)))

@@ -103,7 +103,7 @@ class RetargetSource:
         if self._own and self._own.figure:
             self._target = self._own.figure
         else:
-            self._target = Figure(skeleton if self._robot or to.name == PACK_FILE else to)
+            self._target = _figure_of(skeleton if self._robot or to.name == PACK_FILE else to, to)
 
     def load(self, path: Path, animation: str | None = None) -> FileMotion:
         """Reads one file, or one of its animations, onto the skeleton. Raises `ValueError` with the joint and the reason."""
@@ -169,6 +169,17 @@ def carried_line(file: str, carried: dict[str, Any]) -> str:
         f"(in the clip, scaled: {100 * carried['source_skate_mps']:.1f}), feet {100 * carried['under_m']:.1f} cm under the "
         f"ground and {100 * carried['short_m']:.1f} cm short{beyond}"
     )
+
+
+def _figure_of(target: troupe_reader.Skeleton | Path, to: Path) -> Figure:
+    """The target's figure. A pack has no rest pose: its skeleton stands with all rotations at zero, or is refused."""
+    try:
+        return Figure(target)
+    except ValueError as error:
+        if to.name != PACK_FILE:
+            raise
+        way = "name a file of motion of the same skeleton instead, whose poses show how it stands"
+        raise ClipError(f"--retarget {to}: {error}; {way}") from error
 
 
 def _find_figure(group: Group, fit_ground: bool) -> None:
