@@ -60,14 +60,15 @@ impl Figure {
             };
             return Self::of_places(skeleton, parts, neutral, at, None);
         }
-        let neutral = match parts.on_fours {
-            true => pose,
-            false => {
-                let mut neutral = neutral(&skeleton, &parts, pose)?;
-                feet::level(&skeleton, &parts, &mut neutral);
-                neutral
-            }
-        };
+        if parts.on_fours {
+            return Self::of_parts(skeleton, parts, pose, root_y_m);
+        }
+        let mut neutral = neutral(&skeleton, &parts, pose)?;
+        feet::level(&skeleton, &parts, &mut neutral);
+        // Straightened legs lift the root.
+        let ankles = |places: &[Vec3]| parts.legs.iter().map(|leg| places[leg.end].y).sum::<f32>() / 2.0;
+        let lift = ankles(&at) - ankles(&places(&skeleton, &neutral));
+        let root_y_m = root_y_m.map(|root_y_m| root_y_m + lift);
         Self::of_parts(skeleton, parts, neutral, root_y_m)
     }
 
