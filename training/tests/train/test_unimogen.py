@@ -8,6 +8,7 @@ from troupe_training.cli.main import main
 from troupe_training.data.bodies_store import Corpus
 from troupe_training.data.rotations import six_d_to_matrix
 from troupe_training.models.unimogen.state import BodyKinematics
+from troupe_training.train.checkpoints import read_checkpoint
 from troupe_training.train.unimogen.diffusion import dropped_words, given_frames, offset_range
 from troupe_training.train.unimogen.filters import knots, smoothing
 from troupe_training.train.unimogen.losses import Weights, all_losses
@@ -32,6 +33,16 @@ def test_the_loss_falls_and_a_run_goes_on(run: Path, corpus_cache: Path, capsys:
     curve = json.loads((run / "unimogen.json").read_text())
     first, last = curve["history"][0], curve["history"][-1]
     assert curve["step"] == 150 and last["total"] < 0.5 * first["total"]
+
+
+def test_a_run_goes_on_with_some_of_its_bodies(corpus_cache: Path, tmp_path: Path):
+    assert main(command(corpus_cache, tmp_path, 2)) == 0
+    every = read_checkpoint(tmp_path / "unimogen.pt")["meta"]["bodies"]
+    assert len(every) > 1
+    assert main([*command(corpus_cache, tmp_path, 4), "--trained-bodies", every[0]]) == 0
+    assert read_checkpoint(tmp_path / "unimogen.pt")["meta"]["bodies"] == every[:1]
+    with pytest.raises(SystemExit, match=f"--trained-bodies {every[1]}: .* begun with {every[0]}: name some"):
+        main([*command(corpus_cache, tmp_path, 6), "--trained-bodies", *every])
 
 
 def test_one_motion_is_sampled_and_measured(run: Path, corpus_cache: Path, tmp_path: Path):

@@ -47,6 +47,18 @@ class Trained:
     state: Checkpoint
 
 
+def _bodies(wanted: list[str] | None, begun: list[str] | None, path: Path) -> list[str] | None:
+    """The bodies to train on: those that are wanted, and otherwise those of the checkpoint. No others can be added to it."""
+    if wanted is None or begun is None:
+        return wanted or begun
+    if others := [body for body in wanted if body not in begun]:
+        raise SystemExit(
+            f"--trained-bodies {' '.join(others)}: {path} was begun with {', '.join(begun)}: "
+            "name some of those, or give another --run"
+        )
+    return wanted
+
+
 def train(training: Training) -> bool:
     """Trains a network, resuming its checkpoint; true when the budget is spent.
 
@@ -66,7 +78,7 @@ def train(training: Training) -> bool:
             raise SystemExit(f"{path} has the sizes {kept}: leave out --unimogen-preset, or give another --run")
         config = kept
     balance, body_balance, speed_balance = ablated_balance(training.balance, without)
-    bodies, words = begun.get("bodies", training.bodies), begun.get("words")
+    bodies, words = _bodies(training.bodies, begun.get("bodies"), path), begun.get("words")
     corpus = Corpus(training.cache, "train", bodies, words, balance, training.mirror, speed_balance)
     limits = _range(begun["range"]) if begun else ablated_range(offset_range(corpus), without)
     model = UniMoGen(config, len(corpus.words)).to(training.device)
