@@ -21,7 +21,8 @@ pub struct Name {
     pub side: Option<Side>,
     /// Words in small letters, without the side and numbers.
     pub words: Vec<String>,
-    /// Whether it ends with a number of three digits, as Blender names a further joint: `thigh.L.001`.
+    /// Whether it ends with a number of three digits, as Blender names a further joint:
+    /// `thigh.L.001`.
     pub is_numbered: bool,
 }
 

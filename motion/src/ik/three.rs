@@ -13,9 +13,10 @@ use crate::skeleton::Skeleton;
 /// turn about the same line, and their angles are left to a search.
 const LEAST_APART: f32 = 0.01;
 
-/// Turns the hinges from `top` to `end` so that `end` has a world rotation. Of the two ways it takes
-/// the one that turns them least. Returns false, and changes nothing, if they are not three hinges in
-/// a row, or cannot turn that way within their limits. Joints that follow hinges are not turned.
+/// Turns the hinges from `top` to `end` so that `end` has a world rotation. Of the two ways it
+/// takes the one that turns them least. Returns false, and changes nothing, if they are not three
+/// hinges in a row, or cannot turn that way within their limits. Joints that follow hinges are not
+/// turned.
 pub(super) fn turn(
     (skeleton, robot): (&Skeleton, &Robot),
     rotations: &mut [Quat],
@@ -64,8 +65,8 @@ pub(super) fn turn(
     true
 }
 
-/// The two ways to make a turn of turns about three axes, one after another in each other's frame of
-/// reference. None that does not exist, or whose first and last axis would lie on a line.
+/// The two ways to make a turn of turns about three axes, one after another in each other's frame
+/// of reference. None that does not exist, or whose first and last axis would lie on a line.
 fn ways([first, second, third]: [Vec3; 3], turn: Quat) -> [Option<[f32; 3]>; 2] {
     // The last turn keeps its axis, so the first two have to bring it to where it ends. Its height
     // along the first axis depends on the second turn alone: still + level * cos + beside * sin.

@@ -74,8 +74,8 @@ pub enum ApiError {
         /// Size limit of a body.
         limit_bytes: usize,
     },
-    /// The Content-Type is not one that is read. Pages of other sites can send such bodies without a
-    /// preflight request.
+    /// The Content-Type is not one that is read. Pages of other sites can send such bodies without
+    /// a preflight request.
     #[error("Content-Type is {found:?}; allowed: {allowed}")]
     WrongType {
         /// The Content-Type, shortened.

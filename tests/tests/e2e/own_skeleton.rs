@@ -174,7 +174,8 @@ async fn a_gap_is_filled_between_the_keyframes_of_the_skeleton() {
     let server = shared();
     let (client, pack, worn) = hero(server, "filler").await;
     let of_pack = walk(&pack);
-    // Nothing says how far soles are below the joints, and the server takes the hero's to be nearer.
+    // Nothing says how far soles are below the joints, and the server takes the hero's to be
+    // nearer.
     let lower = Vec3::Y * 0.032;
     let roots = of_pack.root_positions.iter();
     let roots = roots.map(|root| SCALE * *root - lower).collect();
