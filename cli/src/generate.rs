@@ -80,6 +80,10 @@ pub(crate) struct Generate {
     #[arg(long)]
     pub(crate) strict: bool,
 
+    /// Write the network's own frames: standing feet are not held.
+    #[arg(long)]
+    pub(crate) raw: bool,
+
     /// Also draw the motion: its path, and poses along it (PNG).
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
@@ -268,6 +272,7 @@ fn request(path: &Path, command: &Generate, scale: f32) -> FollowPath {
     }
     let mut asked = FollowPath::through(points)
         .strict(command.strict)
+        .raw(command.raw)
         .seed(command.seed);
     for Word { word, weight } in &command.style {
         asked = asked.style(word, *weight);

@@ -65,6 +65,10 @@ pub(crate) struct Say {
     #[command(flatten)]
     pub(crate) tokens: Tokens,
 
+    /// Write the network's own frames: standing feet are not held.
+    #[arg(long)]
+    pub(crate) raw: bool,
+
     /// Also draw the motion: its path, and poses (PNG).
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
@@ -147,6 +151,7 @@ fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
 fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failure> {
     let mut prompt = Prompt::new(&*command.text)
         .seed(command.tokens.seed)
+        .raw(command.raw)
         .sampling(command.tokens.sampling());
     for text in &command.beside {
         prompt = prompt.beside(&**text, &[]);

@@ -28,6 +28,7 @@ pub struct FollowPath {
     past: Vec<v1::Keyframe>,
     seed: u64,
     temperature: Option<f32>,
+    raw: bool,
 }
 
 impl FollowPath {
@@ -57,6 +58,7 @@ impl FollowPath {
             past: Vec::new(),
             seed: 0,
             temperature: None,
+            raw: false,
         }
     }
 
@@ -152,6 +154,13 @@ impl FollowPath {
         self
     }
 
+    /// Gives the network's own frames: feet may slide, and windows may not lead over to each other.
+    #[must_use]
+    pub fn raw(mut self, yes: bool) -> Self {
+        self.raw = yes;
+        self
+    }
+
     fn to_message(&self, pack: &Pack) -> v1::GenerateRequest {
         let body = match self.goal.skeleton {
             Some(_) => String::new(),
@@ -170,6 +179,7 @@ impl FollowPath {
                 ..v1::Sampling::default()
             }),
             skeleton: pack.worn().to_owned(),
+            raw: self.raw,
         }
     }
 }

@@ -77,6 +77,7 @@ pub struct Prompt {
     past: Vec<v1::Keyframe>,
     seed: u64,
     sampling: TokenSampling,
+    raw: bool,
 }
 
 impl Prompt {
@@ -165,6 +166,13 @@ impl Prompt {
         self
     }
 
+    /// Gives the network's own frames: feet may slide.
+    #[must_use]
+    pub fn raw(mut self, yes: bool) -> Self {
+        self.raw = yes;
+        self
+    }
+
     fn to_message(&self, pack: &Pack) -> v1::GenerateRequest {
         v1::GenerateRequest {
             pack: pack.name().to_owned(),
@@ -173,6 +181,7 @@ impl Prompt {
             seed: self.seed,
             sampling: self.sampling.to_message(),
             skeleton: pack.worn().to_owned(),
+            raw: self.raw,
         }
     }
 }

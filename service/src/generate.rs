@@ -4,8 +4,9 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use troupe_character::live::{PartReader, WordsPart};
 use troupe_character::post::{NonFinite, check_finite};
-use troupe_character::take::{Making, PathPlan};
+use troupe_character::take::{Making, PathPlan, Steady};
 use troupe_character::{FieldError, Path, Size};
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig, Task};
@@ -30,6 +31,8 @@ use troupe_live::session::SessionError;
 pub struct Generation {
     pieces: Pieces,
     writer: PartWriter,
+    /// Holds the feet of motion for words, a reader a character; none for the network's own frames.
+    readers: Option<Vec<PartReader>>,
     /// Windows still to make. Only for a motion along a path.
     path: Option<PathWay>,
     /// Notes about what the model may not do well. They go into the first part.
@@ -53,10 +56,12 @@ struct PathWay {
 /// How the windows of a path are made.
 #[derive(Debug)]
 enum Windows {
-    /// By a network with path input. The current window's segment lies at `frame`.
+    /// By a network with path input. The current window's segment lies at `frame`. `steady`
+    /// finishes its frames, unless the network's own are asked for.
     Follow {
         plan: Box<PathPlan>,
         frame: SegmentFrame,
+        steady: Option<Steady>,
     },
     /// By walking from keyframe to keyframe.
     Walk(Making),
@@ -102,10 +107,15 @@ impl Generation {
     /// The messages of a piece. For a path this also queues the next window.
     fn written(&mut self, piece: Piece) -> Result<Vec<v1::GenerateResponse>, ServiceError> {
         let Some(way) = &mut self.path else {
-            return Ok(self.writer.write(piece.output, piece.is_last)?);
+            return match &mut self.readers {
+                Some(readers) => steady_words(readers, &mut self.writer, piece),
+                None => Ok(self.writer.write(piece.output, piece.is_last)?),
+            };
         };
         let (parts, next) = match &mut way.windows {
-            Windows::Follow { plan, frame } => follow(plan, frame, &mut self.writer, &piece.output)?,
+            Windows::Follow { plan, frame, steady } => {
+                follow((plan, frame, steady.as_mut()), &mut self.writer, &piece.output)?
+            }
             Windows::Walk(making) => walk(making, &mut self.writer, &piece.output)?,
         };
         if way.strict {
@@ -125,8 +135,7 @@ impl Generation {
 type Written = (Vec<v1::GenerateResponse>, Option<Task>);
 
 fn follow(
-    plan: &mut PathPlan,
-    frame: &mut SegmentFrame,
+    (plan, frame, steady): (&mut PathPlan, &mut SegmentFrame, Option<&mut Steady>),
     writer: &mut PartWriter,
     made: &Output,
 ) -> Result<Written, ServiceError> {
@@ -135,14 +144,42 @@ fn follow(
     };
     // Numbers that are not finite must not become the past of the next window.
     check_finite(motion)?;
-    writer.move_to(*frame);
-    let (fresh, is_last) = plan.receive(motion, frame);
-    let parts = writer.write(Output::Motion(fresh), is_last)?;
+    let parts = match steady {
+        Some(steady) => {
+            let (part, is_last) = steady.receive(plan, motion, frame);
+            writer.write_track(part, is_last)
+        }
+        None => {
+            writer.move_to(*frame);
+            let (fresh, is_last) = plan.receive(motion, frame);
+            writer.write(Output::Motion(fresh), is_last)?
+        }
+    };
     let next = plan.next_task().map(|(task, at)| {
         *frame = at;
         task.into()
     });
     Ok((parts, next))
+}
+
+/// The messages of motion for words, whose standing feet are held.
+fn steady_words(
+    readers: &mut Vec<PartReader>,
+    writer: &mut PartWriter,
+    piece: Piece,
+) -> Result<Vec<v1::GenerateResponse>, ServiceError> {
+    let motions = match piece.output {
+        Output::Motion(motion) => vec![motion],
+        Output::Motions(motions) => motions,
+        Output::Text(_) | Output::Audio(_) => Vec::new(),
+    };
+    while readers.len() < motions.len() {
+        readers.push(PartReader::new(writer.rig(), writer.rig()).map_err(|_| NonFinite)?);
+    }
+    let parts = readers.iter_mut().zip(&motions);
+    let parts = parts.map(|(reader, motion)| reader.read(motion));
+    let parts: Vec<WordsPart> = parts.collect::<Result<_, _>>()?;
+    Ok(writer.write_words(parts, piece.is_last))
 }
 
 fn walk(making: &mut Making, writer: &mut PartWriter, made: &Output) -> Result<Written, ServiceError> {
@@ -186,6 +223,7 @@ impl Service {
         Ok(Generation {
             pieces: Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?,
             writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
+            readers: (!request.raw && !ends_in_targets(request)).then(Vec::new),
             path: wanted.path,
             notes: wanted.notes,
             own,
@@ -229,7 +267,14 @@ impl Service {
                 let (task, frame) = plan.next_task().ok_or(NonFinite)?;
                 let (rig, notes) = (plan.body.rig.clone(), std::mem::take(&mut plan.notes));
                 let judge = path_judge(&plan);
-                (task.into(), rig, notes, judge, Windows::Follow { plan, frame })
+                let steady = (!request.raw).then(Steady::default);
+                (
+                    task.into(),
+                    rig,
+                    notes,
+                    judge,
+                    Windows::Follow { plan, frame, steady },
+                )
             }
         };
         Ok(Wanted {
@@ -267,6 +312,11 @@ fn words(
         judge: None,
         path: None,
     })
+}
+
+/// Whether motion for words ends in given frames, which held feet would change.
+fn ends_in_targets(request: &v1::GenerateRequest) -> bool {
+    matches!(&request.goal, Some(Goal::Prompt(prompt)) if !prompt.targets.is_empty())
 }
 
 fn no_goal() -> FieldError {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use troupe_motion::fk::joint_transform;
-use troupe_motion::ik::{FootLock, lock_feet};
+use troupe_motion::ik::{Carried, FootLock, FootPlant, Planted, lock_feet, plant_feet};
 use troupe_motion::model::Rig;
 use troupe_motion::{Quat, Skeleton, Vec3};
 
@@ -52,14 +52,41 @@ pub fn hold_between(
 }
 
 /// Holds the standing feet of a live plan after its context, which ends at frame `start`. The
-/// ground is at height 0.
-pub fn hold_live(rig: &Rig, roots: &mut [Vec3], rotations: &mut [Quat], contacts: &[u8], start: usize) {
+/// ground is at height 0. The feet of bodies that follow paths are [planted](plant), and their
+/// contacts become those of the feet that stand.
+pub fn hold_live(rig: &Rig, roots: &mut [Vec3], rotations: &mut [Quat], contacts: &mut [u8], start: usize) {
+    if rig.by_path.is_some() {
+        let range = start..roots.len();
+        plant(rig, (roots, rotations, contacts), range, None);
+        return;
+    }
     let (range, limits) = (start..roots.len(), (FARTHEST_LIVE_M, 0.0));
     // A robot's plans are not on its hinges yet. Feet held before that would slide again once they
     // are.
     bend_as_shown(rig, rotations, |rotations| {
         hold(rig, roots, rotations, contacts, range, limits);
     });
+}
+
+/// Has the feet of a body that follows paths stand in the frames of `range`. Its network leaves
+/// them gliding on paths that are not as captured ones, so that no contact shows in their speed.
+pub(crate) fn plant(
+    rig: &Rig,
+    (roots, rotations, contacts): (&mut [Vec3], &mut [Quat], &mut [u8]),
+    range: Range<usize>,
+    carried: Option<&Carried>,
+) -> Planted {
+    let options = FootPlant {
+        fps: rig.fps,
+        range,
+        floor_m: 0.0,
+    };
+    let mut planted = Planted::default();
+    bend_as_shown(rig, rotations, |rotations| {
+        let how = (&options, carried);
+        planted = plant_feet(&rig.skeleton, &rig.legs, roots, rotations, contacts, how);
+    });
+    planted
 }
 
 fn hold(

@@ -50,7 +50,7 @@ fn a_foot_in_contact_stays_where_it_is() {
 fn a_live_foot_that_slides_far_is_not_held() {
     let (mut roots, mut rotations) = glide(0.9);
     let before = (roots.clone(), rotations.clone());
-    hold_live(&doll_rig(), &mut roots, &mut rotations, &[1; FRAMES], 4);
+    hold_live(&doll_rig(), &mut roots, &mut rotations, &mut [1; FRAMES], 4);
     let most = (4..FRAMES)
         .map(|f| feet(&roots, &rotations, f)[0].distance(feet(&before.0, &before.1, f)[0]))
         .fold(0.0, f32::max);

@@ -46,6 +46,8 @@ pub struct WalkRequest {
     pub seed: u64,
     /// 0 for the most likely choices, above 0 to sample.
     pub temperature: f32,
+    /// Whether standing feet are held still.
+    pub hold_feet: bool,
 }
 
 /// A take along a path.
@@ -185,7 +187,7 @@ impl WalkRequest {
                 fps: self.rig.fps,
                 frames,
             },
-            hold_feet: true,
+            hold_feet: self.hold_feet,
             transition: 0,
             is_loop: false,
             past: context(&self.past),

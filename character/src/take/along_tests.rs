@@ -27,6 +27,7 @@ fn ahead() -> WalkRequest {
         targets: Vec::new(),
         seed: 3,
         temperature: 0.0,
+        hold_feet: true,
     }
 }
 

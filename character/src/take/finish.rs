@@ -17,7 +17,7 @@ use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 use super::note::Note;
 use super::request::{Effector, Take, Wanted};
 use super::track::Track;
-use crate::post::{PIN_REACH_FRAMES, onto_hinges};
+use crate::post::{PIN_REACH_FRAMES, onto_hinges, plant};
 
 /// A root that moves farther than this gets a note, metres.
 const NOTED_M: f32 = 0.3;
@@ -27,9 +27,8 @@ const MISSED_M: f32 = 0.02;
 const HINGES_RAD: f32 = 0.2;
 /// Frames over which a correction of the first frame's height fades.
 const FADE_FRAMES: f32 = 30.0;
-/// Farthest that a foot is moved, metres: first for bodies that walk, then for bodies that follow a
-/// path.
-const HELD_M: (f32, f32) = (0.25, 0.05);
+/// Farthest that a foot that is held is moved, metres.
+const HELD_M: f32 = 0.25;
 
 /// A finished motion, in the frames of the answer.
 #[derive(Debug, Clone)]
@@ -51,8 +50,13 @@ struct Fixed {
 }
 
 /// Finishes the motion of a sample. `track` has the body's own frame rate.
-pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note>) -> Made {
+pub fn finish(take: &Take, mut track: Track, boundaries: Vec<usize>, notes: Vec<Note>) -> Made {
     let body = Body::of(take);
+    // The other body's feet stand where those of the take's body do.
+    if take.hold_feet && take.subject.follower.is_some() && take.onto.is_some() {
+        let range = 0..track.len();
+        plant(&take.subject.rig, track.columns(), range, None);
+    }
     let mut work = Work {
         take,
         track: match &take.onto {
@@ -361,19 +365,25 @@ impl Work<'_> {
             from = end + 1;
         }
         ranges.push(from..count);
-        let follows = self.take.subject.follower.is_some();
+        let ranges = ranges.into_iter().filter(|range| !range.is_empty());
+        if self.take.subject.follower.is_some() && self.take.onto.is_none() {
+            for range in ranges {
+                plant(&self.take.subject.rig, self.track.columns(), range, None);
+            }
+            return;
+        }
         let Body {
             skeleton,
             legs,
             scale,
             ..
         } = self.body;
-        for range in ranges.into_iter().filter(|range| !range.is_empty()) {
+        for range in ranges {
             let options = FootLock {
-                max_offset_m: scale * if follows { HELD_M.1 } else { HELD_M.0 },
+                max_offset_m: scale * HELD_M,
                 // The root keeps its path and its height.
                 max_drop_m: 0.0,
-                floor_m: (!follows).then_some(0.0),
+                floor_m: Some(0.0),
                 ..FootLock::over(range)
             };
             let Track {

@@ -173,6 +173,7 @@ impl Follow {
             let of = |track: &Track, frame: usize| (track.roots[frame], track.pose(frame).to_vec());
             let (was, is) = (of(&whole, context - 1), of(&self.track, last));
             made.join((was.0, &was.1), (is.0, &is.1), LEAD_FRAMES);
+            made.go_on(&self.track, LEAD_FRAMES);
         }
         self.track.extend(&made, 0, made.len());
         // Fewer frames than a context cannot serve as the network's past.

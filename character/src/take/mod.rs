@@ -6,7 +6,7 @@
 //! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must, perhaps
 //! on another body ([`Onto`]). A take in
 //! parts has each window meet it ([`settle`]), so that frames are final as they are made; [`along`]
-//! plans such a take for a path.
+//! plans such a take for a path. [`steady`] does it for windows of a [`path_plan`].
 
 mod along;
 mod finish;
@@ -20,6 +20,7 @@ mod request;
 mod seed;
 mod settle;
 mod start;
+mod steady;
 #[cfg(test)]
 mod testing;
 mod track;
@@ -37,5 +38,6 @@ pub use path_plan::{PathPlan, PathRequest, speed_mps};
 pub use request::{
     Clock, Effector, Follower, Knot, Look, MotionFrames, PoseKey, Prompt, Subject, Take, TakeSegment, Wanted,
 };
+pub use steady::Steady;
 pub use track::Track;
 pub use trajectory::{Shape, Trajectory, trajectory};

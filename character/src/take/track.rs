@@ -1,5 +1,6 @@
 //! The frames of one motion, as more are added.
 
+use troupe_motion::interpolate::hermite;
 use troupe_motion::model::{Dims, Motion, Rig};
 use troupe_motion::pin::fade;
 use troupe_motion::root::heading_of;
@@ -31,6 +32,11 @@ impl Track {
             rotations,
             contacts: contact_bits(&motion.contacts, dims.contacts, count),
         }
+    }
+
+    /// Roots, rotations and contacts, to be changed.
+    pub(super) fn columns(&mut self) -> (&mut [Vec3], &mut [Quat], &mut [u8]) {
+        (&mut self.roots, &mut self.rotations, &mut self.contacts)
     }
 
     /// Number of frames.
@@ -109,6 +115,44 @@ impl Track {
             let pose = &mut self.rotations[frame * joints..(frame + 1) * joints];
             for (rotation, turn) in pose.iter_mut().zip(&turns) {
                 *rotation = (Quat::IDENTITY.slerp(*turn, weight) * *rotation).normalize();
+            }
+        }
+    }
+
+    /// Makes the first frames go on from the last two of `before` without a jump of place or speed.
+    /// The difference fades over `over` frames.
+    pub(super) fn go_on(&mut self, before: &Self, over: usize) {
+        let joints = self.joints();
+        if before.len() < 2 || self.len() < 2 || over == 0 {
+            return;
+        }
+        let last = before.len() - 1;
+        let span = over as f32;
+        let curve = |frame: usize, off: Vec3, rate: Vec3| {
+            let way = (frame + 1) as f32 / span;
+            let at = |off: f32, rate: f32| hermite(way, span, (off, rate), (0.0, 0.0));
+            Vec3::new(at(off.x, rate.x), at(off.y, rate.y), at(off.z, rate.z))
+        };
+        let frames = 0..over.min(self.len());
+        let (came, goes) = (
+            before.roots[last] - before.roots[last - 1],
+            self.roots[1] - self.roots[0],
+        );
+        let off = before.roots[last] - (self.roots[0] - goes);
+        for frame in frames.clone() {
+            self.roots[frame] += curve(frame, off, came - goes);
+        }
+        let turn = |from: Quat, to: Quat| align_sign(to * from.conjugate(), Quat::IDENTITY).to_scaled_axis();
+        for joint in 0..joints {
+            let now = |frame: usize| before.pose(frame)[joint];
+            let (first, second) = (self.pose(0)[joint], self.pose(1)[joint]);
+            let (came, goes) = (turn(now(last - 1), now(last)), turn(first, second));
+            let began = Quat::from_scaled_axis(-goes) * first;
+            let off = turn(began, now(last));
+            for frame in frames.clone() {
+                let turned = Quat::from_scaled_axis(curve(frame, off, came - goes));
+                let rotation = &mut self.rotations[frame * joints + joint];
+                *rotation = (turned * *rotation).normalize();
             }
         }
     }
@@ -206,6 +250,34 @@ mod tests {
         let turn = track.pose(3)[1].angle_between(track.pose(4)[1]);
         assert!(turn < 0.2, "{turn}");
         assert_eq!(track.pose(9), end, "the difference fades");
+    }
+
+    #[test]
+    fn frames_go_on_at_the_speed_of_those_before_them() {
+        let mut before = Track::default();
+        (0..4).for_each(|frame| {
+            let turn = Quat::from_rotation_y(0.05 * frame as f32);
+            before.push(Vec3::Z * (0.04 * frame as f32), &[turn], 0);
+        });
+        // The network jumps, and goes on more slowly.
+        let mut after = Track::default();
+        (4..24).for_each(|frame| {
+            let turn = Quat::from_rotation_y(0.3 + 0.01 * frame as f32);
+            after.push(Vec3::Z * (0.1 + 0.03 * frame as f32), &[turn], 0);
+        });
+        let made = after.clone();
+        after.go_on(&before, 8);
+        let mut whole = before.clone();
+        whole.extend(&after, 0, 20);
+        let bend = |values: &dyn Fn(usize) -> f32| {
+            let bends = (1..22).map(|at| (values(at + 1) - 2.0 * values(at) + values(at - 1)).abs());
+            bends.fold(0.0, f32::max)
+        };
+        let moved = bend(&|frame| whole.roots[frame].z);
+        let turned = bend(&|frame| 2.0 * whole.pose(frame)[0].y.atan2(whole.pose(frame)[0].w));
+        // At the seam itself the network's frames bend by 0.1 m and 0.19 rad.
+        assert!(moved < 0.012 && turned < 0.03, "{moved} m, {turned} rad");
+        assert_eq!(after.part(8, 12), made.part(8, 12), "the difference fades");
     }
 
     #[test]

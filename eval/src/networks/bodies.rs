@@ -1,5 +1,6 @@
 //! `troupe-eval bodies`: live characters of the bodies of a UniMoGen pack. A minute of commands,
-//! then a path. Prints how smooth they are, how well they obey, and the time of a plan.
+//! then a path. Prints how smooth they are, how well they obey, and the time of a plan. Then users'
+//! paths, raw and finished (`paths`).
 
 use std::f32::consts::TAU;
 use std::path::PathBuf;
@@ -26,7 +27,7 @@ use troupe_motion::model::{Body, PathTask};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::clock::{HasCharacter, Planned, Planner, hold_feet, tick};
-use super::one_thread;
+use super::{one_thread, paths};
 use crate::figures::{mean, percentile};
 
 /// Frames between commands.
@@ -43,6 +44,8 @@ const PINNED_FRAMES: usize = 12;
 const RADIUS_SIZES: f32 = 2.5;
 
 /// Measure live characters of the bodies of a UniMoGen pack.
+///
+/// Then their motion on users' paths: the network's own beside the finished.
 #[derive(Debug, Args)]
 pub(crate) struct Bodies {
     /// Folder of the pack.
@@ -75,8 +78,16 @@ pub(crate) fn run(options: &Bodies) -> anyhow::Result<()> {
             .body(name)
             .with_context(|| format!("--bodies: the pack has no body {name}"))?;
         Wander::new(&pack, body, &mut generator, options)?.run(options.seconds * 30)?;
+        let style = style_of(&pack, body, &options.style)?;
+        paths::measure(&pack, body, &style, &mut generator, options.seed)?;
     }
     Ok(())
+}
+
+fn style_of(pack: &Pack, body: &Body, name: &str) -> anyhow::Result<Arc<Style>> {
+    let styles = StyleTable::load(&body.rig, &pack.folder, None)?;
+    let style = styles.get(name).or_else(|| styles.default_style());
+    style.context("the body has no styles")
 }
 
 struct Wander<'a> {
@@ -90,9 +101,9 @@ struct Wander<'a> {
 }
 
 /// The character, and all of its plans.
-struct WanderingBody {
-    character: Character,
-    plans: Vec<LivePlan>,
+pub(super) struct WanderingBody {
+    pub(super) character: Character,
+    pub(super) plans: Vec<LivePlan>,
 }
 
 impl HasCharacter for WanderingBody {
@@ -106,12 +117,14 @@ impl HasCharacter for WanderingBody {
 }
 
 /// Plans by paths, made by UniMoGen.
-struct PathPlanner<'a> {
-    pack: &'a Pack,
-    body: &'a Arc<Body>,
-    generator: &'a mut UniMoGen,
+pub(super) struct PathPlanner<'a> {
+    pub(super) pack: &'a Pack,
+    pub(super) body: &'a Arc<Body>,
+    pub(super) generator: &'a mut UniMoGen,
+    /// Whether feet that stand are held, as a server does.
+    pub(super) holds_feet: bool,
     /// Time that the networks took so far.
-    took: Duration,
+    pub(super) took: Duration,
 }
 
 impl Planner for PathPlanner<'_> {
@@ -146,7 +159,9 @@ impl PathPlanner<'_> {
         let raw = made.pop().context("the networks gave no motion")?;
         let rig = &self.body.rig;
         let mut plan = finish_live(&raw, &request.shape, rig)?;
-        hold_feet(rig, &mut plan);
+        if self.holds_feet {
+            hold_feet(rig, &mut plan);
+        }
         Ok(Ok(plan))
     }
 }
@@ -158,9 +173,7 @@ impl<'a> Wander<'a> {
         generator: &'a mut UniMoGen,
         options: &Bodies,
     ) -> anyhow::Result<Self> {
-        let styles = StyleTable::load(&body.rig, &pack.folder, None)?;
-        let style = styles.get(&options.style).or_else(|| styles.default_style());
-        let style = style.context("the body has no styles")?;
+        let style = style_of(pack, body, &options.style)?;
         let character = CharacterOptions {
             seed: options.seed,
             look_ahead_frames: 4,
@@ -179,6 +192,7 @@ impl<'a> Wander<'a> {
                 pack,
                 body,
                 generator,
+                holds_feet: true,
                 took: Duration::ZERO,
             },
             body,

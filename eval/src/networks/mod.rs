@@ -4,6 +4,7 @@ pub(crate) mod bodies;
 mod clock;
 mod crowd;
 pub(crate) mod objects;
+mod paths;
 pub(crate) mod raw_loop;
 pub(crate) mod seeds;
 pub(crate) mod sides;

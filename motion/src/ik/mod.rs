@@ -12,6 +12,7 @@
 mod hinges;
 mod limbs;
 mod lock;
+mod plant;
 mod reach;
 mod smooth;
 mod three;
@@ -38,6 +39,7 @@ use crate::skeleton::Skeleton;
 
 pub use limbs::{Leg, MAX_LEGS, arm_of, arms, legs};
 pub use lock::{FootLock, Locked, lock_feet};
+pub use plant::{Carried, FootPlant, Planted, plant_feet};
 pub use reach::{ReachOptions, Reached, pose_at, reach_pose};
 pub use two_bone::{place_end, two_bone, two_bone_soft};
 

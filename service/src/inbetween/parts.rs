@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use troupe_character::live::WordsPart;
 use troupe_character::post::{
     NonFinite, check_finite, onto_hinges, parent_relative, roots, to_world_rotations,
 };
@@ -66,23 +67,50 @@ impl PartWriter {
         Ok(self.ended(messages, is_last))
     }
 
+    /// The body of the answer.
+    pub fn rig(&self) -> &Arc<Rig> {
+        &self.rig
+    }
+
+    /// The messages of the next frames of characters that act out words, as
+    /// [`write`](Self::write).
+    pub fn write_words(&mut self, parts: Vec<WordsPart>, is_last: bool) -> Vec<v1::GenerateResponse> {
+        let mut messages = Vec::with_capacity(parts.len());
+        for (character, mut part) in parts.into_iter().enumerate() {
+            if part.roots.is_empty() {
+                continue;
+            }
+            to_world_rotations(&self.frame, self.rig.dims.joints, &mut part.rotations);
+            let places = part.roots.iter().map(|&root| self.frame.to_world_position(root));
+            let contacts = self.touches(&part.contacts);
+            let columns = self.columns(character, places.collect(), part.rotations, contacts);
+            messages.push(message(character, columns));
+        }
+        self.ended(messages, is_last)
+    }
+
     /// The messages of one character's next frames, as [`write`](Self::write).
     pub fn write_track(&mut self, track: Track, is_last: bool) -> Vec<v1::GenerateResponse> {
         let mut messages = Vec::new();
         if !track.is_empty() {
-            let contacts = 0..self.rig.dims.contacts;
-            let touches = |bits: u8| {
-                contacts
-                    .clone()
-                    .map(move |bit| f32::from(bits.checked_shr(bit as u32).unwrap_or(0) & 1))
-            };
-            let contacts = track.contacts.iter().copied().flat_map(touches).collect();
+            let contacts = self.touches(&track.contacts);
             messages.push(message(
                 0,
                 self.columns(0, track.roots, track.rotations, contacts),
             ));
         }
         self.ended(messages, is_last)
+    }
+
+    /// The column of contacts, from a byte a frame.
+    fn touches(&self, contacts: &[u8]) -> Vec<f32> {
+        let joints = 0..self.rig.dims.contacts;
+        let touches = |bits: u8| {
+            joints
+                .clone()
+                .map(move |bit| f32::from(bits.checked_shr(bit as u32).unwrap_or(0) & 1))
+        };
+        contacts.iter().copied().flat_map(touches).collect()
     }
 
     /// Completes the messages of a part: whether it is the last one, and its feasibility. A last

@@ -129,7 +129,7 @@ impl PartReader {
             &self.own,
             &mut part.roots,
             &mut part.rotations,
-            &part.contacts,
+            &mut part.contacts,
             start,
         );
         part.roots.drain(..start);

@@ -79,6 +79,7 @@ pub fn prepare_walk(
         targets: targets.clone(),
         seed: request.seed,
         temperature: temperature(root, request, pack)?,
+        hold_feet: !request.raw,
     };
     Ok(Walking {
         path: planned.plan(root)?,
