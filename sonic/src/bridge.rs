@@ -130,7 +130,8 @@ impl Bridge {
     /// Gives robots an order: those of these names, or all.
     ///
     /// # Errors
-    /// A sentence, if there is no such robot, or it cannot do that now. Then no robot gets it.
+    /// A line for each robot that cannot do that now. The others get the order, unless a name is
+    /// unknown.
     pub fn give(&self, names: &[String], order: &Order) -> Result<(), String> {
         let chosen = |name: &String| {
             let found = self.robots.iter().position(|driven| driven.robot.name == *name);
@@ -140,23 +141,29 @@ impl Bridge {
             [] => (0..self.robots.len()).collect(),
             names => names.iter().map(chosen).collect::<Result<_, _>>()?,
         };
-        let moves: Vec<Option<Move>> = robots
-            .iter()
-            .map(|&index| self.robots[index].check(order))
-            .collect::<Result<_, _>>()?;
-        for (index, order_of_session) in robots.into_iter().zip(moves) {
-            if let Some(order) = order_of_session {
-                // A task that is gone has a clock that lets the robot stand.
-                let _ = self.robots[index].moves.send(order);
-            }
-            let word = match order {
-                Order::Start => Word::Control(Command::Start),
-                Order::End => Word::Control(Command::End),
-                Order::Stop => Word::Halt(Why::Stopped),
-                Order::Go | Order::Move(_) => continue,
-            };
-            let _ = self.words.send((index, word));
+        let cannot: Vec<String> = robots
+            .into_iter()
+            .filter_map(|index| self.give_one(index, order).err())
+            .collect();
+        match cannot.as_slice() {
+            [] => Ok(()),
+            all => Err(all.join("\n")),
         }
+    }
+
+    fn give_one(&self, index: usize, order: &Order) -> Result<(), String> {
+        let driven = &self.robots[index];
+        if let Some(order) = driven.check(order)? {
+            // A task that is gone has a clock that lets the robot stand.
+            let _ = driven.moves.send(order);
+        }
+        let word = match order {
+            Order::Start => Word::Control(Command::Start),
+            Order::End => Word::Control(Command::End),
+            Order::Stop => Word::Halt(Why::Stopped),
+            Order::Go | Order::Move(_) => return Ok(()),
+        };
+        let _ = self.words.send((index, word));
         Ok(())
     }
 

@@ -58,11 +58,11 @@ pub struct Halt {
 impl Halt {
     /// The server stops too: most of the way is its own.
     pub const WITH_SERVER: Self = Self {
-        delay: 16,
-        frames: 25,
+        delay: 14,
+        frames: 22,
     };
     /// No word from the server for [`LATE`] ticks.
-    pub const ALONE: Self = Self { delay: 0, frames: 28 };
+    pub const ALONE: Self = Self { delay: 0, frames: 24 };
 }
 
 /// Frames of a robot's past, present and future.
@@ -125,11 +125,6 @@ impl Playback {
     /// Whether it stands, or will once a ramp is over.
     pub fn halts(&self) -> bool {
         self.ramps.back().is_some_and(|ramp| ramp.to == 1.0)
-    }
-
-    /// Whether the next window stands from its first frame on.
-    pub fn stands(&self) -> bool {
-        self.weight(self.next) == 1.0 && self.halts()
     }
 
     /// Takes the server's frames from an index on, instead of all from there on.

@@ -47,10 +47,6 @@ impl Publisher {
         })
     }
 
-    pub(crate) fn address(&self) -> std::io::Result<SocketAddr> {
-        self.listener.local_addr()
-    }
-
     /// Number of subscribers of a topic.
     pub(crate) fn subscribers(&self, topic: &[u8]) -> usize {
         self.peers.iter().filter(|peer| peer.wants(topic)).count()
@@ -171,7 +167,7 @@ mod tests {
     /// A publisher on a free port, and a peer that has said what it wants.
     fn pair(topics: &[&[u8]]) -> (Publisher, TcpStream) {
         let mut publisher = Publisher::bind(([127, 0, 0, 1], 0).into()).unwrap();
-        let mut peer = TcpStream::connect(publisher.address().unwrap()).unwrap();
+        let mut peer = TcpStream::connect(publisher.listener.local_addr().unwrap()).unwrap();
         peer.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         peer.write_all(&greeting()).unwrap();
         peer.write_all(&ready("SUB")).unwrap();

@@ -31,7 +31,7 @@ fn set_turn(row: &mut Row, turn: Quat) {
 
 /// The rotation about Z alone, radians.
 fn yaw(turn: Quat) -> f32 {
-    let Quat { x, y, z, w } = turn;
+    let [x, y, z, w] = turn.to_array();
     (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z))
 }
 

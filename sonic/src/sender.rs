@@ -237,8 +237,9 @@ mod tests {
         let sent: Vec<_> = (0..100)
             .filter_map(|tick| Some((tick, station.command()?)))
             .collect();
-        let (starts, follows): (Vec<_>, Vec<_>) =
-            sent.iter().partition(|(_, command)| *command == Command::Start);
+        let of = |wanted| sent.iter().filter(move |(_, command)| *command == wanted);
+        let starts: Vec<_> = of(Command::Start).collect();
+        let follows: Vec<_> = of(Command::Follow).collect();
         assert_eq!((starts.len(), follows.len()), (5, 5));
         let (last, first) = (starts[4].0, follows[0].0);
         assert!(first - last >= 10, "{first} - {last} ticks");

@@ -56,6 +56,8 @@ def main():
     print(f"frames guessed {sum(robot['guessed_frames'] for robot in figures['robots'])}")
     print(f"times late {sum(robot['times_late'] for robot in figures['robots'])}")
     print(f"stood after the stop (s): {max(at - since if at else float('nan') for at in stood):.2f} at most")
+    said = [line for line in bridge.said if "late" in line or "lost" in line or "no word" in line]
+    print(f"notes of trouble {len(said)}", *said[:5], sep="\n  ")
     print(
         "cores: "
         + ", ".join(
