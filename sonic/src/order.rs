@@ -10,8 +10,7 @@ const VERBS: [&str; 9] = [
 ];
 
 /// How orders are written.
-pub const FORMS: &str = "\
-  [ROBOT,...] start          begin control, then follow the poses
+pub const FORMS: &str = "  [ROBOT,...] start          begin control, then follow the poses
   [ROBOT,...] walk X Y [DEG] go at X m/s ahead and Y m/s to the left, facing DEG (0 ahead, 90 left)
   [ROBOT,...] path X,Y X,Y   follow a path through these places, from where control began
   [ROBOT,...] go             follow the route of the file

@@ -25,7 +25,7 @@ def main():
     server = Server()
     with tempfile.TemporaryDirectory() as folder:
         bridge = Bridge(server.url, ports, Path(folder), ROUTE)
-        robots = Robots(ports)
+        robots = Robots(ports, every=5)
         robots.live(60, lambda: all(len(robot.arrivals) > 10 for robot in robots.robots))
         bridge.order("start")
         robots.live(5)
@@ -50,6 +50,7 @@ def main():
     )
     p1, p50, p99 = np.percentile(between, [1, 50, 99])
     print(f"between windows at the robot (ms): p1 {p1:.2f}, p50 {p50:.2f}, p99 {p99:.2f}, most {between.max():.2f}")
+    print(f"pauses of this program {len(robots.pauses)}, at most {max(robots.pauses, default=0):.2f} s")
     print(f"ticks of playback that moved {100 * np.mean(moving):.1f} %")
     print(f"ticks that waited for frames {sum(robot.waits for robot in robots.robots)}")
     print(f"frames behind, at most {max(robot.behind for robot in robots.robots)}")

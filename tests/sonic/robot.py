@@ -24,6 +24,8 @@ LOOK_AHEAD = 46
 HISTORY = 5
 MOST_BEHIND = 205
 SILENCE_S = 0.15
+#: A program that does not hear itself for longer is paused, and cannot say who is silent.
+PAUSE_S = 0.1
 #: Until the robot's own planner is ready. Its input is not read meanwhile.
 PLANNER_S = 0.3
 #: No hinge of a G1 turns by more in a tick.
@@ -57,6 +59,8 @@ class Robot:
 
     #: Whether it plays poses without a command, as with `--input-type zmq`.
     follows: bool = False
+    #: The numbers of every window of this count are checked. Each frame is in fifty windows.
+    every: int = 1
     violations: list[str] = field(default_factory=list)
     #: Time and largest turn of a hinge in each tick of playback, rad.
     steps: list[tuple[float, float]] = field(default_factory=list)
@@ -78,6 +82,7 @@ class Robot:
         self.command: dict | None = None
         self.length: int | None = None
         self.blocked_until = 0.0
+        self.listens_since = 0.0
         self.forget()
         now = time.monotonic()
         self.next_input, self.next_control = now, now
@@ -144,8 +149,10 @@ class Robot:
 
     def take_pose(self, fields: dict, now: float):
         """Checks a window. The inbox holds one."""
-        if self.arrivals and now - self.arrivals[-1] > SILENCE_S:
-            self.break_rule(f"no pose for {1000 * (now - self.arrivals[-1]):.0f} ms")
+        if self.arrivals:
+            silence_s = now - max(self.arrivals[-1], self.listens_since)
+            if silence_s > SILENCE_S:
+                self.break_rule(f"no pose for {1000 * silence_s:.0f} ms")
         self.arrivals.append(now)
         if set(fields) != {"joint_pos", "joint_vel", "body_quat", "frame_index"}:
             self.break_rule(f"pose with the fields {sorted(fields)}")
@@ -159,10 +166,16 @@ class Robot:
         if shapes != [(frames, 29), (frames, 29), (frames, 4)]:
             self.break_rule(f"shapes {shapes}")
             return
-        if not all(np.isfinite(value).all() for value in fields.values()):
-            self.break_rule("a number that is none")
         if (np.diff(pose.frame_index) != 1).any():
             self.break_rule("frame_index does not rise by one")
+        self.inbox = pose
+        if len(self.arrivals) % self.every == 0:
+            self.check_numbers(pose)
+
+    def check_numbers(self, pose: Pose):
+        """Checks what the numbers of a window say."""
+        if not all(np.isfinite(value).all() for value in (pose.joint_pos, pose.joint_vel, pose.body_quat)):
+            self.break_rule("a number that is none")
         if (np.abs(np.linalg.norm(pose.body_quat, axis=1) - 1) > 1e-3).any():
             self.break_rule("a quaternion without unit length")
         if ((pose.body_quat[1:] * pose.body_quat[:-1]).sum(axis=1) < 0).any():
@@ -174,7 +187,6 @@ class Robot:
         speed = (pose.joint_pos[2:] - pose.joint_pos[:-2]) / (2 * CONTROL_S)
         if (np.abs(speed - pose.joint_vel[1:-1]) > 0.01).any():
             self.break_rule("joint_vel is not the speed of joint_pos")
-        self.inbox = pose
 
     # Its own clock
 
@@ -283,8 +295,8 @@ class Robot:
 class Robots:
     """Robots on this machine, each on its port, and on the next one its words."""
 
-    def __init__(self, ports: list[int], follows: bool = False):
-        self.robots = [Robot(follows=follows) for _ in ports]
+    def __init__(self, ports: list[int], **more):
+        self.robots = [Robot(**more) for _ in ports]
         self.context = zmq.Context()
         self.poller = zmq.Poller()
         self.sockets: dict[zmq.Socket, Robot] = {}
@@ -295,6 +307,14 @@ class Robots:
             words.bind(f"tcp://127.0.0.1:{port + 1}")
             self.words.append(words)
         self.next_words, self.index = time.monotonic(), 0
+        #: Times in which this program did not hear itself through the same library, seconds.
+        self.pauses: list[float] = []
+        self.voice, self.ear = self.context.socket(zmq.PUB), self.context.socket(zmq.SUB)
+        port = self.voice.bind_to_random_port("tcp://127.0.0.1")
+        self.ear.set(zmq.SUBSCRIBE, b"")
+        self.ear.connect(f"tcp://127.0.0.1:{port}")
+        self.poller.register(self.ear, zmq.POLLIN)
+        self.heard = self.next_words
 
     def connect(self, port: int, robot: Robot):
         """A robot has three sockets, one a topic."""
@@ -319,7 +339,19 @@ class Robots:
         """Has all robots live for some seconds, or until something is so."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and not until():
-            for socket, _ in self.poller.poll(5):
+            came = self.poller.poll(5)
+            now = time.monotonic()
+            if now - self.heard > PAUSE_S:
+                for robot in self.robots:
+                    robot.listens_since = now
+            while self.ear.poll(0):
+                self.ear.recv()
+                if now - self.heard > PAUSE_S:
+                    self.pauses.append(now - self.heard)
+                self.heard = now
+            for socket, _ in came:
+                if socket is self.ear:
+                    continue
                 robot = self.sockets[socket]
                 while socket.poll(0):
                     parts = socket.recv_multipart()
@@ -334,6 +366,7 @@ class Robots:
             if now >= self.next_words:
                 self.next_words += CONTROL_S
                 self.index += 1
+                self.voice.send(b"", zmq.NOBLOCK)
                 for socket, robot in zip(self.words, self.robots, strict=True):
                     socket.send(robot.words(self.index), zmq.NOBLOCK)
 
@@ -344,7 +377,7 @@ class Robots:
 
     def close(self):
         """Hangs up."""
-        for socket in [*self.sockets, *self.words]:
+        for socket in [*self.sockets, *self.words, self.voice, self.ear]:
             socket.close(linger=0)
         self.context.term()
 

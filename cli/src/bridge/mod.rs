@@ -40,7 +40,7 @@ Orders, for the named robots or for all:
 Examples:
   troupe bridge sonic
   troupe bridge sonic examples/robots/two.toml
-  (echo start; echo wait 10; echo go; sleep 60; echo quit) | troupe bridge sonic examples/robots/two.toml --json"))]
+  (echo start; echo go; sleep 60; echo quit) | troupe bridge sonic robots.toml --json"))]
 struct Sonic {
     /// TOML file of the robots: names, ports, routes. Default: one robot, on port 5556.
     #[arg(value_name = "FILE")]
