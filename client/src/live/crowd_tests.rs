@@ -260,3 +260,16 @@ async fn a_session_tells_when_it_expired_and_what_was_refused() {
     let error = session.step(1).await.map(|_| ()).unwrap_err();
     assert!(error.is_session_expired(), "{error}");
 }
+
+#[tokio::test]
+async fn a_session_looks_ahead_beside_its_frames() {
+    let (client, pack, _) = scripted().await;
+    let mut session = client
+        .session(&pack, &SessionOptions::new().id("a"))
+        .await
+        .unwrap();
+    session.step(2).await.unwrap();
+    let future = session.future().await.unwrap();
+    assert_eq!((future.first_frame(), future.len()), (11, 3));
+    assert_eq!(session.frames().len(), 2, "the frames of the step are kept");
+}

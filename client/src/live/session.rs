@@ -48,6 +48,8 @@ pub struct Session {
     options: FrameOptions,
     intent: Intent,
     block: Block,
+    /// Frames of the last call of [`Session::future`].
+    ahead: Block,
     events: v1::SessionEvents,
     held: Option<v1::HeldObject>,
 }
@@ -62,6 +64,7 @@ impl Session {
             options: FrameOptions::default(),
             intent: Intent::after(of.last_sequence),
             block: Block::default(),
+            ahead: Block::default(),
             events: v1::SessionEvents::default(),
             held: of.held.clone(),
         }
@@ -272,6 +275,19 @@ impl Session {
         self.client
             .unary(|mut rpc| async move { rpc.peek(request).await })
             .await
+    }
+
+    /// Its buffered future: the frames of its timeline after the last step, at the pack's rate. A
+    /// command or a new plan changes them.
+    ///
+    /// # Errors
+    /// As [`Self::peek`].
+    pub async fn future(&mut self) -> Result<Frames<'_>, ClientError> {
+        let block = self.peek(0).await?.future;
+        let convention = self.convention;
+        let block = block.ok_or(AnswerError::Missing("future"))?;
+        self.ahead.read(block, self.pack.skeleton(), |_| convention)?;
+        Ok(self.ahead.frames(0))
     }
 
     /// Closes it on the server.
