@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use crate::bridge::Bridge;
 use crate::clip::ClipFiles;
 use crate::connection::Connection;
 use crate::describe::Describe;
@@ -51,7 +52,8 @@ Examples:
   troupe film --path examples/paths/square.toml --out square.png
   troupe object put examples/objects/*.toml
   troupe scene put examples/scenes/courtyard.toml
-  troupe top";
+  troupe top
+  troupe bridge sonic examples/robots/two.toml";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -69,6 +71,7 @@ pub(crate) enum Command {
     Scene(Scene),
     Object(Object),
     Top(Top),
+    Bridge(Bridge),
     Completions(Completions),
     Man(Man),
 }

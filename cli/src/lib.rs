@@ -2,6 +2,7 @@
 //! code; and what `troupe-eval` shares with it: how to connect, read clips and print.
 
 mod args;
+mod bridge;
 mod clip;
 mod connection;
 mod context;
@@ -95,6 +96,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Scene(command) => scene::run(&context, &command).await,
         Command::Object(command) => object::run(&context, &command).await,
         Command::Top(command) => top::run(&context, &command).await,
+        Command::Bridge(command) => bridge::run(&context, &command).await,
         Command::Completions(command) => shell::completions(&command),
         Command::Man(command) => shell::man(&context, &command),
     }

@@ -23,9 +23,14 @@ impl Term {
         }
     }
 
+    /// Whether lines that change may be drawn.
+    pub(crate) fn is_live(&self) -> bool {
+        !self.quiet && std::io::stderr().is_terminal()
+    }
+
     /// A bar over a known number of steps.
     pub fn bar(&self, steps: usize, what: &'static str) -> ProgressBar {
-        if self.quiet || !std::io::stderr().is_terminal() {
+        if !self.is_live() {
             return ProgressBar::hidden();
         }
         let bar = ProgressBar::with_draw_target(Some(steps as u64), ProgressDrawTarget::stderr_with_hz(10));
