@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -26,7 +26,7 @@ docs:
 	scripts/docs.sh $(or $(ARGS),build)
 
 # The site is built before the tests, which look at it.
-test: docs-check lint rust-test python-test python-client web-test mmcp-test
+test: docs-check lint rust-test python-test python-client web-test mmcp-test sonic-test
 
 .PHONY: docs-check
 docs-check:
@@ -76,6 +76,18 @@ mmcp-test: runtime
 mmcp-figure: runtime
 	tests/mmcp/setup.sh
 	scripts/with-server.sh target/mmcp/venv/bin/python tests/mmcp/figure.py $(ARGS)
+
+# The bridge to SONIC's controller, with robots by its written rules as the other side, over ZeroMQ's own library
+sonic-test: runtime
+	tests/sonic/setup.sh
+	cargo test --workspace --locked --no-run --test e2e --test packs
+	target/sonic/venv/bin/python -m pytest --quiet tests/sonic
+
+# Twenty robots on their routes for ten minutes: broken rules, times of windows, cores (ARGS="--robots 4 --seconds 60" for a short look)
+sonic-figure: runtime
+	tests/sonic/setup.sh
+	cargo build --release --package troupe-server --package troupe-cli
+	TROUPE_BUILD=release TROUPE_CLI=troupe target/sonic/venv/bin/python tests/sonic/figure.py $(ARGS)
 
 # Every figure of budgets.toml beside its limit. Those of the image are measured by `make image`.
 budgets:
