@@ -58,7 +58,7 @@ pub struct Halt {
 impl Halt {
     /// The server stops too: most of the way is its own.
     pub const WITH_SERVER: Self = Self {
-        delay: 14,
+        delay: 10,
         frames: 22,
     };
     /// No word from the server for [`LATE`] ticks.
