@@ -38,6 +38,7 @@ fn the_paths_of_the_repository_are_read() {
             "g1-jump",
             "g1-lie-down",
             "g1-sit-on-ground",
+            "open",
             "reversal",
             "robot",
             "sit",

@@ -1746,6 +1746,11 @@ export interface components {
             path?: components["schemas"]["PathGoal"];
             /** @description At most one field of `goal` is present. Act out words. Needs the capability `text`. */
             prompt?: components["schemas"]["Prompt"];
+            /**
+             * @description Give the network's own frames. Otherwise standing feet are held, soles are brought onto the ground, and windows lead over to each other.
+             * @default false
+             */
+            raw: boolean;
             /** @description How the model chooses the tokens of a prompt's motion. Left out: the pack's own values. With a path, packs that walk along it accept `temperature` only (default 1); other packs refuse it. */
             sampling?: components["schemas"]["Sampling"];
             /**
