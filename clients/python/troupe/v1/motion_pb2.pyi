@@ -238,7 +238,7 @@ class CharacterResult(_message.Message):
     def __init__(self, id: _Optional[str] = ..., frames: _Optional[_Union[Frames, _Mapping]] = ..., intermediates: _Optional[_Union[Intermediates, _Mapping]] = ..., feasibility: _Optional[_Union[Feasibility, _Mapping]] = ...) -> None: ...
 
 class GenerateRequest(_message.Message):
-    __slots__ = ("pack", "prompt", "path", "past", "seed", "sampling", "skeleton")
+    __slots__ = ("pack", "prompt", "path", "past", "seed", "sampling", "skeleton", "raw")
     PACK_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
     PATH_FIELD_NUMBER: _ClassVar[int]
@@ -246,6 +246,7 @@ class GenerateRequest(_message.Message):
     SEED_FIELD_NUMBER: _ClassVar[int]
     SAMPLING_FIELD_NUMBER: _ClassVar[int]
     SKELETON_FIELD_NUMBER: _ClassVar[int]
+    RAW_FIELD_NUMBER: _ClassVar[int]
     pack: str
     prompt: Prompt
     path: PathGoal
@@ -253,7 +254,8 @@ class GenerateRequest(_message.Message):
     seed: int
     sampling: Sampling
     skeleton: str
-    def __init__(self, pack: _Optional[str] = ..., prompt: _Optional[_Union[Prompt, _Mapping]] = ..., path: _Optional[_Union[PathGoal, _Mapping]] = ..., past: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., seed: _Optional[int] = ..., sampling: _Optional[_Union[Sampling, _Mapping]] = ..., skeleton: _Optional[str] = ...) -> None: ...
+    raw: bool
+    def __init__(self, pack: _Optional[str] = ..., prompt: _Optional[_Union[Prompt, _Mapping]] = ..., path: _Optional[_Union[PathGoal, _Mapping]] = ..., past: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., seed: _Optional[int] = ..., sampling: _Optional[_Union[Sampling, _Mapping]] = ..., skeleton: _Optional[str] = ..., raw: _Optional[bool] = ...) -> None: ...
 
 class Sampling(_message.Message):
     __slots__ = ("temperature", "top_k", "top_p", "repetition")
