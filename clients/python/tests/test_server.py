@@ -163,6 +163,19 @@ def test_a_horse_follows_a_path(client: troupe.Client) -> None:
         client.generate(troupe.FollowPath(points, words={"gallivant": 1.0}), pack="unimogen")
 
 
+def test_feet_of_a_path_stand_unless_the_network_s_own_frames_are_wanted(client: troupe.Client) -> None:
+    path = troupe.FollowPath([[0, 0, 0], [0, 0, 5]], times=[0, 5], words={"walk": 1.0})
+
+    def slowest_toe(raw: bool) -> float:
+        """Mean way of the slower toe over the ground, metres a frame. In a walk one foot always stands."""
+        clip = client.generate(path, pack="unimogen", body="human", seed=1, raw=raw).clip
+        toes = [clip.skeleton.names.index(name) for name in ("Toes_L", "Toes_R")]
+        ways = np.diff(clip.world_positions()[20:-20, toes][:, :, [0, 2]], axis=0)
+        return float(np.linalg.norm(ways, axis=2).min(1).mean())
+
+    assert slowest_toe(raw=True) > 0.008 and slowest_toe(raw=False) < 0.003
+
+
 @pytest.mark.parametrize("pack", ["human", "g1"])
 def test_a_pack_of_keyframes_walks_along_a_path(client: troupe.Client, pack: str) -> None:
     path = troupe.FollowPath([[0, 0, 0], [0, 0, 3]], times=[0, 3])

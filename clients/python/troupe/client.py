@@ -118,11 +118,15 @@ class Client:
         past: Clip | Sequence[Keyframe] = (),
         seed: int = 0,
         sampling: Sampling | None = None,
+        raw: bool = False,
     ) -> Generated:
-        """Has a body follow a path, (points, 3) or a `FollowPath`; or acts out words, for packs with the capability `text`."""
+        """Has a body follow a path, (points, 3) or a `FollowPath`; or acts out words, for packs with the capability `text`.
+
+        Standing feet are held; `raw` gives the network's own frames.
+        """
         of = self._pack(pack, body)
         parts = Parts(of, path)
-        call = Call(io.GENERATE, generate.request(of, path, prompt, past, seed, sampling))
+        call = Call(io.GENERATE, generate.request(of, path, prompt, past, seed, sampling, raw))
         return parts.whole([parts.take(part) for part in self._connection.parts(call)])
 
     def generate_parts(
@@ -135,11 +139,12 @@ class Client:
         past: Clip | Sequence[Keyframe] = (),
         seed: int = 0,
         sampling: Sampling | None = None,
+        raw: bool = False,
     ) -> Iterator[GeneratedPart]:
         """As `generate`, part by part while they are made."""
         of = self._pack(pack, body)
         parts = Parts(of, path)
-        call = Call(io.GENERATE, generate.request(of, path, prompt, past, seed, sampling))
+        call = Call(io.GENERATE, generate.request(of, path, prompt, past, seed, sampling, raw))
         for part in self._connection.parts(call):
             yield parts.take(part)
         parts.check_end()

@@ -115,6 +115,7 @@ def request(
     past: Clip | Sequence[Keyframe],
     seed: int,
     sampling: Sampling | None,
+    raw: bool,
 ) -> motion_pb2.GenerateRequest:
     """The request for a motion along a path, or of words."""
     message = motion_pb2.GenerateRequest(
@@ -123,6 +124,7 @@ def request(
         seed=seed,
         skeleton=pack.worn,
         sampling=None if sampling is None else sampling.to_message(),
+        raw=raw,
     )
     if (path is None) == (prompt is None):
         raise InvalidArgumentError("goal: one of path and prompt", field="goal", allowed="path or prompt")
