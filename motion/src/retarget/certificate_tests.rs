@@ -48,6 +48,13 @@ fn people_of_many_shapes_and_robots_go_together() {
     for pair in [[&source, &robot], [&robot, &source]] {
         assert_eq!(certificate(pair[0], pair[1]).faults(), [""; 0]);
     }
+    // An H1's trunk is one joint's place.
+    let mut waist = robot;
+    assert!(waist.parts.trunk.len() > 1);
+    for &joint in &waist.parts.trunk.clone() {
+        waist.places[joint] = waist.places[0];
+    }
+    assert_eq!(super::build::faults(&waist), [""; 0]);
 }
 
 #[test]
