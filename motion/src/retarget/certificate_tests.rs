@@ -54,7 +54,7 @@ fn people_of_many_shapes_and_robots_go_together() {
     for &joint in &waist.parts.trunk.clone() {
         waist.places[joint] = waist.places[0];
     }
-    assert_eq!(super::build::faults(&waist), [""; 0]);
+    assert_eq!(build::faults(&waist), [""; 0]);
 }
 
 #[test]
