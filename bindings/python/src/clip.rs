@@ -34,6 +34,7 @@ const SAME_BONES_M: f32 = 1e-3;
 pub(crate) struct Clip {
     clip: troupe_motion::Clip,
     rest: Option<Vec<Quat>>,
+    rest_root_y_m: Option<f32>,
     /// Parts that the file itself names.
     parts: PartsDoc,
     report: Option<Report>,
@@ -44,6 +45,7 @@ impl Clip {
         Self {
             clip: understood.clip,
             rest: understood.rest,
+            rest_root_y_m: understood.rest_root_y_m,
             parts: understood.parts,
             report: Some(understood.report),
         }
@@ -60,6 +62,7 @@ impl Clip {
                 let found = Understood {
                     clip: self.clip.clone(),
                     rest: self.rest.clone(),
+                    rest_root_y_m: self.rest_root_y_m,
                     parts: self.parts.clone(),
                     report: report.clone(),
                 };
@@ -86,6 +89,7 @@ impl Clip {
         Ok(Self {
             clip: clip.map_err(wrong)?,
             rest: None,
+            rest_root_y_m: None,
             parts: PartsDoc::default(),
             report: None,
         })
@@ -141,6 +145,7 @@ impl Clip {
         Ok(Self {
             clip: clip.map_err(wrong)?,
             rest: self.rest.clone(),
+            rest_root_y_m: self.rest_root_y_m,
             parts: self.parts.clone(),
             report: self.report.clone(),
         })
@@ -172,6 +177,7 @@ impl Clip {
         let made = Self {
             clip,
             rest: None,
+            rest_root_y_m: None,
             parts: PartsDoc::default(),
             report: None,
         };

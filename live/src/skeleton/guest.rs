@@ -17,9 +17,6 @@ use crate::packs::{LoadedPack, PackTable};
 
 /// What errors call it.
 const NAME: &str = "of the request";
-/// A rest pose stands on the ground at height 0 if its root is this near to where its toes say that
-/// it is, by the length of its legs.
-const STANDS_SHARE: f32 = 0.15;
 
 /// Most skeletons of requests that are kept.
 const MOST: usize = 8;
@@ -114,16 +111,8 @@ fn own(guest: &Guest) -> Result<Own, String> {
 fn figure(guest: &Guest) -> Result<Figure, String> {
     let skeleton = Skeleton::new(guest.joints.clone(), Vec3::X, 0.0, None);
     let skeleton = Arc::new(skeleton.map_err(|error| error.to_string())?);
-    let find = |root_y_m| {
-        let found = Figure::new(skeleton.clone(), &guest.rest, root_y_m, &PartsDoc::default());
-        found.map_err(|error| error.to_string())
-    };
-    let found = find(None)?;
-    let stands = (guest.height_m - found.root().y).abs() <= STANDS_SHARE * found.leg_m();
-    match stands {
-        true => find(Some(guest.height_m)),
-        false => Ok(found),
-    }
+    let found = Figure::resting(skeleton, &guest.rest, Some(guest.height_m), &PartsDoc::default());
+    found.map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

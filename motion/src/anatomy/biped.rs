@@ -22,6 +22,8 @@ pub struct Biped {
 
 const FOOT: [&str; 2] = ["foot", "ankle"];
 const HAND: [&str; 2] = ["hand", "wrist"];
+/// Joints of a leg with the pelvis: a hip, a knee and an ankle.
+const LEAST_LEG: usize = 4;
 const ELBOW: [&str; 4] = ["elbow", "forearm", "radius", "fore"];
 
 /// Parents and names of joints, an entry each.
@@ -121,8 +123,7 @@ impl Biped {
         let pelvis = tree.meeting(feet[0], feet[1])?;
         let [left, right] = feet.map(|foot| tree.chain(pelvis, foot));
         let legs = [left?, right?];
-        // A hip, a knee and an ankle.
-        if legs.iter().any(|leg| leg.len() < 4) {
+        if legs.iter().any(|leg| leg.len() < LEAST_LEG) {
             return None;
         }
         let hips = [hip(tree, &legs[0]), hip(tree, &legs[1])];
@@ -189,7 +190,8 @@ fn hip(tree: &Tree, leg: &[usize]) -> usize {
     let joints = bones(tree, &leg[1..leg.len() - 1]);
     match joints[..] {
         [.., hip, _knee] => hip,
-        [hip] => hip,
+        // The knee is a helper by its name, or the hip is.
+        [only] => only.min(leg[leg.len() - 3]),
         [] => leg[1],
     }
 }
@@ -407,6 +409,22 @@ mod tests {
         let body = Biped::find(&tree(&joints)).unwrap();
         assert_eq!((body.hips, body.feet), ([3, 16], [8, 21]));
         assert_eq!(body.arms, Some([[11, 13, 15], [24, 26, 28]]));
+    }
+
+    #[test]
+    fn a_hip_with_the_name_of_a_helper_is_a_hip() {
+        let mut joints = vec![("Hips", None), ("Spine", Some(0)), ("Head", Some(1))];
+        for side in [
+            ["LeftLegCtrl", "LeftLeg", "LeftFoot"],
+            ["RightLegCtrl", "RightLeg", "RightFoot"],
+        ] {
+            for (nth, name) in side.into_iter().enumerate() {
+                let parent = if nth == 0 { 0 } else { joints.len() - 1 };
+                joints.push((name, Some(parent)));
+            }
+        }
+        let body = Biped::find(&tree(&joints)).unwrap();
+        assert_eq!((body.hips, body.feet), ([3, 6], [5, 8]));
     }
 
     #[test]

@@ -38,22 +38,38 @@ pub struct PartsDoc {
     pub right_arm: Option<LimbDoc>,
 }
 
-/// A limb by the names of its joints.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A limb by the names of its joints. As a correction, what is left out stays as it was found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LimbDoc {
     /// Joints between the trunk and the limb: clavicles.
-    #[serde(default)]
-    pub girdle: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub girdle: Option<Vec<String>>,
     /// Shoulder or hip, and twists along the upper bone.
-    pub upper: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper: Option<Vec<String>>,
     /// Elbow or knee, and twists along the lower bone.
-    pub lower: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower: Option<Vec<String>>,
     /// Wrist or ankle.
-    pub end: String,
-    /// The joint that the toes turn about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<String>,
+    /// The joint that the toes turn about; `""` for a foot without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub toe: Option<String>,
+}
+
+impl LimbDoc {
+    /// This limb, and of another one what it leaves out.
+    fn or(self, other: Self) -> Self {
+        Self {
+            girdle: self.girdle.or(other.girdle),
+            upper: self.upper.or(other.upper),
+            lower: self.lower.or(other.lower),
+            end: self.end.or(other.end),
+            toe: self.toe.or(other.toe),
+        }
+    }
 }
 
 impl PartsDoc {
@@ -62,11 +78,15 @@ impl PartsDoc {
         let name = |joint: usize| skeleton.joints[joint].name.clone();
         let names = |joints: &[usize]| -> Vec<String> { joints.iter().map(|&joint| name(joint)).collect() };
         let limb = |limb: &Limb| LimbDoc {
-            girdle: names(&limb.girdle),
-            upper: names(&limb.upper),
-            lower: names(&limb.lower),
-            end: name(limb.end),
+            girdle: Some(names(&limb.girdle)),
+            upper: Some(names(&limb.upper)),
+            lower: Some(names(&limb.lower)),
+            end: Some(name(limb.end)),
             toe: limb.toe.map(name),
+        };
+        let leg = |leg: &Limb| LimbDoc {
+            toe: Some(leg.toe.map(name).unwrap_or_default()),
+            ..limb(leg)
         };
         let arm = |side: usize| parts.arms.as_ref().map(|arms| limb(&arms[side]));
         Self {
@@ -74,8 +94,8 @@ impl PartsDoc {
             neck: Some(names(&parts.neck)),
             tail: Some(names(&parts.tail)),
             on_fours: Some(parts.on_fours),
-            left_leg: Some(limb(&parts.legs[0])),
-            right_leg: Some(limb(&parts.legs[1])),
+            left_leg: Some(leg(&parts.legs[0])),
+            right_leg: Some(leg(&parts.legs[1])),
             left_arm: arm(0),
             right_arm: arm(1),
         }
@@ -92,11 +112,11 @@ impl PartsDoc {
         let limb = |[girdle, upper, lower, end, toe]: [&str; 5], side: &str| {
             let name = |bone: &str| name(&format!("{side}{bone}"));
             Some(LimbDoc {
-                girdle: name(girdle).into_iter().collect(),
-                upper: vec![name(upper)?],
-                lower: vec![name(lower)?],
-                end: name(end)?,
-                toe: name(toe),
+                girdle: Some(name(girdle).into_iter().collect()),
+                upper: Some(vec![name(upper)?]),
+                lower: Some(vec![name(lower)?]),
+                end: Some(name(end)?),
+                toe: Some(name(toe).unwrap_or_default()),
             })
         };
         let leg = |side| limb(["", "UpperLeg", "LowerLeg", "Foot", "Toes"], side);
@@ -116,15 +136,19 @@ impl PartsDoc {
 
     /// This document, and of another one what it leaves out.
     pub(crate) fn or(self, other: Self) -> Self {
+        let limb = |own: Option<LimbDoc>, other: Option<LimbDoc>| match (own, other) {
+            (Some(own), Some(other)) => Some(own.or(other)),
+            (own, other) => own.or(other),
+        };
         Self {
             trunk: self.trunk.or(other.trunk),
             neck: self.neck.or(other.neck),
             tail: self.tail.or(other.tail),
             on_fours: self.on_fours.or(other.on_fours),
-            left_leg: self.left_leg.or(other.left_leg),
-            right_leg: self.right_leg.or(other.right_leg),
-            left_arm: self.left_arm.or(other.left_arm),
-            right_arm: self.right_arm.or(other.right_arm),
+            left_leg: limb(self.left_leg, other.left_leg),
+            right_leg: limb(self.right_leg, other.right_leg),
+            left_arm: limb(self.left_arm, other.left_arm),
+            right_arm: limb(self.right_arm, other.right_arm),
         }
     }
 
@@ -152,26 +176,47 @@ impl PartsDoc {
                 .collect::<Result<Vec<_>, _>>()
         };
         let limb = |field: &str, doc: &Option<LimbDoc>, found: Option<&Limb>| -> Result<_, String> {
-            match doc {
-                None => Ok(found.cloned()),
-                Some(doc) => {
-                    let upper = joints(&format!("{field}.upper"), &doc.upper, 1)?;
-                    Ok(Some(Limb {
-                        girdle: joints(&format!("{field}.girdle"), &doc.girdle, 0)?,
-                        // A robot's hip or shoulder begins above its last hinge.
-                        top: found
-                            .filter(|found| found.upper[0] == upper[0])
-                            .map_or(upper[0], |found| found.top),
-                        upper,
-                        lower: joints(&format!("{field}.lower"), &doc.lower, 1)?,
-                        end: joint(&format!("{field}.end"), &doc.end)?,
-                        toe: match &doc.toe {
-                            Some(toe) => Some(joint(&format!("{field}.toe"), toe)?),
-                            None => None,
-                        },
-                    }))
+            let Some(doc) = doc else {
+                return Ok(found.cloned());
+            };
+            let list = |part: &str, names: &Option<Vec<String>>, found: Option<&Vec<usize>>, least: usize| {
+                let field = format!("{field}.{part}");
+                match (names, found) {
+                    (Some(names), _) => joints(&field, names, least),
+                    (None, Some(found)) => Ok(found.clone()),
+                    (None, None) => joints(&field, &[], least),
                 }
-            }
+            };
+            let upper = list("upper", &doc.upper, found.map(|found| &found.upper), 1)?;
+            let lower = list("lower", &doc.lower, found.map(|found| &found.lower), 1)?;
+            let girdle = list("girdle", &doc.girdle, found.map(|found| &found.girdle), 0)?;
+            let end = match (&doc.end, found) {
+                (Some(end), _) => joint(&format!("{field}.end"), end)?,
+                (None, Some(found)) => found.end,
+                (None, None) => {
+                    return Err(format!(
+                        "{field}.end is missing; allowed: a joint of the skeleton"
+                    ));
+                }
+            };
+            let toe = match &doc.toe {
+                Some(toe) if toe.is_empty() => None,
+                Some(toe) => Some(joint(&format!("{field}.toe"), toe)?),
+                None => found.and_then(|found| found.toe),
+            };
+            let made = Limb {
+                girdle,
+                // A robot's hip or shoulder begins above its last hinge.
+                top: found
+                    .filter(|found| found.upper[0] == upper[0])
+                    .map_or(upper[0], |found| found.top),
+                upper,
+                lower,
+                end,
+                toe,
+            };
+            descend(field, &made, skeleton)?;
+            Ok(Some(made))
         };
         let found = found.as_ref();
         let list =
@@ -204,4 +249,29 @@ impl PartsDoc {
             on_fours: self.on_fours.unwrap_or(found.is_some_and(|parts| parts.on_fours)),
         })
     }
+}
+
+/// Refuses a limb whose bones do not hang on each other.
+fn descend(field: &str, limb: &Limb, skeleton: &Skeleton) -> Result<(), String> {
+    let joints = &skeleton.joints;
+    let hangs = |below: usize, above: usize| {
+        let line = std::iter::successors(joints[below].parent, |&joint| joints[joint].parent);
+        line.take_while(|&joint| joint >= above)
+            .any(|joint| joint == above)
+    };
+    let [top, middle, end] = limb.chain();
+    let mut bones = vec![("lower", middle, limb.upper[0]), ("end", end, middle)];
+    bones.extend(limb.toe.map(|toe| ("toe", toe, end)));
+    if limb.upper[0] != top {
+        bones.push(("upper", limb.upper[0], top));
+    }
+    for (part, below, above) in bones {
+        if !hangs(below, above) {
+            let [below, above] = [below, above].map(|joint| &*joints[joint].name);
+            return Err(format!(
+                "{field}.{part} names {below:?}, which does not hang on {above:?}; allowed: a joint below that one"
+            ));
+        }
+    }
+    Ok(())
 }

@@ -127,7 +127,7 @@ pub(super) fn understand(
         },
     };
     let size_m = size_m(&survey, report.unit_m.value);
-    let (clip, rest) = match &options.skeleton {
+    let (clip, (rest, root_y)) = match &options.skeleton {
         Some(skeleton) => {
             let OnSkeleton {
                 clip,
@@ -139,7 +139,7 @@ pub(super) fn understand(
             if options.other_bones {
                 note_other_directions(skeleton, farthest, &mut report);
             }
-            let rest = rest_rotations(&adapted, &survey.tree, &taken, &clip);
+            let rest = rest_of(&adapted, &survey.tree, &taken, &clip);
             (clip, rest)
         }
         None => {
@@ -150,14 +150,19 @@ pub(super) fn understand(
                 left_out: &left_out,
             };
             let (clip, taken) = to_clip_of(&adapted, &rules, selection).map_err(ReadErrorKind::convert)?;
-            let rest = rest_rotations(&adapted, &survey.tree, &taken, &clip);
+            let rest = rest_of(&adapted, &survey.tree, &taken, &clip);
             note_zero_bones(&clip, &mut report);
             (clip, rest)
         }
     };
     let clip = leading::without_pose(clip, &rest, options, &mut report)?;
     let rest = to.is_none().then_some(rest);
-    finish(clip, rest, report, options)
+    let rest_root_y_m = Some((root_y * report.unit_m.value) as f32);
+    let found = finish(clip, rest, report, options)?;
+    Ok(Understood {
+        rest_root_y_m,
+        ..found
+    })
 }
 
 /// Refuses a file that would take too long to look at.
@@ -211,6 +216,7 @@ pub(super) fn finish(
     Ok(Understood {
         clip,
         rest,
+        rest_root_y_m: None,
         parts: PartsDoc::default(),
         report,
     })
@@ -407,7 +413,8 @@ fn note_zero_bones(clip: &Clip, report: &mut Report) {
 }
 
 /// Rotations of the clip's joints at rest: joint 0 in the world, others relative to their parents.
-fn rest_rotations(source: &Adapted<'_>, tree: &Tree, taken: &[usize], clip: &Clip) -> Vec<Quat> {
+/// And the height of joint 0 in the file's unit.
+fn rest_of(source: &Adapted<'_>, tree: &Tree, taken: &[usize], clip: &Clip) -> (Vec<Quat>, f64) {
     let mut local = vec![Transform::default(); source.joint_count()];
     source.rest(&mut local);
     let mut world = local.clone();
@@ -420,5 +427,6 @@ fn rest_rotations(source: &Adapted<'_>, tree: &Tree, taken: &[usize], clip: &Cli
             Some(parent) => world[taken[parent]].turn.conjugate() * turn,
         }
     });
-    turns.map(|turn| turn.normalize().as_quat()).collect()
+    let turns = turns.map(|turn| turn.normalize().as_quat()).collect();
+    (turns, world[taken[0]].place.y)
 }

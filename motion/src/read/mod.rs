@@ -104,6 +104,8 @@ pub struct Understood {
     /// The file's rest pose on the clip's joints: joint 0 in the world, others relative to their
     /// parents. None for a clip on a given skeleton.
     pub rest: Option<Vec<Quat>>,
+    /// Height of joint 0 in the rest pose, metres in the world, if the file has joints' places.
+    pub rest_root_y_m: Option<f32>,
     /// Parts of the body that the file itself names: VRM does. Empty otherwise.
     pub parts: PartsDoc,
     /// What was understood.

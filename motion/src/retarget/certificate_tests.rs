@@ -8,7 +8,7 @@ use super::dolls::doll;
 use super::motions::{ON_FOUR, clip};
 use super::tests::{HIPS_M, example, figure, g1, person};
 use super::*;
-use crate::anatomy::{LimbDoc, PartsDoc, places};
+use crate::anatomy::{PartsDoc, places};
 use crate::clip::Clip;
 use crate::fk::local_from_world_rotations;
 use crate::read::RestPose;
@@ -221,21 +221,37 @@ fn legs_of_the_other_side_are_refused_with_the_foot() {
 }
 
 #[test]
-fn crossed_legs_are_refused_with_the_foot() {
+fn a_leg_without_a_shin_is_refused_with_a_number() {
     let (_, source) = example();
-    let target = corrected(|doc| {
-        let (Some(left), Some(right)) = (&mut doc.left_leg, &mut doc.right_leg) else {
-            unreachable!()
-        };
-        let swap = |a: &mut LimbDoc, b: &mut LimbDoc| {
-            std::mem::swap(&mut a.lower, &mut b.lower);
-            std::mem::swap(&mut a.end, &mut b.end);
-        };
-        swap(left, right);
-    });
+    let mut skeleton = (*person(0, 1.0, 3, RestPose::T).skeleton()).clone();
+    let ankle = skeleton.joint_index("mixamorig:RightFoot").unwrap();
+    skeleton.joints[ankle].offset_m = Vec3::ZERO;
+    let target = figure(&Arc::new(skeleton), 1.0);
     let faults = certificate(&source, &target).faults();
-    let wanted = "distance of feet from their places at mixamorig:RightFoot is inf";
+    let wanted = "distance of feet from their places at mixamorig:RightFoot is ";
     assert!(faults.iter().any(|fault| fault.contains(wanted)), "{faults:#?}");
+    let finite = |fault: &String| !fault.contains("inf") && !fault.contains("NaN");
+    assert!(faults.iter().all(finite), "{faults:#?}");
+}
+
+#[test]
+fn what_is_allowed_grows_and_shrinks_with_the_legs() {
+    let faults = |leg_m: f32, under_m: f32| {
+        let figures = Figures {
+            under_m,
+            leg_m,
+            ..Figures::default()
+        };
+        figures.faults().len()
+    };
+    assert_eq!([faults(0.8, 0.019), faults(0.8, 0.021)], [0, 1]);
+    assert_eq!([faults(8.0, 0.15), faults(8.0, 0.17)], [0, 1]);
+    assert_eq!([faults(0.05, 0.0019), faults(0.05, 0.0021)], [0, 1]);
+    let (_, source) = example();
+    for size in [0.06, 1.0, 18.0] {
+        let target = figure(&person(0, size, 3, RestPose::T).skeleton(), size);
+        assert_eq!(certificate(&source, &target).faults(), [""; 0], "{size}");
+    }
 }
 
 #[test]

@@ -20,6 +20,8 @@ const LOWEST_SHARE: f32 = 0.02;
 const TOES_SHARE: f32 = 0.4;
 /// Farthest that toes are bent up, radians.
 const MOST_BEND: f32 = 1.4;
+/// Toes along the axis that they bend about are not bent, by how far they are off it.
+const NO_TURN: f32 = 1e-3;
 /// Toes that point backwards are bent less, and not at all once a bend lowers them by this share of
 /// their length a radian: they lie on their backs.
 const BACKWARDS: f32 = 0.5;
@@ -187,6 +189,9 @@ impl Toes {
         let axis = ankle * self.axis;
         let still = axis.y * axis.dot(tip);
         let (now, rises) = (tip.y - still, axis.cross(tip).y);
+        if now.hypot(rises) < NO_TURN * tip.length() {
+            return local;
+        }
         let highest = rises.atan2(now).rem_euclid(TAU);
         let most = now.hypot(rises);
         let angle = highest - ((wanted - still) / most).clamp(-1.0, 1.0).acos();

@@ -19,6 +19,12 @@ const SOLE_SHARE: f32 = 0.25;
 /// Toes of a clip that stand higher than this share of the legs' length do not show the ground.
 const MOST_TOE_SHARE: f32 = 0.12;
 
+/// A rest pose stands on the ground of its file if its root is this near to where its toes say that
+/// it is, by the length of its legs.
+const STANDS_SHARE: f32 = 0.15;
+/// Farthest that two joints of a body are apart along an axis, metres.
+const MOST_M: f32 = 1e4;
+
 /// A body with its neutral pose: upright, heading along +Z, limbs hanging down.
 #[derive(Clone, Debug)]
 pub struct Figure {
@@ -70,6 +76,25 @@ impl Figure {
         let lift = ankles(&at) - ankles(&places(&skeleton, &neutral));
         let root_y_m = root_y_m.map(|root_y_m| root_y_m + lift);
         Self::of_parts(skeleton, parts, neutral, root_y_m)
+    }
+
+    /// As [`Figure::new`], by the height of joint 0 over the ground of the file that the rest pose is
+    /// of. Many files have their origin elsewhere: then the toes say where the ground is.
+    ///
+    /// # Errors
+    /// As [`Figure::new`].
+    pub fn resting(
+        skeleton: Arc<Skeleton>,
+        rest: &[Quat],
+        root_y_m: Option<f32>,
+        doc: &PartsDoc,
+    ) -> Result<Self, RetargetError> {
+        let found = Self::new(Arc::clone(&skeleton), rest, None, doc)?;
+        let near_m = STANDS_SHARE * found.leg_m;
+        match root_y_m.filter(|root_y_m| (root_y_m - found.root().y).abs() <= near_m) {
+            Some(root_y_m) => Self::new(skeleton, rest, Some(root_y_m), doc),
+            None => Ok(found),
+        }
     }
 
     /// The figure of a clip's skeleton: by the average pose of a body that is found by names, with
@@ -146,6 +171,13 @@ impl Figure {
         at: Vec<Vec3>,
         root_y_m: Option<f32>,
     ) -> Result<Self, RetargetError> {
+        let is_near = |place: &Vec3| (*place - at[0]).abs().max_element() <= MOST_M;
+        if let Some(joint) = at.iter().position(|place| !is_near(place) || place.is_nan()) {
+            return Err(RetargetError::NoStance(format!(
+                "{} is more than {MOST_M} m away from the root",
+                skeleton.joints[joint].name
+            )));
+        }
         let at = grounded(&skeleton, &parts, at, root_y_m);
         let middle = |joints: [usize; 2]| 0.5 * (at[joints[0]] + at[joints[1]]);
         let hips = middle([0, 1].map(|side| parts.legs[side].top));
@@ -239,9 +271,9 @@ fn neutral(skeleton: &Skeleton, parts: &Parts, pose: Vec<Quat>) -> Result<Vec<Qu
     let top = parts.neck.last().or(parts.trunk.last()).copied().unwrap_or(0);
     let upward = (at[top] - feet).normalize_or_zero();
     if upward.y < UPRIGHT {
-        let away = upward.angle_between(Vec3::Y).to_degrees();
+        let [away, most] = [upward.y, UPRIGHT].map(|cosine| cosine.acos().to_degrees());
         return Err(RetargetError::NoStance(format!(
-            "from its feet to its head is {away:.0}° away from upwards"
+            "from its feet to its head is {away:.0}° away from upwards, and {most:.0}° are allowed"
         )));
     }
     let at: Vec<DVec3> = at.into_iter().map(Vec3::as_dvec3).collect();

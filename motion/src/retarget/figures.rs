@@ -23,6 +23,9 @@ const STEEP: f32 = 0.8;
 const MOST_SKATE: (f32, f32) = (1.2, 0.02);
 /// Feet may be this far under the ground, and short of their places, metres.
 const MOST_M: f32 = 0.02;
+/// Legs for which lengths and speeds are allowed as they stand, metres. For others they grow and
+/// shrink with the legs.
+const USUAL_LEGS_M: (f32, f32) = (0.5, 1.0);
 
 /// What a retargeted clip keeps of its source. Lengths and speeds are in the target's size.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -44,6 +47,9 @@ pub struct Figures {
     pub short_m: f32,
     /// Which joints these are.
     pub joints: WorstJoints,
+    /// Length of the target's legs, metres.
+    #[serde(skip)]
+    pub leg_m: f32,
 }
 
 /// The joints of the target whose figures are worst, by name. Empty if no joint has the figure.
@@ -92,14 +98,14 @@ impl Figures {
                 under: name(feet.under.1).to_owned(),
                 short: name(short.1).to_owned(),
             },
+            leg_m: target.leg_m,
         }
     }
 
     /// The figures of a motion that could not be carried over at all.
     pub(super) fn nothing_kept() -> Self {
         Self {
-            directions_deg: f32::INFINITY,
-            short_m: f32::INFINITY,
+            directions_deg: 180.0,
             ..Self::default()
         }
     }
@@ -165,7 +171,8 @@ impl Figures {
             MOST_LINE_DEG,
             "°",
         );
-        let skate = self.source_skate_mps * MOST_SKATE.0 + MOST_SKATE.1;
+        let size = self.leg_m / self.leg_m.clamp(USUAL_LEGS_M.0, USUAL_LEGS_M.1);
+        let skate = self.source_skate_mps * MOST_SKATE.0 + size * MOST_SKATE.1;
         most(
             "sliding of standing feet",
             &joints.skate,
@@ -177,14 +184,14 @@ impl Figures {
             "depth of feet under the ground",
             &joints.under,
             self.under_m,
-            MOST_M,
+            size * MOST_M,
             " m",
         );
         most(
             "distance of feet from their places",
             &joints.short,
             self.short_m,
-            MOST_M,
+            size * MOST_M,
             " m",
         );
         faults

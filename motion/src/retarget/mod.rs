@@ -20,6 +20,9 @@ mod feet;
 mod feet_tests;
 mod figure;
 mod figures;
+#[cfg(feature = "files")]
+#[cfg(test)]
+mod ground_tests;
 mod hinges;
 mod limbs;
 mod motions;
@@ -70,11 +73,25 @@ pub enum RetargetError {
     #[error("the rest pose is no stance: {0}; allowed: upright, arms hanging or to the sides")]
     NoStance(String),
     /// A body on two legs and one on four.
-    #[error("one body stands on two legs and the other on four")]
-    Legs,
+    #[error("{}", legs(*.source_on_fours))]
+    Legs {
+        /// Whether the source is the body on four.
+        source_on_fours: bool,
+    },
     /// Frames or joints that are too many, or do not match.
     #[error(transparent)]
     Clip(#[from] crate::clip::ClipError),
+}
+
+fn legs(source_on_fours: bool) -> &'static str {
+    match source_on_fours {
+        true => {
+            "the motion is of a body on four legs, and the character stands on two; allowed: as many legs"
+        }
+        false => {
+            "the motion is of a body on two legs, and the character stands on four; allowed: as many legs"
+        }
+    }
 }
 
 /// Carries poses of one body over to another. After it is made, it allocates nothing.
@@ -129,7 +146,9 @@ impl Retargeter {
     /// [`RetargetError::Legs`] if only one of the bodies stands on four legs.
     pub fn new(source: Figure, target: Figure) -> Result<Self, RetargetError> {
         if source.parts.on_fours != target.parts.on_fours {
-            return Err(RetargetError::Legs);
+            return Err(RetargetError::Legs {
+                source_on_fours: source.parts.on_fours,
+            });
         }
         let scale = target.leg_m / source.leg_m;
         let blank = |joints: usize| (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);
@@ -280,10 +299,12 @@ impl Retargeter {
         out: &mut [Quat],
     ) -> Option<Vec3> {
         let mut place = None;
+        // A limb that cannot be bent stays where it is.
+        let away = self.to.0[limb.chain[2]].distance(goal + drop);
         let short = match (limb.is_whole, &self.hinges) {
-            (false, _) => f32::INFINITY,
+            (false, _) => away,
             (true, None) => match limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out) {
-                None => f32::INFINITY,
+                None => away,
                 Some((short, end)) => {
                     place = Some(end - drop);
                     short

@@ -3,11 +3,16 @@
 use super::figure::Figure;
 use crate::anatomy::{Limb, Name, Parts};
 
+/// A joint above the pelvis lies on the floor if it is lower than this share of the legs' length.
+const FLOOR_SHARE: f32 = 0.1;
+
 /// How a joint of the target turns. A turn is the rotation from the neutral pose in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Turn {
     /// With its parent: it holds its neutral pose.
     Along,
+    /// About the vertical axis, as the heading of a joint of the source.
+    Heading(usize),
     /// As two joints of the source, mixed: the share of the second.
     Between(usize, usize, f32),
     /// As an elbow or knee of the source, which does not bend backwards.
@@ -42,9 +47,15 @@ pub(super) fn plan(source: &Figure, target: &Figure) -> Box<[Turn]> {
     let mut set = |joint: usize, turn: Turn| turns[joint] = turn;
     let same = |joint: usize| Turn::Between(joint, joint, 0.0);
     let (pelvis, chest) = (from.trunk[0], from.trunk[from.trunk.len() - 1]);
-    // The root and what lies between it and the pelvis move with the pelvis.
+    // The root and what lies between it and the pelvis move with the pelvis. A joint on the floor
+    // would swing about the hips, and stays below them.
     let above = std::iter::successors(Some(to.trunk[0]), |&joint| target.skeleton.joints[joint].parent);
-    above.for_each(|joint| set(joint, same(pelvis)));
+    let lies =
+        |joint: usize| target.skeleton.robot.is_none() && target.places[joint].y < FLOOR_SHARE * target.leg_m;
+    above.for_each(|joint| match lies(joint) {
+        true => set(joint, Turn::Heading(pelvis)),
+        false => set(joint, same(pelvis)),
+    });
     spread(&from.trunk[1..], &to.trunk[1..], (pelvis, pelvis), &mut set);
     let head = from.neck.last().copied().unwrap_or(chest);
     match (&from.neck[..], &to.neck[..]) {

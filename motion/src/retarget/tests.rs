@@ -136,11 +136,8 @@ fn a_document_corrects_the_parts() {
     assert_eq!(with(&doc).unwrap().parts(), found.parts());
     let wrong = PartsDoc {
         left_arm: Some(LimbDoc {
-            girdle: Vec::new(),
-            upper: vec!["bone5".to_owned()],
-            lower: vec!["wing".to_owned()],
-            end: "bone7".to_owned(),
-            toe: None,
+            lower: Some(vec!["wing".to_owned()]),
+            ..LimbDoc::default()
         }),
         ..PartsDoc::default()
     };
@@ -149,6 +146,45 @@ fn a_document_corrects_the_parts() {
         error,
         "left_arm.lower names \"wing\"; allowed: a joint of the skeleton"
     );
+}
+
+#[test]
+fn what_a_limb_of_a_document_leaves_out_stays_as_it_was_found() {
+    let skeleton = person(0, 1.0, 1, RestPose::T).skeleton();
+    let found = figure(&skeleton, 1.0);
+    let rest = vec![Quat::IDENTITY; skeleton.joint_count()];
+    let with = |leg: LimbDoc| {
+        let doc = PartsDoc {
+            left_leg: Some(leg),
+            ..PartsDoc::default()
+        };
+        Figure::new(Arc::clone(&skeleton), &rest, None, &doc)
+    };
+    let known = &found.parts().legs[0];
+    let name = |joint: usize| skeleton.joints[joint].name.clone();
+    let same = with(LimbDoc {
+        end: Some(name(known.end)),
+        ..LimbDoc::default()
+    });
+    assert_eq!(same.unwrap().parts(), found.parts());
+    let bare = with(LimbDoc {
+        toe: Some(String::new()),
+        ..LimbDoc::default()
+    });
+    let bare = bare.unwrap();
+    assert_eq!(
+        (bare.parts().legs[0].toe, bare.parts().legs[0].end),
+        (None, known.end)
+    );
+    let other = found.parts().legs[1].lower[0];
+    let crossed = with(LimbDoc {
+        lower: Some(vec![name(other)]),
+        ..LimbDoc::default()
+    });
+    let error = crossed.unwrap_err().to_string();
+    let [other, top] = [other, known.top].map(name);
+    let wanted = format!("left_leg.lower names {other:?}, which does not hang on {top:?}");
+    assert!(error.starts_with(&wanted), "{error}");
 }
 
 #[test]

@@ -6,7 +6,8 @@ use glam::{Quat, Vec3};
 
 use super::figure::Figure;
 use super::plan::{Bend, Roll, Turn, plan};
-use crate::rotation::{align_sign, slerp};
+use crate::root::heading_of;
+use crate::rotation::{align_sign, slerp, yaw};
 use crate::skeleton::Skeleton;
 
 /// How far knees may bend the wrong way, radians.
@@ -17,6 +18,9 @@ const BACKWARDS: f32 = 0.03;
 enum Driven {
     /// As a joint of the source: its rotation in the world times a constant.
     As(usize, Quat),
+    /// As the heading of a joint of the source: its inverse in the neutral pose, and the own
+    /// rotation there.
+    Heading(usize, [Quat; 2]),
     /// Between two joints of the source: the share of the second.
     Between([(usize, Quat); 2], f32),
     Bent(Bent),
@@ -106,6 +110,9 @@ impl Turns {
                 let (from, turn) = fixed(one, joint);
                 Driven::As(from, turn)
             }
+            (Turn::Heading(from), _) => {
+                Driven::Heading(from, [source.neutral[from].conjugate(), target.neutral[joint]])
+            }
             (Turn::Bent(bend), _) => Driven::Bent(Bent {
                 bend,
                 turn: fixed(bend.from, joint).1,
@@ -130,7 +137,7 @@ impl Turns {
             None => with_parents(&target.skeleton, is_driven.chain(counts.iter().copied())),
         };
         let drivers = driven.iter().flat_map(|driven| match *driven {
-            Driven::As(from, _) => vec![from],
+            Driven::As(from, _) | Driven::Heading(from, _) => vec![from],
             Driven::Between([one, other], _) => vec![one.0, other.0],
             Driven::Bent(bent) => vec![bent.bend.from],
             Driven::Rolled(rolled) => rolled.roll.from.to_vec(),
@@ -185,6 +192,7 @@ impl Turns {
                     continue;
                 }
                 Driven::As(one, turn) => from[one] * turn,
+                Driven::Heading(one, [still, own]) => yaw(heading_of(from[one] * still, Vec3::X)) * own,
                 Driven::Bent(bent) => bent.rotation(from, wanted),
                 Driven::Rolled(rolled) => rolled.rotation(from, wanted),
                 Driven::Between([(one, turn), (other, next)], share) => {

@@ -155,7 +155,7 @@ impl Person {
 
 /// How a program writes BVH.
 #[derive(Clone, Debug)]
-pub(super) struct Dialect {
+pub(crate) struct Dialect {
     pub(super) order: EulerOrder,
     pub(super) unit_m: f64,
     pub(super) up: Up,
@@ -169,7 +169,7 @@ pub(super) struct Dialect {
 }
 
 impl Dialect {
-    pub(super) fn plain() -> Self {
+    pub(crate) fn plain() -> Self {
         Self {
             order: EulerOrder::ZXY,
             unit_m: 0.01,
@@ -236,7 +236,7 @@ impl Dialect {
         BvhFile::new(made.collect(), 1.0 / f64::from(clip.fps), values).unwrap()
     }
 
-    pub(super) fn bytes(&self, clip: &Clip) -> Vec<u8> {
+    pub(crate) fn bytes(&self, clip: &Clip) -> Vec<u8> {
         encoded(
             &write(&self.file(clip)).replace('\n', self.line_end),
             self.encoding,
