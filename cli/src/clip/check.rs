@@ -10,8 +10,8 @@ use troupe_motion::read::{self, Agreement, Options, ReadErrorKind, Report, Under
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Misread, SONIC_FILE, understand, with_source};
 use crate::output::{print, table, to_json};
+use crate::understand::{Misread, SONIC_FILE, understand, with_source};
 
 /// Rows of a report that have a column of the table.
 const COLUMNS: [&str; 6] = ["format", "up axis", "unit", "rate", "rest pose", "frames"];
