@@ -11,6 +11,7 @@ use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::{print, table, to_json};
+use crate::term::plain;
 use crate::understand::{Misread, SONIC_FILE, understand, with_source};
 
 /// Rows of a report that have a column of the table.
@@ -222,7 +223,8 @@ fn table_of(checked: &[Checked]) -> Table {
         row.extend(COLUMNS.map(value));
         let notes = report.iter().flat_map(|report| &report.oddities);
         let notes = notes.chain(report.iter().flat_map(|report| &report.repairs));
-        let notes: Vec<&str> = notes.map(|note| &*note.text).chain(error.as_deref()).collect();
+        let notes = notes.map(|note| &*note.text).chain(error.as_deref());
+        let notes: Vec<String> = notes.map(plain).collect();
         row.push(notes.join("\n"));
         table.add_row(row);
     }

@@ -21,12 +21,10 @@ use crate::convert::{
     OnSkeleton, Rules, Selection, Source, Transform, check_length, to_clip_of, to_clip_on_of,
 };
 use crate::glb::MAX_NODES;
-use crate::skeleton::{Joint, Skeleton};
+use crate::skeleton::{Joint, MAX_NAME_BYTES, Skeleton};
 
 /// Farthest place of a root along an axis, metres: that of the server's interface.
 const MAX_ROOT_M: f32 = 10_000.0;
-/// Most bytes of a joint's name.
-const MAX_NAME_BYTES: usize = 256;
 /// How much of a longer name an error shows, characters.
 const SHOWN_CHARS: usize = 32;
 /// Shorter bones have no length, metres.
