@@ -11,7 +11,7 @@ use troupe_motion::clip::{Clip, ClipError};
 use troupe_motion::files;
 use troupe_motion::glb::write_glb;
 use troupe_motion::looping;
-use troupe_motion::read::{self, Basis, Options, ReadErrorKind, Report, Source, Understood};
+use troupe_motion::read::Understood;
 use troupe_motion::robot::{reference, sonic_files, write_csv};
 use troupe_motion::skeleton::Skeleton;
 use troupe_proto::v1;
@@ -20,9 +20,8 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::reading::Reading;
 use crate::term::Term;
+use crate::understand::{ending, note, understand};
 
-/// The file of a SONIC motion that stands for the other CSV files of its folder.
-pub(super) const SONIC_FILE: &str = "joint_pos.csv";
 /// Endings of formats that are read, but not written.
 const ONLY_READ: [&str; 2] = ["gltf", "fbx"];
 
@@ -91,107 +90,6 @@ pub fn read_clip_on(
     Ok(understood.map_err(|why| why.to_string())?.clip)
 }
 
-/// Why a file of motion was not understood.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum Misread {
-    /// The file system's error.
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    /// What is wrong with the file.
-    #[error(transparent)]
-    Kind(#[from] ReadErrorKind),
-}
-
-impl Misread {
-    /// Whether another choice of options may read the file.
-    pub(super) fn has_options(&self) -> bool {
-        matches!(self, Self::Kind(kind) if !kind.options().is_empty())
-    }
-}
-
-/// Reads a file of motion, and says what was understood of it. Names and rates as for
-/// [`read_clip_on`].
-///
-/// # Errors
-/// [`Misread`], without the path.
-pub(super) fn understand(
-    path: &Path,
-    mut options: Options,
-    gltf_fps: Option<f32>,
-) -> Result<Understood, Misread> {
-    let (path, animation) = split_animation(path);
-    // SONIC's motion is a folder of files.
-    let sonic = path.join(SONIC_FILE);
-    let path = if sonic.is_file() { sonic } else { path };
-    let bytes = std::fs::read(&path)?;
-    options.animation = animation.or(options.animation);
-    if is_gltf(&path, &bytes) {
-        options.fps = options.fps.or(gltf_fps);
-    }
-    let read = with_source(&path, &bytes, |source| read::read(source, &options));
-    Ok(read.map_err(|error| error.kind)?)
-}
-
-/// Reads the file of a character: its skeleton at rest. It needs no animation.
-///
-/// # Errors
-/// [`Misread`], without the path.
-pub(super) fn understand_character(path: &Path) -> Result<Understood, Misread> {
-    let (path, animation) = split_animation(path);
-    let bytes = std::fs::read(&path)?;
-    let options = Options {
-        animation,
-        ..Options::default()
-    };
-    let read = with_source(&path, &bytes, |source| read::character(source, &options));
-    Ok(read.map_err(|error| error.kind)?)
-}
-
-/// Does something with a file as a source of the reader, which also finds the files beside it.
-pub(super) fn with_source<T>(path: &Path, bytes: &[u8], does: impl FnOnce(&Source<'_>) -> T) -> T {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let beside = |name: &str| read::beside::below(folder, name);
-    does(&Source {
-        name: &path.to_string_lossy(),
-        bytes,
-        beside: &beside,
-    })
-}
-
-/// Whether a file is glTF, binary or text.
-fn is_gltf(path: &Path, bytes: &[u8]) -> bool {
-    bytes.starts_with(b"glTF")
-        || bytes.trim_ascii_start().starts_with(b"{")
-        || ending(path).as_deref() == Some("gltf")
-}
-
-/// Notes what a user must know of a file that was read: repairs, oddities, and an assumed rate.
-pub(super) fn note(path: &Path, report: &Report, term: &Term) {
-    let path = path.display();
-    for repair in &report.repairs {
-        term.note(format_args!("{path}: {}", repair.text));
-    }
-    for oddity in &report.oddities {
-        term.note(format_args!("{path}: odd: {}", oddity.text));
-    }
-    if report.fps.basis == Basis::Assumed {
-        term.note(format_args!(
-            "{path}: read at {} frames per second: {}",
-            report.fps.value, report.fps.evidence
-        ));
-    }
-}
-
-/// Splits `horse.glb#Walk` into a file and the name of an animation in it, unless a file of the
-/// whole name exists.
-fn split_animation(path: &Path) -> (PathBuf, Option<String>) {
-    let whole = path.to_string_lossy();
-    match whole.rsplit_once('#') {
-        Some((file, animation)) if !path.exists() => (file.into(), Some(animation.to_owned())),
-        _ => (path.to_owned(), None),
-    }
-}
-
 /// Reads the document of a scene or an object definition.
 pub(super) fn read_document(path: &Path) -> Result<v1::Document, Failure> {
     let format = match ending(path).as_deref() {
@@ -217,11 +115,6 @@ pub(super) fn document_failure(path: &Path, error: ClientError) -> Failure {
         }
         other => other.into(),
     }
-}
-
-/// A file's ending, in lower case and without the dot.
-fn ending(path: &Path) -> Option<String> {
-    path.extension().map(|e| e.to_string_lossy().to_lowercase())
 }
 
 /// A layout of a robot's motion for its tracker, 50 frames a second.
@@ -464,27 +357,6 @@ mod tests {
             ("walk.bvh".into(), "walk.bvh".into())
         );
         std::fs::remove_dir_all(folder).unwrap();
-    }
-
-    #[test]
-    fn a_path_may_name_an_animation() {
-        let split = |path: &str| {
-            let (path, animation) = split_animation(Path::new(path));
-            (path.to_str().unwrap().to_owned(), animation)
-        };
-        assert_eq!(
-            split("a/horse.glb#Walk"),
-            ("a/horse.glb".into(), Some("Walk".into()))
-        );
-        assert_eq!(split("a/horse.glb"), ("a/horse.glb".into(), None));
-        let odd = std::env::temp_dir().join(format!("troupe-{}#1.bvh", std::process::id()));
-        std::fs::write(&odd, "").unwrap();
-        assert_eq!(
-            split_animation(&odd),
-            (odd.clone(), None),
-            "a file of that name is there"
-        );
-        std::fs::remove_file(odd).unwrap();
     }
 
     #[test]

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::clip::Clip;
-use troupe_motion::glb;
 use troupe_motion::retarget::{Certificate, Figure, Retargeter, retarget};
 use troupe_motion::skeleton::Skeleton;
 
+use crate::character::{Character, Hints, is_whole};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::{Format, Layout};
-use crate::reading::Reading;
-use crate::retarget::{character, is_whole, shortened};
+use crate::kept;
+use crate::reading::{Reading, unit_m};
 use crate::term::Term;
 
 const CHARACTER: &str = "Your character";
@@ -32,6 +32,15 @@ pub(crate) struct OntoHero {
     #[arg(long, value_name = "FILE", requires = "onto", help_heading = CHARACTER)]
     pub(crate) onto_parts: Option<PathBuf>,
 
+    /// Unit of length of the character's file: m, ft, dm, cmu, in, cm or mm. Default: the one in
+    /// which the body has its size.
+    #[arg(long, value_name = "UNIT", value_parser = unit_m, requires = "onto", help_heading = CHARACTER)]
+    pub(crate) onto_unit: Option<f64>,
+
+    /// Joint that is the character's root. Default: the one that carries the body.
+    #[arg(long, value_name = "JOINT", requires = "onto", help_heading = CHARACTER)]
+    pub(crate) onto_root: Option<String>,
+
     /// Write the motion even if what the character keeps of it is beyond the bar.
     #[arg(long, requires = "onto", help_heading = CHARACTER)]
     pub(crate) force: bool,
@@ -39,8 +48,7 @@ pub(crate) struct OntoHero {
 
 /// A character that was read.
 pub(crate) struct Hero<'a> {
-    path: &'a Path,
-    figure: Figure,
+    character: Character<'a>,
     force: bool,
 }
 
@@ -50,10 +58,14 @@ impl OntoHero {
         let Some(path) = &self.onto else {
             return Ok(None);
         };
-        let figure = character(path, self.onto_parts.as_deref(), term)?;
+        let hints = Hints {
+            parts: self.onto_parts.as_deref(),
+            unit_m: self.onto_unit,
+            root: self.onto_root.as_deref(),
+            option: "onto",
+        };
         Ok(Some(Hero {
-            path,
-            figure,
+            character: Character::read(path, hints, term)?,
             force: self.force,
         }))
     }
@@ -64,21 +76,23 @@ impl Hero<'_> {
     pub(crate) fn scale(&self, from: &Skeleton) -> Result<f32, Failure> {
         let legs_m = Figure::legs_m(from);
         let why = "the legs of the pack's body are not found";
-        let legs_m = legs_m.ok_or_else(|| Failure::file(self.path, why))?;
-        Ok(self.figure.leg_m() / legs_m)
+        let legs_m = legs_m.ok_or_else(|| Failure::file(self.character.path, why))?;
+        Ok(self.character.figure.leg_m() / legs_m)
     }
 
     /// A clip of a pack's body on the character. `whole` is motion of that body from which its
     /// stance is seen: the clip itself, or more of it.
     pub(crate) fn wear(&self, clip: &Clip, whole: &Clip, term: &Term) -> Result<Clip, Failure> {
-        let failure = |why: &dyn std::fmt::Display| Failure::file(self.path, why);
+        let failure = |why: &dyn std::fmt::Display| Failure::file(self.character.path, why);
         let source = Figure::of_clip(whole, None, &PartsDoc::default()).map_err(|e| failure(&e))?;
-        let retargeter = Retargeter::new(source, self.figure.clone());
+        let retargeter = Retargeter::new(source, self.character.figure.clone());
         let mut retargeter = retargeter.map_err(|e| failure(&e))?;
-        let certified = Certificate::of(&retargeter).faults();
-        self.judge(shortened(certified), term)?;
+        let certificate = Certificate::of(&retargeter);
+        self.judge(kept::shortened(certificate.faults()), term)?;
         let (made, figures) = retarget(&mut retargeter, clip).map_err(|e| failure(&e))?;
-        self.judge(figures.faults(), term)?;
+        term.note(kept::table(&figures, &certificate));
+        let faults = kept::faults(&mut retargeter, [clip, &made], &figures);
+        self.judge(faults.map_err(|e| failure(&e))?, term)?;
         Ok(made)
     }
 
@@ -86,10 +100,10 @@ impl Hero<'_> {
     fn judge(&self, faults: Vec<String>, term: &Term) -> Result<(), Failure> {
         if !faults.is_empty() && !self.force {
             let why = format!("{}; --force writes the motion all the same", faults.join("; "));
-            return Err(Failure::file(self.path, why));
+            return Err(Failure::file(self.character.path, why));
         }
         for fault in faults {
-            term.note(format_args!("{}: {fault}", self.path.display()));
+            term.note(format_args!("{}: {fault}", self.character.path.display()));
         }
         Ok(())
     }
@@ -97,7 +111,7 @@ impl Hero<'_> {
 
 /// How motion is written: onto the character's own file, or in a format.
 pub(crate) enum Writer<'a> {
-    Dress(&'a Path),
+    Dress(&'a Character<'a>),
     Plain(Format),
 }
 
@@ -109,12 +123,14 @@ impl<'a> Writer<'a> {
         layout: Option<Layout>,
         hero: Option<&'a Hero<'_>>,
     ) -> Result<Self, Failure> {
-        if let Some(hero) = hero.filter(|hero| layout.is_none() && is_whole(hero.path) && is_whole(out)) {
-            return Ok(Self::Dress(hero.path));
+        let is_dressed =
+            |hero: &&Hero<'_>| layout.is_none() && is_whole(hero.character.path) && is_whole(out);
+        if let Some(hero) = hero.filter(is_dressed) {
+            return Ok(Self::Dress(&hero.character));
         }
         let format = Format::of_layout(out, layout)?;
         match hero {
-            Some(hero) if format.is_for_robots() && hero.figure.skeleton().robot.is_none() => {
+            Some(hero) if format.is_for_robots() && hero.character.figure.skeleton().robot.is_none() => {
                 let why = "it would hold a robot's angles, but the character is no robot";
                 Err(Failure::file(out, why))
             }
@@ -157,11 +173,7 @@ impl<'a> Writer<'a> {
     ) -> Result<(), Failure> {
         match self {
             Self::Plain(format) => format.write(clip, out, reading),
-            Self::Dress(to) => {
-                let bytes = std::fs::read(to).map_err(|e| Failure::file(to, e))?;
-                let made = glb::add_animation(&bytes, clip, name).map_err(|e| Failure::file(to, e))?;
-                std::fs::write(out, made).map_err(|e| Failure::output(out, e))
-            }
+            Self::Dress(character) => character.write(clip, out, name),
         }
     }
 }

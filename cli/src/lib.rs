@@ -3,6 +3,7 @@
 
 mod args;
 mod bridge;
+mod character;
 mod clip;
 mod connection;
 mod context;
@@ -17,6 +18,7 @@ mod generate;
 mod graphics;
 mod hero;
 mod inbetween;
+mod kept;
 mod object;
 mod output;
 mod own_body;
@@ -38,6 +40,7 @@ mod take;
 mod term;
 mod tokens;
 mod top;
+mod understand;
 mod values;
 
 #[cfg(test)]
@@ -73,7 +76,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("troupe: {failure}");
+            eprintln!("troupe: {}", term::plain_lines(&failure.to_string()));
             failure.exit_code()
         }
     }

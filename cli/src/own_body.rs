@@ -8,8 +8,8 @@ use troupe_motion::read::{Options, Understood};
 use troupe_proto::v1;
 
 use crate::failure::Failure;
-use crate::files::{note, understand};
 use crate::term::Term;
+use crate::understand::{note, understand};
 
 /// Endings of files with a skeleton.
 const ENDINGS: [&str; 5] = ["bvh", "fbx", "glb", "gltf", "npz"];

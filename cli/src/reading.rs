@@ -126,7 +126,7 @@ fn up(text: &str) -> Result<Up, String> {
     Up::of_name(text).ok_or_else(|| "must be x, y, z, -x, -y or -z".to_owned())
 }
 
-fn unit_m(text: &str) -> Result<f64, String> {
+pub(crate) fn unit_m(text: &str) -> Result<f64, String> {
     units::metres_of(text).ok_or_else(|| format!("must be one of {}", units::names()))
 }
 

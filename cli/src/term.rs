@@ -5,6 +5,27 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
+/// A text of one line whose control characters are escaped: names in files may have any.
+pub(crate) fn plain(text: &str) -> String {
+    escaped(text, char::is_control)
+}
+
+/// The same for a text of several lines.
+pub(crate) fn plain_lines(text: &str) -> String {
+    escaped(text, |c| c.is_control() && c != '\n' && c != '\t')
+}
+
+fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> String {
+    let mut made = String::with_capacity(text.len());
+    for c in text.chars() {
+        match is_escaped(c) {
+            true => made.extend(c.escape_default()),
+            false => made.push(c),
+        }
+    }
+    made
+}
+
 /// Notes and progress bars: notes unless quiet, bars only on a terminal.
 pub struct Term {
     quiet: bool,
@@ -19,7 +40,7 @@ impl Term {
     /// Says something worth knowing that is not the command's answer.
     pub fn note(&self, text: impl std::fmt::Display) {
         if !self.quiet {
-            eprintln!("{text}");
+            eprintln!("{}", plain_lines(&text.to_string()));
         }
     }
 
@@ -45,5 +66,17 @@ impl Term {
         bar.set_message(what);
         bar.enable_steady_tick(Duration::from_millis(200));
         bar
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_escaped() {
+        let text = "foot\u{1b}[31m\r\n\tüß";
+        assert_eq!(plain(text), "foot\\u{1b}[31m\\r\\n\\tüß");
+        assert_eq!(plain_lines(text), "foot\\u{1b}[31m\\r\n\tüß");
     }
 }

@@ -10,6 +10,8 @@ use crate::robot::{Robot, RobotDoc, RobotError};
 
 /// Most joints of a skeleton.
 pub const MAX_JOINTS: usize = 512;
+/// Most bytes of a joint's name in a file that is read.
+pub const MAX_NAME_BYTES: usize = 256;
 
 /// One joint.
 #[derive(Clone, Debug, PartialEq)]

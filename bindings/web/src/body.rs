@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use troupe_motion::Clip;
 use troupe_motion::anatomy::{Biped, PartsDoc, Tree};
-use troupe_motion::glb::add_animation;
+use troupe_motion::glb::{FileJoints, add_animation_at};
 use troupe_motion::retarget::Figure;
 use wasm_bindgen::prelude::*;
 
@@ -13,6 +13,8 @@ use crate::{Read, options};
 #[wasm_bindgen]
 pub struct Body {
     pub(crate) figure: Figure,
+    /// Where its joints are in its file. That of a pack's body is none.
+    joints: Option<FileJoints>,
 }
 
 #[wasm_bindgen]
@@ -25,7 +27,8 @@ impl Read {
     pub fn body(&self, parts: &str) -> Result<Body, JsError> {
         let doc: PartsDoc = toml::from_str(parts)?;
         let figure = self.understood.figure(&doc)?;
-        Ok(Body { figure })
+        let joints = Some(self.understood.file_joints());
+        Ok(Body { figure, joints })
     }
 }
 
@@ -43,8 +46,8 @@ pub fn body_of_pack(tables: &str, fps: f32, roots: &[f32], rotations: &[f32]) ->
     };
     let doc = PartsDoc::default();
     if skeleton.robot.is_some() {
-        let figure = Figure::of_robot(skeleton, &doc)?;
-        return Ok(Body { figure });
+        let (figure, joints) = (Figure::of_robot(skeleton, &doc)?, None);
+        return Ok(Body { figure, joints });
     }
     let clip = Clip::new(skeleton, fps, vectors(roots), quaternions(rotations))?;
     let skeleton = &clip.skeleton;
@@ -57,7 +60,8 @@ pub fn body_of_pack(tables: &str, fps: f32, roots: &[f32], rotations: &[f32]) ->
             Figure::new(skeleton.clone(), clip.rotations_at(0), Some(root_y_m), &doc)?
         }
     };
-    Ok(Body { figure })
+    let joints = None;
+    Ok(Body { figure, joints })
 }
 
 #[wasm_bindgen]
@@ -85,7 +89,10 @@ impl Body {
     ) -> Result<Vec<u8>, JsError> {
         let skeleton = self.figure.skeleton();
         let clip = Clip::new(skeleton.clone(), fps, vectors(roots), quaternions(rotations))?;
-        Ok(add_animation(file, &clip, name)?)
+        let Some(joints) = &self.joints else {
+            return Err(JsError::new("the body is not of a file"));
+        };
+        Ok(add_animation_at(file, joints, &clip, name)?)
     }
 }
 

@@ -10,8 +10,9 @@ use troupe_motion::read::{self, Agreement, Options, ReadErrorKind, Report, Under
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Misread, SONIC_FILE, understand, with_source};
 use crate::output::{print, table, to_json};
+use crate::term::plain;
+use crate::understand::{Misread, SONIC_FILE, understand, with_source};
 
 /// Rows of a report that have a column of the table.
 const COLUMNS: [&str; 6] = ["format", "up axis", "unit", "rate", "rest pose", "frames"];
@@ -222,7 +223,8 @@ fn table_of(checked: &[Checked]) -> Table {
         row.extend(COLUMNS.map(value));
         let notes = report.iter().flat_map(|report| &report.oddities);
         let notes = notes.chain(report.iter().flat_map(|report| &report.repairs));
-        let notes: Vec<&str> = notes.map(|note| &*note.text).chain(error.as_deref()).collect();
+        let notes = notes.map(|note| &*note.text).chain(error.as_deref());
+        let notes: Vec<String> = notes.map(plain).collect();
         row.push(notes.join("\n"));
         table.add_row(row);
     }

@@ -4,18 +4,21 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
+use troupe_motion::read::{Options, Understood};
 
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Format, Layout, close, note, understand};
+use crate::files::{Format, Layout, close};
 use crate::output::print;
 use crate::reading::Reading;
+use crate::understand::{Misread, animation_of, note, understand, understand_character};
 
 /// Write a file of motion in another format.
 ///
 /// The ending of OUT says the format: .bvh (in centimetres), .glb or .npz, or .csv and .npy (qpos)
-/// of a robot. The clip keeps its rate, but robots' rows are 30 a second. What was repaired is
+/// of a robot. The clip keeps its rate, but robots' rows are 30 a second. A character without
+/// animation gives its rest pose, as one frame. What was repaired is
 /// noted on standard error. Files are read onto their own skeletons; a robot's files need --pack,
 /// --pack-folder or --urdf.
 #[derive(Debug, Args)]
@@ -52,12 +55,27 @@ pub(super) struct Convert {
     onto: Onto,
 }
 
+/// The motion of the file, or the rest pose of a character without any.
+fn read(command: &Convert, options: Options, context: &Context) -> Result<Understood, Misread> {
+    let names_animation = animation_of(&command.from, &options).is_some();
+    match understand(&command.from, options.clone(), None) {
+        Err(why) if why.lacks_animation() && !names_animation => {
+            let at_rest = understand_character(&command.from, options)?;
+            context.term.note(format_args!(
+                "{}: it has no animation; its rest pose becomes one frame",
+                command.from.display()
+            ));
+            Ok(at_rest)
+        }
+        found => found,
+    }
+}
+
 pub(super) async fn run(context: &Context, command: &Convert) -> Result<(), Failure> {
     // Checked first, so that no work is lost.
     let format = Format::of_layout(&command.out, command.layout)?;
     let options = command.onto.options(context).await?;
-    let understood =
-        understand(&command.from, options, None).map_err(|why| Failure::file(&command.from, why))?;
+    let understood = read(command, options, context).map_err(|why| Failure::file(&command.from, why))?;
     if format.is_for_robots() && understood.clip.skeleton.robot.is_none() {
         let why = "it would hold a robot's angles, but the motion is no robot's; \
                    --pack, --pack-folder or --urdf gives the robot";

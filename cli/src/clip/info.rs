@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use troupe_motion::anatomy::PartsDoc;
-use troupe_motion::read::Understood;
+use troupe_motion::read::{Options, Understood};
 
 use super::onto::Onto;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{understand, understand_character};
 use crate::film::draw_motion;
 use crate::output::{print, table, to_json};
+use crate::term::plain;
+use crate::understand::{understand, understand_character};
 
 /// Print what is understood of files of motion.
 ///
@@ -54,10 +55,10 @@ pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure
         let why = "--picture draws one file, but several are given";
         return Err(Failure::Input(why.to_owned()));
     }
-    if command.parts {
-        return print_parts(&command.files);
-    }
     let options = command.onto.options(context).await?;
+    if command.parts {
+        return print_parts(&command.files, options);
+    }
     let (mut reports, mut refused) = (Vec::new(), Vec::new());
     for file in &command.files {
         match understand(file, options.clone(), None) {
@@ -77,7 +78,12 @@ pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure
             for report in &reports {
                 let mut table = table();
                 table.set_header(["what", "value", "evidence"]);
-                table.add_rows(report.rows());
+                table.add_rows(
+                    report
+                        .rows()
+                        .iter()
+                        .map(|row| row.each_ref().map(|cell| plain(cell))),
+                );
                 print(&format!("{}\n{table}", report.file))?;
             }
         }
@@ -89,15 +95,15 @@ pub(super) async fn run(context: &Context, command: &Info) -> Result<(), Failure
 }
 
 /// Prints the parts of a body.
-fn print_parts(files: &[PathBuf]) -> Result<(), Failure> {
+fn print_parts(files: &[PathBuf], options: Options) -> Result<(), Failure> {
     let [file] = files else {
         let why = "--parts shows one file, but several are given";
         return Err(Failure::Input(why.to_owned()));
     };
-    let found = understand_character(file).map_err(|why| Failure::file(file, why))?;
+    let found = understand_character(file, options).map_err(|why| Failure::file(file, why))?;
     let figure = found
         .figure(&PartsDoc::default())
-        .map_err(|why| Failure::file(file, why))?;
+        .map_err(|why| Failure::file(file, plain(&why.to_string())))?;
     let doc = PartsDoc::of(figure.parts(), figure.skeleton());
     print(&toml::to_string(&doc).map_err(|e| Failure::Other(e.to_string()))?)
 }

@@ -28,6 +28,14 @@ pub(crate) trait Source {
     fn name(&self, joint: usize) -> &str;
     /// Index of a joint's parent, smaller than the joint's own.
     fn parent(&self, joint: usize) -> Option<usize>;
+    /// Number of the joint's node in its file. `None` for formats whose nodes have no numbers.
+    #[cfg_attr(
+        not(feature = "files"),
+        expect(dead_code, reason = "only the reader of files keeps nodes")
+    )]
+    fn node(&self, _joint: usize) -> Option<usize> {
+        None
+    }
     /// Whether the file moves the joint in its parent.
     fn moves(&self, joint: usize) -> bool;
     /// Whether any animation of the file moves the joint in its parent, this one or another.

@@ -33,12 +33,36 @@ pub enum DressError {
     Write(#[from] GlbError),
 }
 
-/// The bytes of a binary glTF file with a clip on its skeleton as one more animation. Joints are
-/// nodes by name. The name gets a number if the file has an animation of that name.
+/// Where the joints of a clip are in a file, and in which unit the file is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileJoints {
+    /// Metres a unit of the file.
+    pub unit_m: f64,
+    /// The number of each joint's node. Empty: joints are nodes by name.
+    pub nodes: Vec<usize>,
+}
+
+impl Default for FileJoints {
+    /// Nodes by name, in metres.
+    fn default() -> Self {
+        Self {
+            unit_m: 1.0,
+            nodes: Vec::new(),
+        }
+    }
+}
+
+/// The bytes of a binary glTF file with a clip on its skeleton as one more animation. The name gets
+/// a number if the file has an animation of that name.
 ///
 /// # Errors
 /// [`DressError`], with the joint that is no node.
-pub fn add_animation(bytes: &[u8], clip: &Clip, name: &str) -> Result<Vec<u8>, DressError> {
+pub fn add_animation_at(
+    bytes: &[u8],
+    joints: &FileJoints,
+    clip: &Clip,
+    name: &str,
+) -> Result<Vec<u8>, DressError> {
     if !bytes.starts_with(b"glTF") {
         return Err(DressError::NotWhole);
     }
@@ -46,7 +70,7 @@ pub fn add_animation(bytes: &[u8], clip: &Clip, name: &str) -> Result<Vec<u8>, D
     let (text, blob) = chunks(bytes)?;
     let json_error = |error: serde_json::Error| GlbError::Json(error.to_string());
     let root: Value = serde_json::from_slice(&text).map_err(json_error)?;
-    let tracks = tracks(&nodes, clip)?;
+    let tracks = tracks(&nodes, joints, clip)?;
     let mut file = File {
         bytes: blob.map_or_else(Vec::new, Cow::into_owned),
         root,
@@ -74,21 +98,32 @@ struct Track {
     values: Vec<f32>,
 }
 
-/// Local transforms of the joints' nodes, frame by frame.
-fn tracks(nodes: &[Node], clip: &Clip) -> Result<Vec<Track>, DressError> {
-    let skeleton = &clip.skeleton;
-    let joints = skeleton.joints.iter().map(|joint| {
+/// The node of each joint: by its number, or else by its name.
+fn nodes_of(nodes: &[Node], at: &FileJoints, clip: &Clip) -> Result<Vec<usize>, DressError> {
+    let by_name = |name: &str| {
         let named = |skinned: bool| {
             let found = (0..nodes.len()).filter(move |&node| !skinned || nodes[node].in_skin);
-            let mut found = found.filter(|&node| nodes[node].name == joint.name);
+            let mut found = found.filter(|&node| nodes[node].name == name);
             (found.next(), found.next())
         };
         match (named(true), named(false)) {
-            ((Some(node), None), _) | (_, (Some(node), None)) => Ok(node),
-            _ => Err(DressError::Node(joint.name.clone())),
+            ((Some(node), None), _) | (_, (Some(node), None)) => Some(node),
+            _ => None,
         }
+    };
+    let joints = clip.skeleton.joints.iter().enumerate().map(|(nth, joint)| {
+        let node = match at.nodes.is_empty() {
+            true => by_name(&joint.name),
+            false => at.nodes.get(nth).copied().filter(|&node| node < nodes.len()),
+        };
+        node.ok_or_else(|| DressError::Node(joint.name.clone()))
     });
-    let joints = joints.collect::<Result<Vec<usize>, _>>()?;
+    joints.collect()
+}
+
+/// Local transforms of the joints' nodes, frame by frame.
+fn tracks(nodes: &[Node], at: &FileJoints, clip: &Clip) -> Result<Vec<Track>, DressError> {
+    let joints = nodes_of(nodes, at, clip)?;
     let mut joint_of = vec![None; nodes.len()];
     for (joint, &node) in joints.iter().enumerate() {
         joint_of[node] = Some(joint);
@@ -101,7 +136,7 @@ fn tracks(nodes: &[Node], clip: &Clip) -> Result<Vec<Track>, DressError> {
     let mut rotations: Vec<Vec<f32>> = vec![Vec::with_capacity(4 * clip.frames()); joints.len()];
     let mut before = vec![Quat::IDENTITY; joints.len()];
     for frame in 0..clip.frames() {
-        let root = clip.root_positions[frame].as_dvec3();
+        let root = clip.root_positions[frame].as_dvec3() / at.unit_m;
         let local = base.turn.conjugate() * (root - base.at) / base.scale;
         translations.extend(local.as_vec3().to_array());
         let turns = world.rotations_at(frame);

@@ -23,7 +23,7 @@ pub use document::Beside;
 #[cfg(feature = "files")]
 pub(crate) use document::MAX_BUFFER_BYTES;
 #[cfg(feature = "files")]
-pub use dress::{DressError, add_animation};
+pub use dress::{DressError, FileJoints, add_animation_at};
 #[cfg(feature = "files")]
 pub(crate) use humanoid::human_bones;
 #[cfg(feature = "files")]

@@ -10,6 +10,8 @@ const MAX_STRETCH: f64 = 1.01;
 
 /// A node that is a joint, or above one.
 pub(super) struct Node {
+    /// Its number in the file.
+    pub(super) index: usize,
     pub(super) name: String,
     pub(super) parent: Option<usize>,
     pub(super) is_joint: bool,
@@ -52,6 +54,7 @@ pub(super) fn rest_nodes(file: &gltf::Document) -> Result<Vec<Node>, GlbReadErro
 fn rest_node(node: &gltf::Node<'_>) -> Node {
     let (translation, rotation, scale) = node.transform().decomposed();
     Node {
+        index: node.index(),
         name: match node.name() {
             Some(name) => name.to_owned(),
             None => format!("node_{}", node.index()),

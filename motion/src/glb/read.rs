@@ -65,7 +65,9 @@ pub enum GlbReadError {
     #[error("node {0:?} has more than one parent, or is its own")]
     Hierarchy(String),
     /// No skin has joints.
-    #[error("the file has no skin, whose joints would be the character's")]
+    #[error(
+        "the file has no skin, whose joints would be the character's; bind the mesh to bones, and export both"
+    )]
     NoSkin,
     /// No animation moves a node.
     #[error("the file has no animation of its nodes")]
@@ -360,6 +362,10 @@ impl Source for GlbAnimation {
 
     fn parent(&self, joint: usize) -> Option<usize> {
         self.nodes[joint].parent
+    }
+
+    fn node(&self, joint: usize) -> Option<usize> {
+        Some(self.nodes[joint].index)
     }
 
     fn moves(&self, joint: usize) -> bool {

@@ -84,6 +84,10 @@ impl Source for Adapted<'_> {
         self.source.parent(joint)
     }
 
+    fn node(&self, joint: usize) -> Option<usize> {
+        self.source.node(joint)
+    }
+
     fn moves(&self, joint: usize) -> bool {
         self.source.moves(joint)
     }

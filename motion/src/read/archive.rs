@@ -13,6 +13,7 @@ use super::robot::{ROOT, Rows, Usual, columns_error, fps_of, robot_of, understan
 use super::robot_checks::bare;
 use super::stance::Stated;
 use super::table::Table;
+use super::units::UNITS;
 use super::{Source, Understood, kimodo, smpl, text};
 use crate::clip::{MAX_FRAMES, MAX_ROTATIONS};
 use crate::files::NumpyError;
@@ -133,6 +134,7 @@ fn own(archive: &mut Unpacked<'_>, options: &Options) -> Result<Parsed<'static>,
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            units: &UNITS,
             may_be_y_up: false,
             by: "Troupe is Y up and in metres",
         },

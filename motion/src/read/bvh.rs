@@ -6,6 +6,7 @@ use super::joints::Parsed;
 use super::options::Options;
 use super::report::{Basis, Finding, Format, Note, Topic};
 use super::stance::Stated;
+use super::units::UNITS;
 use super::{producer, text};
 use crate::bvh::{BvhErrorKind, BvhFile, Channel, parse_tolerant};
 
@@ -72,6 +73,7 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
         stated: Stated {
             up: None,
             unit_m: None,
+            units: &UNITS,
             may_be_y_up: false,
             by: "a BVH file",
         },

@@ -62,6 +62,9 @@ pub enum ReadErrorKind {
         /// Names of the file's animations.
         names: Vec<String>,
     },
+    /// An FBX file without animation.
+    #[error("it has no animation")]
+    NoAnimation,
     /// An error in an FBX file.
     #[error("{0}")]
     Fbx(String),
@@ -186,12 +189,19 @@ impl ReadErrorKind {
             | Self::Range { option, .. } => option.iter().flat_map(Advice::choices).cloned().collect(),
             Self::Unknown
             | Self::NotRead { .. }
+            | Self::NoAnimation
             | Self::Fbx(_)
             | Self::Numpy(_)
             | Self::Clip(_)
             | Self::NoAnimations(_)
             | Self::Robot(_) => Vec::new(),
         }
+    }
+
+    /// Whether the file has no animation, but may have a skeleton at rest.
+    pub fn lacks_animation(&self) -> bool {
+        let of_glb = |error: &GlbReadError| matches!(error, GlbReadError::NoAnimation);
+        matches!(self, Self::NoAnimation) || matches!(self, Self::Glb { error, .. } if of_glb(error))
     }
 
     pub(super) fn of(self, file: &str) -> ReadError {

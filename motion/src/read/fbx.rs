@@ -14,6 +14,7 @@ use super::options::Options;
 use super::producer;
 use super::report::{Basis, Finding, Format, Up};
 use super::stance::Stated;
+use super::units::UNITS;
 use crate::clip::MAX_FRAMES;
 use crate::convert::{Source, Transform};
 
@@ -69,7 +70,14 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
             "it has no bones, and no other nodes that could be joints".to_owned(),
         ));
     }
-    let stack = stack(&scene, options)?;
+    // A character needs no animation.
+    let stack = match options.at_rest && scene.anim_stacks.is_empty() {
+        true => None,
+        false => {
+            let found: &AnimStack = &scene.anim_stacks[stack(&scene, options)?];
+            Some(found)
+        }
+    };
     let fps = rate(&scene, options);
     let motion = sample(&scene, &nodes, stack, fps.value)?;
     let names: Vec<&str> = motion.names.iter().map(String::as_str).collect();
@@ -83,6 +91,7 @@ pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Parsed<'static>, 
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            units: &UNITS,
             may_be_y_up: false,
             by: "FBX says its axes and unit; both were converted to Y up and metres",
         },
@@ -127,7 +136,7 @@ fn joints(scene: &Scene) -> Vec<(usize, bool)> {
 fn stack(scene: &Scene, options: &Options) -> Result<usize, ReadErrorKind> {
     let names = names(scene);
     match (&options.animation, &names[..]) {
-        (_, []) => Err(fault("it has no animation".to_owned())),
+        (_, []) => Err(ReadErrorKind::NoAnimation),
         (None, [_]) => Ok(0),
         (None, _) => Err(ReadErrorKind::SeveralAnimations(names)),
         (Some(wanted), _) => {
@@ -177,9 +186,14 @@ fn range_s(stack: &AnimStack) -> (f64, f64) {
     range.unwrap_or((stack.time_begin, stack.time_begin))
 }
 
-fn sample(scene: &Scene, nodes: &[(usize, bool)], stack: usize, fps: f32) -> Result<Sampled, ReadErrorKind> {
-    let stack = &scene.anim_stacks[stack];
-    let (begin_s, end_s) = range_s(stack);
+/// An animation, or the pose at rest as one frame.
+fn sample(
+    scene: &Scene,
+    nodes: &[(usize, bool)],
+    stack: Option<&AnimStack>,
+    fps: f32,
+) -> Result<Sampled, ReadErrorKind> {
+    let (begin_s, end_s) = stack.map_or((0.0, 0.0), range_s);
     let length_s = end_s - begin_s;
     let frames = (length_s * f64::from(fps) + 1e-3).floor() + 1.0;
     if !(1.0..=MAX_FRAMES as f64).contains(&frames) || frames as usize * nodes.len() > MAX_SAMPLES {
@@ -216,7 +230,10 @@ fn sample(scene: &Scene, nodes: &[(usize, bool)], stack: usize, fps: f32) -> Res
     sampled.rest = transforms(&sampled, nodes, &rest)?;
     for frame in 0..frames as usize {
         let time_s = begin_s + frame as f64 / f64::from(fps);
-        let at = |nth: usize| scene.nodes[nth].evaluate_transform(&stack.anim, time_s);
+        let at = |nth: usize| match stack {
+            Some(stack) => scene.nodes[nth].evaluate_transform(&stack.anim, time_s),
+            None => rest(nth),
+        };
         let frame = transforms(&sampled, nodes, &at)?;
         sampled.locals.extend(frame);
     }

@@ -7,6 +7,7 @@ use super::options::Options;
 use super::producer;
 use super::report::{Basis, Finding, Format, Note, Topic, Up, listed};
 use super::stance::Stated;
+use super::units::METRIC_UNITS;
 use crate::convert::Source as _;
 use crate::glb::{Beside, GlbOptions, GlbReadError, parse_beside};
 
@@ -76,6 +77,7 @@ pub(super) fn parse(
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            units: &METRIC_UNITS,
             may_be_y_up: false,
             by: "glTF is Y up and in metres",
         },

@@ -21,10 +21,12 @@ use crate::convert::{
     OnSkeleton, Rules, Selection, Source, Transform, check_length, to_clip_of, to_clip_on_of,
 };
 use crate::glb::MAX_NODES;
-use crate::skeleton::{Joint, Skeleton};
+use crate::skeleton::{Joint, MAX_NAME_BYTES, Skeleton};
 
 /// Farthest place of a root along an axis, metres: that of the server's interface.
 const MAX_ROOT_M: f32 = 10_000.0;
+/// How much of a longer name an error shows, characters.
+const SHOWN_CHARS: usize = 32;
 /// Shorter bones have no length, metres.
 const MIN_BONE_M: f32 = 1e-6;
 /// Largest angle between bones that point alike, degrees, and how many bones must.
@@ -96,6 +98,7 @@ pub(super) fn understand(
         rest_pose,
         frames: source.frames(),
         joints: 0,
+        nodes: Vec::new(),
         contacts: Finding::new(Vec::new(), Basis::Found, ""),
         repairs: parsed.repairs,
         oddities: parsed.oddities,
@@ -140,6 +143,7 @@ pub(super) fn understand(
                 note_other_directions(skeleton, farthest, &mut report);
             }
             let rest = rest_of(&adapted, &survey.tree, &taken, &clip);
+            report.nodes = nodes_of(source, &taken);
             (clip, rest)
         }
         None => {
@@ -152,6 +156,7 @@ pub(super) fn understand(
             let (clip, taken) = to_clip_of(&adapted, &rules, selection).map_err(ReadErrorKind::convert)?;
             let rest = rest_of(&adapted, &survey.tree, &taken, &clip);
             note_zero_bones(&clip, &mut report);
+            report.nodes = nodes_of(source, &taken);
             (clip, rest)
         }
     };
@@ -176,7 +181,22 @@ pub(super) fn check_size(source: &dyn Source) -> Result<(), ReadErrorKind> {
             option: None,
         });
     }
+    check_names((0..joints).map(|joint| source.name(joint)))?;
     check_length(source).map_err(ReadErrorKind::convert)
+}
+
+/// Refuses names that no table and no message can hold.
+fn check_names<'a>(mut names: impl Iterator<Item = &'a str>) -> Result<(), ReadErrorKind> {
+    let Some(name) = names.find(|name| name.len() > MAX_NAME_BYTES) else {
+        return Ok(());
+    };
+    let start: String = name.chars().take(SHOWN_CHARS).collect();
+    Err(ReadErrorKind::Range {
+        field: format!("the name of joint \"{}…\"", start.escape_debug()),
+        found: format!("{} bytes long", name.len()),
+        allowed: format!("up to {MAX_NAME_BYTES} bytes"),
+        option: None,
+    })
 }
 
 /// Refuses a root that is not the skeleton's: on a skeleton, the joints' names decide.
@@ -204,6 +224,7 @@ pub(super) fn finish(
     options: &Options,
 ) -> Result<Understood, ReadErrorKind> {
     check_places(&clip)?;
+    check_names(clip.skeleton.joints.iter().map(|joint| &*joint.name))?;
     // At the file's own rate: glTF may be sampled at another.
     report.frames = (clip.duration_s() * report.fps.value).round() as usize + 1;
     report.joints = clip.skeleton.joint_count();
@@ -332,6 +353,12 @@ fn joint_names(source: &dyn Source, options: &Options, report: &mut Report) -> V
         );
     }
     made
+}
+
+/// Numbers of the nodes of a clip's joints. Empty if the format has none.
+fn nodes_of(source: &dyn Source, taken: &[usize]) -> Vec<usize> {
+    let nodes = taken.iter().map(|&joint| source.node(joint));
+    nodes.collect::<Option<Vec<_>>>().unwrap_or_default()
 }
 
 /// The bones that a file shares with a skeleton: theirs in the file's unit, ours in metres.

@@ -9,6 +9,7 @@ use super::options::Options;
 use super::report::{Basis, Finding, Format, Up};
 use super::smpl;
 use super::stance::Stated;
+use super::units::UNITS;
 use crate::clip::{MAX_FRAMES, MAX_ROTATIONS};
 use crate::files::NumpyError;
 use crate::files::npz::Unpacked;
@@ -142,6 +143,7 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
         stated: Stated {
             up: Some(Up::Y),
             unit_m: Some(1.0),
+            units: &UNITS,
             may_be_y_up: false,
             by: "Kimodo is Y up and in metres",
         },

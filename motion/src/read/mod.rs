@@ -60,7 +60,7 @@ pub use report::{Basis, Finding, Format, Note, Report, RestPose, Topic, Up};
 
 use crate::anatomy::PartsDoc;
 use crate::clip::Clip;
-use crate::glb::{Beside, GlbReadError, animation_names_beside, human_bones};
+use crate::glb::{Beside, FileJoints, GlbReadError, animation_names_beside, human_bones};
 use joints::Parsed;
 
 /// Endings of files of joints, in small letters. With a skeleton these may be a robot's too.
@@ -83,6 +83,16 @@ pub struct Source<'a> {
     /// The bytes of a file beside it, by name: what a `.gltf` points to, and the other files of a
     /// SONIC motion.
     pub beside: Beside<'a>,
+}
+
+impl Understood {
+    /// Where the clip's joints are in the file, for an animation that is added to it.
+    pub fn file_joints(&self) -> FileJoints {
+        FileJoints {
+            unit_m: self.report.unit_m.value,
+            nodes: self.report.nodes.clone(),
+        }
+    }
 }
 
 impl<'a> Source<'a> {
@@ -156,15 +166,19 @@ pub fn character(source: &Source<'_>, options: &Options) -> Result<Understood, R
         animation: None,
         ..options.clone()
     };
+    let is_of = |error: &ReadError, wanted: GlbReadError| match &error.kind {
+        ReadErrorKind::Glb { error, .. } => *error == wanted,
+        _ => false,
+    };
     match read(source, &at_rest) {
-        Err(ReadError {
-            kind:
-                ReadErrorKind::Glb {
-                    error: GlbReadError::NoSkin,
-                    ..
-                },
-            ..
-        }) => read(source, options),
+        Err(no_skin) if is_of(&no_skin, GlbReadError::NoSkin) => {
+            let moving = read(source, options);
+            // A character needs no animation: what it lacks is the skin.
+            moving.map_err(|error| match is_of(&error, GlbReadError::NoAnimation) {
+                true => no_skin,
+                false => error,
+            })
+        }
         found => found,
     }
 }

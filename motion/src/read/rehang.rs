@@ -181,6 +181,10 @@ impl Source for Rehung<'_> {
         self.parents[joint]
     }
 
+    fn node(&self, joint: usize) -> Option<usize> {
+        self.source.node(self.order[joint])
+    }
+
     fn moves(&self, joint: usize) -> bool {
         self.source.moves(self.order[joint])
     }

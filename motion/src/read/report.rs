@@ -206,6 +206,9 @@ pub struct Report {
     pub frames: usize,
     /// Joints of the clip.
     pub joints: usize,
+    /// Numbers of the joints' nodes in a glTF file, in the clip's order. Empty for other formats.
+    #[serde(skip)]
+    pub nodes: Vec<usize>,
     /// Joints that touch the ground.
     pub contacts: Finding<Vec<String>>,
     /// What was put right: each is certain.

@@ -92,6 +92,7 @@ pub(super) fn understand(
         rest_pose: Finding::new(RestPose::None, Basis::Stated, "hinges at angle 0"),
         frames,
         joints,
+        nodes: Vec::new(),
         contacts: Finding::new(Vec::new(), Basis::Stated, ""),
         repairs: Vec::new(),
         oddities: Vec::new(),

@@ -12,6 +12,7 @@ use super::joints::Parsed;
 use super::options::Options;
 use super::report::{Basis, Finding, Format, Note, Topic, Up};
 use super::stance::Stated;
+use super::units::UNITS;
 use crate::clip::{MAX_FRAMES, MAX_ROTATIONS};
 use crate::files::NumpyError;
 use crate::files::npz::Unpacked;
@@ -114,6 +115,7 @@ pub(super) fn parse(archive: &mut Unpacked<'_>, options: &Options) -> Result<Par
         stated: Stated {
             up: Some(Up::Z),
             unit_m: Some(1.0),
+            units: &UNITS,
             may_be_y_up: true,
             by: "AMASS is Z up and in metres",
         },

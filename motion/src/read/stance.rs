@@ -40,6 +40,8 @@ const STATED_M: std::ops::RangeInclusive<f64> = 0.05..=20.0;
 pub(super) struct Stated {
     pub(super) up: Option<Up>,
     pub(super) unit_m: Option<f64>,
+    /// Units that a file of the format may be in, whatever it says.
+    pub(super) units: &'static [Unit],
     /// Whether some programs write files of the format with Y up, whatever it says.
     pub(super) may_be_y_up: bool,
     /// Name of the format, with its article.
@@ -232,8 +234,8 @@ pub(super) fn unit_of(
     };
     let height = HEIGHT_BY_LENGTH * stance.length;
     let tall = |unit_m: f64| height * unit_m;
-    let people: Vec<Unit> = UNITS
-        .into_iter()
+    let people = stated.units.iter();
+    let people: Vec<&Unit> = people
         .filter(|unit| PEOPLE_M.contains(&tall(unit.metres)))
         .collect();
     let usual = stated.unit_m.unwrap_or(CENTIMETRE_M);
@@ -265,17 +267,14 @@ pub(super) fn unit_of(
                 Ok(Finding::new(unit_m, Basis::Found, evidence))
             }
             None => {
-                let near = nearest_two(height).map(|unit| unit.name);
-                let heights = nearest_two(height).map(|unit| by(unit.metres));
+                let near = nearest_two(height, stated.units);
+                let names: Vec<&str> = near.iter().map(|unit| unit.name).collect();
+                let heights: Vec<String> = near.iter().map(|unit| by(unit.metres)).collect();
                 Err(ReadErrorKind::Open {
                     topic: Topic::Unit,
                     what: "the unit of length",
-                    evidence: format!(
-                        "{} or {}",
-                        heights[0],
-                        heights[1].trim_start_matches("the body is ")
-                    ),
-                    options: Advice::decides(Choice::new(OptionName::Unit, &near)),
+                    evidence: heights.join(" or ").replace(" or the body is ", " or "),
+                    options: Advice::decides(Choice::new(OptionName::Unit, &names)),
                 })
             }
         },
@@ -325,13 +324,14 @@ fn near(metres: f64) -> Option<Unit> {
         .find(|unit| (metres / unit.metres - 1.0).abs() < 0.15)
 }
 
-/// The two units in which a height is nearest to a person's.
-fn nearest_two(height: f64) -> [Unit; 2] {
+/// The two of some units in which a height is nearest to a person's.
+fn nearest_two(height: f64, units: &[Unit]) -> Vec<Unit> {
     const PERSON_M: f64 = 1.7;
-    let mut sorted = UNITS;
+    let mut sorted = units.to_vec();
     let away = |unit: &Unit| (height * unit.metres / PERSON_M).ln().abs();
     sorted.sort_by(|a, b| away(a).total_cmp(&away(b)));
-    [sorted[0], sorted[1]]
+    sorted.truncate(2);
+    sorted
 }
 
 #[cfg(test)]

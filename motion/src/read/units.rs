@@ -22,6 +22,8 @@ pub(super) const UNITS: [Unit; 7] = [
     unit("cm", 0.01),
     unit("mm", 0.001),
 ];
+/// Metres, and what programs that work in other metric units write instead of them.
+pub(super) const METRIC_UNITS: [Unit; 3] = [UNITS[0], UNITS[5], UNITS[6]];
 /// Centimetres, in which most BVH files are.
 pub(super) const CENTIMETRE_M: f64 = 0.01;
 

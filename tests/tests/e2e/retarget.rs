@@ -75,6 +75,91 @@ async fn parts_are_shown_and_corrected() {
     failed(&troupe(&arguments).await, 2, &["hero.toml", "neck names \"Tie\""]);
 }
 
+/// The example as a character's file, its numbers taken to be of this unit.
+async fn hero_in(folder: &Folder, unit: &str) -> String {
+    let path = folder
+        .file(&format!("hero-{unit}.glb"))
+        .to_str()
+        .unwrap()
+        .to_owned();
+    let made = troupe(&["clip", "convert", &example(), &path, "--unit", unit]).await;
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    path
+}
+
+#[tokio::test]
+async fn a_character_moves_in_the_unit_of_its_file() {
+    let folder = Folder::new("retarget-unit");
+    let mut made = Vec::new();
+    // The example is in centimetres: in metres, the character has a hundred times its size.
+    for unit in ["cm", "m"] {
+        let hero = hero_in(&folder, unit).await;
+        let out = folder.file("out.glb").to_str().unwrap().to_owned();
+        let answer = troupe(&["retarget", &example(), "--to", &hero, "--out", &out]).await;
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        let read = folder.file("out.bvh");
+        let walk = format!("{out}#walk");
+        let answer = troupe(&["clip", "convert", &walk, read.to_str().unwrap()]).await;
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        let file = bvh::parse(&std::fs::read_to_string(&read).unwrap()).unwrap();
+        made.push(file.to_clip(&BvhOptions::default()).unwrap());
+    }
+    for frame in [0, 60, 119] {
+        let [metres, hundred] = [0, 1].map(|nth: usize| made[nth].root_positions[frame]);
+        assert!(metres.distance(hundred) < 2e-3, "{frame}: {metres} {hundred}");
+    }
+}
+
+#[tokio::test]
+async fn a_unit_that_a_character_leaves_open_is_given() {
+    let folder = Folder::new("retarget-open");
+    // 48 m tall, or 48 cm.
+    let hero = hero_in(&folder, "ft").await;
+    let parts = ["clip", "info", &hero, "--parts"];
+    failed(&troupe(&parts).await, 2, &["--unit cm or --unit m decides"]);
+    let given: Vec<&str> = parts.iter().copied().chain(["--unit", "cm"]).collect();
+    assert!(printed(&troupe(&given).await).contains("[left_leg]"));
+    let (clip, out) = (example(), folder.file("out.glb").to_str().unwrap().to_owned());
+    let retarget = ["retarget", &clip, "--to", &hero, "--out", &out];
+    failed(
+        &troupe(&retarget).await,
+        2,
+        &["--to-unit cm or --to-unit m decides"],
+    );
+}
+
+#[tokio::test]
+async fn an_animation_gives_its_name_to_what_is_made_of_it() {
+    let folder = Folder::new("retarget-name");
+    let (hero, out) = (hero(&folder).await, folder.file("out.glb"));
+    let (clip, out) = (format!("{hero}#motion"), out.to_str().unwrap().to_owned());
+    let answer = troupe(&["retarget", &clip, "--to", &hero, "--out", &out]).await;
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    // The character has an animation of that name.
+    let made = troupe(&["clip", "info", &format!("{out}#motion_2")]).await;
+    assert!(made.status.success(), "{}", text(&made.stderr));
+}
+
+#[tokio::test]
+async fn a_character_without_animation_is_converted_at_rest() {
+    let folder = Folder::new("convert-rest");
+    let (statue, out) = (folder.file("statue.gltf"), folder.file("rest.glb"));
+    let text_of = r#"{ "asset": { "version": "2.0" }, "skins": [{ "joints": [0, 1] }], "nodes": [
+        { "name": "Hips", "translation": [0.0, 0.9, 0.0], "children": [1] },
+        { "name": "Leg", "translation": [0.0, -0.4, 0.0] }] }"#;
+    std::fs::write(&statue, text_of).unwrap();
+    let (statue, out) = (statue.to_str().unwrap(), out.to_str().unwrap());
+    let answer = troupe(&["clip", "convert", statue, out]).await;
+    let notes = text(&answer.stderr);
+    assert!(
+        answer.status.success() && notes.contains("its rest pose becomes one frame"),
+        "{notes}"
+    );
+    let report = printed(&troupe(&["clip", "info", out, "--json"]).await);
+    let report: Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report[0]["frames"], 1);
+}
+
 #[tokio::test]
 async fn what_is_beyond_the_bar_is_not_written() {
     let folder = Folder::new("retarget-bar");
@@ -104,6 +189,10 @@ async fn what_is_beyond_the_bar_is_not_written() {
     assert_eq!(refused.status.code(), Some(2), "{why}");
     assert!(
         why.contains("depth of feet under the ground") && why.contains("--force"),
+        "{why}"
+    );
+    assert!(
+        why.contains("feet are under the ground in ") && why.contains(" of 120 frames, most at "),
         "{why}"
     );
     assert!(!out.exists());
@@ -139,6 +228,7 @@ async fn a_character_gets_generated_motion_in_its_size() {
     let more = ["--onto", &hero, "--roots", roots.to_str().unwrap()];
     let answer = troupe_shared(with(gap_arguments(&source, 60, 95, &out), &more)).await;
     assert!(answer.status.success(), "{}", text(&answer.stderr));
+    assert!(text(&answer.stderr).contains("what is kept"));
     let file = bvh::parse(&std::fs::read_to_string(&out).unwrap()).unwrap();
     let made = file.to_clip(&BvhOptions::default()).unwrap();
     assert_eq!(made.frames(), clip.frames());

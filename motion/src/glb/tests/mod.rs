@@ -1,5 +1,6 @@
 //! Which animations are read.
 
+mod dress;
 mod forms;
 mod humanoid;
 

@@ -220,3 +220,43 @@ fn a_foot_that_comes_down_beside_a_fixed_frame_does_not_jump() {
         }
     }
 }
+
+#[test]
+fn a_contact_that_has_begun_before_the_window_ends_before_the_body_is_too_far() {
+    // Both feet glide: no leg moves. One has come far behind the body.
+    let frames = 60;
+    let roots: Vec<Vec3> = (0..frames)
+        .map(|frame| Vec3::new(0.0, STAND_M, 0.04 * frame as f32))
+        .collect();
+    let skeleton = person();
+    let length_m = legs(&skeleton)[0].length_m(&skeleton);
+    let mut before = (roots, standing().repeat(frames), vec![0; frames]);
+    before.2[9] = 0b1111;
+    let (after, _) = plant(&before, 10..frames, None);
+    let long = after.2[10..].iter().take_while(|&&bits| bits & 0b0011 != 0);
+    let other = after.2[10..].iter().take_while(|&&bits| bits & 0b1100 != 0);
+    let least = long.count().min(other.count());
+    // Half of a contact is left, and the other foot may come down first.
+    let most = (0.8 * length_m / 0.04) as usize;
+    assert!(least <= most, "{least} frames, not {most}");
+}
+
+#[test]
+fn a_foot_on_the_ground_before_the_window_does_not_sink() {
+    let (roots, rotations, contacts) = glide(90, 1.0);
+    let mut before = (roots, rotations, contacts);
+    // The network's frames sink slowly behind the fixed ones.
+    for (frame, root) in before.0.iter_mut().enumerate().skip(10) {
+        root.y -= (0.004 * (frame - 10) as f32).min(0.03);
+    }
+    let (after, _) = plant(&before, 10..90, None);
+    let skeleton = person();
+    for toe in TOES {
+        let places = track(&skeleton, &after.0, &after.1, toe);
+        let lowest = places[10..]
+            .iter()
+            .map(|place| place.y - 0.0425)
+            .fold(f32::INFINITY, f32::min);
+        assert!(lowest > -0.006, "{lowest} m");
+    }
+}

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use crate::fk::WorldMotion;
-use crate::read::{Format, Options, Source, read};
+use crate::read::{Format, Options, Source, character, read};
 use crate::rotation::angle_between;
 
 /// Ticks of FBX's clock in a second.
@@ -143,6 +143,22 @@ fn one_of_several_animations_is_named_and_broken_files_are_errors() {
         )
         .is_err()
     );
+}
+
+#[test]
+fn a_character_without_animation_is_read_at_rest() {
+    let text = text(1, 1.0, 0);
+    let source = Source::new("hero.fbx", text.as_bytes());
+    assert!(
+        read(&source, &Options::default())
+            .unwrap_err()
+            .kind
+            .lacks_animation()
+    );
+    let found = character(&source, &Options::default()).unwrap();
+    assert_eq!(found.clip.frames(), 1);
+    let root = found.clip.root_positions[0];
+    assert!(root.distance(Vec3::new(0.0, 0.9, 0.0)) < 1e-4, "{root}");
 }
 
 proptest::proptest! {

@@ -12,7 +12,7 @@ use crate::fk::WorldMotion;
 use crate::glb::write_glb;
 use crate::read::{
     Agreement, Basis, Choice, Format, LeadingPose, OptionName, Options, ReadError, ReadErrorKind, RestPose,
-    Source, Topic, Understood, Up, read, survey,
+    Source, Topic, Understood, Up, character, read, survey,
 };
 use crate::skeleton::{Joint, Skeleton};
 
@@ -707,6 +707,46 @@ fn glb_says_its_unit_unless_no_body_has_it() {
         (found.report.unit_m.value, found.report.unit_m.basis),
         (1.0, Basis::Stated)
     );
+}
+
+#[test]
+fn a_glb_of_no_bodys_size_is_read_in_no_unit_of_other_programs() {
+    // 26 m tall, or 1.46 m in CMU's unit.
+    let mut huge = walk();
+    let skeleton = Arc::make_mut(&mut huge.skeleton);
+    skeleton
+        .joints
+        .iter_mut()
+        .for_each(|joint| joint.offset_m *= 15.0);
+    huge.root_positions.iter_mut().for_each(|root| *root *= 15.0);
+    let error = message("walk.glb", &write_glb(&huge).unwrap(), &Options::default());
+    assert!(error.contains("--unit cm or --unit m decides"), "{error}");
+}
+
+#[test]
+fn a_character_without_skin_and_animation_lacks_the_skin() {
+    let bytes = br#"{ "asset": { "version": "2.0" }, "nodes": [{ "name": "Statue" }] }"#;
+    let error = character(&Source::new("statue.gltf", bytes), &Options::default()).unwrap_err();
+    assert!(error.to_string().contains("the file has no skin"), "{error}");
+    let error = read(&Source::new("statue.gltf", bytes), &Options::default()).unwrap_err();
+    assert!(error.kind.lacks_animation(), "{error}");
+}
+
+#[test]
+fn names_have_256_bytes_at_most() {
+    let named = |bytes: usize| {
+        let mut clip = walk();
+        let joints = &mut Arc::make_mut(&mut clip.skeleton).joints;
+        joints.last_mut().unwrap().name = "x".repeat(bytes);
+        write_glb(&clip).unwrap()
+    };
+    assert!(with("walk.glb", &named(256), &Options::default()).is_ok());
+    let error = message("walk.glb", &named(257), &Options::default());
+    let wanted = format!(
+        "the name of joint \"{}…\" is 257 bytes long; allowed: up to 256 bytes",
+        "x".repeat(32)
+    );
+    assert!(error.contains(&wanted), "{error}");
 }
 
 #[test]

@@ -14,8 +14,12 @@ pub use build::{BuildOptions, Built, build};
 
 use glam::{DQuat, DVec3};
 
+use crate::skeleton::MAX_NAME_BYTES;
+
 /// Most links of a robot.
 pub const MAX_LINKS: usize = 2048;
+/// How much of a name that is too long an error shows, characters.
+const SHOWN_CHARS: usize = 32;
 
 /// Why a description was not read or does not make a robot.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -147,6 +151,16 @@ impl Description {
         let tree = |text: String| Err(DescriptionError::Tree(text));
         if links.len() > MAX_LINKS {
             return tree(format!("{} links; at most {MAX_LINKS} are read", links.len()));
+        }
+        let names = links.iter().map(|link| &link.name);
+        let mut names = names.chain(joints.iter().map(|joint| &joint.name));
+        if let Some(name) = names.find(|name| name.len() > MAX_NAME_BYTES) {
+            let start: String = name.chars().take(SHOWN_CHARS).collect();
+            return tree(format!(
+                "the name \"{}…\" is {} bytes long; allowed: up to {MAX_NAME_BYTES} bytes",
+                start.escape_debug(),
+                name.len()
+            ));
         }
         let mut above = vec![None; links.len()];
         for (nth, joint) in joints.iter().enumerate() {

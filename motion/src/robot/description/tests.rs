@@ -316,6 +316,17 @@ fn mistakes_name_line_and_element() {
 }
 
 /// The legs of [`LEGS`] as MuJoCo has them.
+#[test]
+fn names_have_256_bytes_at_most() {
+    let lone = |bytes: usize| format!(r#"<robot name="r"><link name="{}"/></robot>"#, "x".repeat(bytes));
+    assert!(read(&lone(256), &|_| None).is_ok());
+    let error = read(&lone(257), &|_| None).unwrap_err().to_string();
+    assert!(
+        error.contains("…\" is 257 bytes long; allowed: up to 256 bytes"),
+        "{error}"
+    );
+}
+
 fn mjcf() -> String {
     let leg = |side: &str, y: &str| {
         let body = |nth: usize, inside: String| {
