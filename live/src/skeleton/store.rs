@@ -136,7 +136,18 @@ impl Own {
         }
     }
 
-    /// Number of characters that wear it.
+    /// Checks that no session wears it.
+    fn check_unused(&self) -> Result<(), SkeletonError> {
+        match self.sessions() {
+            0 => Ok(()),
+            sessions => Err(SkeletonError::InUse {
+                name: self.doc.name.clone(),
+                sessions,
+            }),
+        }
+    }
+
+    /// Number of sessions that wear it.
     pub(super) fn sessions(&self) -> usize {
         let fits = self.fits();
         fits.iter().map(|fit| fit.worn.wearers()).sum()
@@ -260,26 +271,34 @@ impl Skeletons {
             cause,
         };
         memory.check(bytes(&own), replaced).map_err(no_room)?;
-        let mut all = self.changing();
-        if let Some(sessions) = before
-            .as_ref()
-            .map(|before| before.sessions())
-            .filter(|&count| count > 0)
-        {
-            return Err(SkeletonError::InUse { name, sessions });
-        }
-        all.insert(Arc::from(name.as_str()), own.clone());
-        drop(all);
-        if let Some(folder) = &self.folder
-            && let Err(cause) = keep(folder, &name, Format::Json, &text)
-        {
-            match before {
-                Some(before) => self.changing().insert(Arc::from(name.as_str()), before),
-                None => self.changing().remove(name.as_str()),
-            };
-            return Err(not_kept(&name, &cause));
-        }
+        self.take_in(&own, before.as_deref(), &text)?;
         Ok(own)
+    }
+
+    /// Writes the file of a skeleton, `text`, and then has it found instead of the one `before`: no
+    /// session can wear a skeleton whose file cannot be written.
+    fn take_in(&self, own: &Arc<Own>, before: Option<&Own>, text: &str) -> Result<(), SkeletonError> {
+        let name = own.doc.name.as_str();
+        before.map_or(Ok(()), Own::check_unused)?;
+        self.write(name, text)?;
+        let mut all = self.changing();
+        // A session may have begun to wear the one before while the file was written.
+        if let Some(before) = before
+            && let Err(error) = before.check_unused()
+        {
+            drop(all);
+            self.write(name, &serde_json::to_string(&before.doc).unwrap_or_default())?;
+            return Err(error);
+        }
+        all.insert(Arc::from(name), own.clone());
+        Ok(())
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), SkeletonError> {
+        match &self.folder {
+            Some(folder) => keep(folder, name, Format::Json, text).map_err(|cause| not_kept(name, &cause)),
+            None => Ok(()),
+        }
     }
 
     /// Removes a skeleton that no session wears, and its file. This blocks.
@@ -292,11 +311,7 @@ impl Skeletons {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let own = self.get("name", name)?;
         let mut all = self.changing();
-        let sessions = own.sessions();
-        if sessions > 0 {
-            let name = name.to_owned();
-            return Err(SkeletonError::InUse { name, sessions });
-        }
+        own.check_unused()?;
         all.remove(name);
         drop(all);
         match &self.folder {
@@ -372,3 +387,7 @@ fn not_kept(name: &str, cause: &std::io::Error) -> SkeletonError {
         is_disk_full,
     }
 }
+
+#[cfg(test)]
+#[path = "store_tests.rs"]
+mod tests;
