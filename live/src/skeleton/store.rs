@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 
 use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
 use troupe_character::{FieldError, Path};
-use troupe_motion::retarget::Figure;
+use troupe_motion::retarget::{Figure, RetargetError};
 
 use super::doc::{BodyDoc, SkeletonDoc};
 use super::dress::Dress;
@@ -85,22 +85,18 @@ impl Own {
         if let Some(fit) = self.fits().iter().find(is_it) {
             return Ok(fit.worn.clone());
         }
-        let unfit = |fault: String| SkeletonError::Unfit {
+        let unfit = |(found, allowed): (String, String)| SkeletonError::Unfit {
             name: self.doc.name.clone(),
             pack: body_of(loaded, place),
-            faults: vec![fault],
+            faults: vec![format!("{found}; allowed: {allowed}")],
             field: field.to_owned(),
+            allowed: allowed.into(),
             may_force: false,
         };
         let worn = Worn::new(&self.doc.name, &self.figure, of, table);
-        let worn = Arc::new(worn.map_err(|error| unfit(error.to_string()))?);
-        if !SCALES.contains(&worn.scale()) {
-            let (low, high) = (SCALES.start(), SCALES.end());
-            return Err(unfit(format!(
-                "its legs are {} times as long as the pack's; allowed: {low} to {high}, in metres",
-                worn.scale()
-            )));
-        }
+        let worn = worn.map_err(|error| unfit(apart(&error, self.figure.parts().on_fours)))?;
+        let worn = Arc::new(worn);
+        out_of_scale(worn.scale()).map_or(Ok(()), |fault| Err(unfit(fault)))?;
         let mut fits = self.fits();
         // Another call may have been faster.
         if let Some(fit) = fits.iter().find(is_it) {
@@ -131,6 +127,7 @@ impl Own {
                 pack: body_of(of.0, of.1),
                 faults,
                 field: field.to_owned(),
+                allowed: "figures within the bar".into(),
                 may_force: true,
             }),
         }
@@ -152,6 +149,41 @@ impl Own {
         let fits = self.fits();
         fits.iter().map(|fit| fit.worn.wearers()).sum()
     }
+}
+
+/// Why motion of a pack cannot be carried over to a body on four legs or on two, and what is
+/// allowed.
+fn apart(error: &RetargetError, on_fours: bool) -> (String, String) {
+    let [own, pack] = match on_fours {
+        true => ["four", "two"],
+        false => ["two", "four"],
+    };
+    match error {
+        RetargetError::Legs => (
+            format!("it stands on {own} legs, and the pack's body on {pack}"),
+            format!("a body on {pack} legs"),
+        ),
+        other => (
+            other.to_string(),
+            "another pack, whose motion can be carried over".to_owned(),
+        ),
+    }
+}
+
+/// What is wrong with a scale, and what is allowed.
+fn out_of_scale(scale: f32) -> Option<(String, String)> {
+    let (low, high) = (SCALES.start(), SCALES.end());
+    (!SCALES.contains(&scale)).then(|| {
+        (
+            format!("its legs are {} times as long as the pack's", three_digits(scale)),
+            format!("{low} to {high} times, in metres"),
+        )
+    })
+}
+
+/// A number with its first three digits.
+fn three_digits(value: f32) -> f32 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// The name of a pack, with that of its body.

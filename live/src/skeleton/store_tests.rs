@@ -74,3 +74,22 @@ fn a_skeleton_that_a_session_wears_keeps_its_file() {
     assert_eq!(kept().get("name", "hero").unwrap().doc, second.doc);
     assert_eq!(skeletons.get("name", "hero").unwrap().doc, second.doc);
 }
+
+#[test]
+fn what_does_not_fit_says_how_much_and_what_is_allowed() {
+    let text = |(found, allowed): (String, String)| format!("{found}; allowed: {allowed}");
+    assert_eq!(out_of_scale(0.05), None);
+    assert_eq!(out_of_scale(20.0), None);
+    assert_eq!(
+        out_of_scale(0.041_955_996).map(text).unwrap(),
+        "its legs are 0.042 times as long as the pack's; allowed: 0.05 to 20 times, in metres"
+    );
+    let (found, _) = out_of_scale(1234.56).unwrap();
+    assert_eq!(found, "its legs are 1230 times as long as the pack's");
+    assert_eq!(
+        text(apart(&RetargetError::Legs, true)),
+        "it stands on four legs, and the pack's body on two; allowed: a body on two legs"
+    );
+    let (_, allowed) = apart(&RetargetError::Legs, false);
+    assert_eq!(allowed, "a body on four legs");
+}
