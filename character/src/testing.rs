@@ -1,7 +1,67 @@
-//! Small rigs for tests.
+//! Small rigs and bodies for tests.
 
+use std::sync::Arc;
+
+use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::model::{Dims, Rig};
-use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
+use troupe_motion::retarget::Figure;
+use troupe_motion::{ContactParams, Joint, Quat, Skeleton, Vec3};
+
+/// Height of the hips of [`person`], metres.
+pub const PERSON_HIPS_M: f32 = 0.93;
+
+/// The person's joints. `{}` stands for either side; offsets are those of the left one.
+const PERSON: [(&str, &str, [f32; 3]); 13] = [
+    ("hips", "", [0.0, PERSON_HIPS_M, 0.0]),
+    ("spine", "hips", [0.0, 0.12, 0.0]),
+    ("chest", "spine", [0.0, 0.16, 0.0]),
+    ("neck", "chest", [0.0, 0.22, 0.0]),
+    ("head", "neck", [0.0, 0.1, 0.0]),
+    ("{}_thigh", "hips", [0.09, -0.03, 0.0]),
+    ("{}_shin", "{}_thigh", [0.0, -0.41, 0.02]),
+    ("{}_foot", "{}_shin", [0.0, -0.4, -0.02]),
+    ("{}_toe", "{}_foot", [0.0, -0.07, 0.14]),
+    ("{}_shoulder", "chest", [0.03, 0.18, 0.0]),
+    ("{}_upperarm", "{}_shoulder", [0.13, 0.0, 0.0]),
+    ("{}_forearm", "{}_upperarm", [0.0, -0.28, 0.0]),
+    ("{}_hand", "{}_forearm", [0.0, -0.25, 0.0]),
+];
+
+/// A joint of a body: its name, its parent's, and its offset, metres.
+pub type Row = (String, String, Vec3);
+
+/// The joints of a person that stands with hanging arms. The hips are the first.
+pub fn person() -> Vec<Row> {
+    let mut rows = Vec::new();
+    for (name, parent, [x, y, z]) in PERSON {
+        let sides: &[(&str, f32)] = match name.contains("{}") {
+            true => &[("left", 1.0), ("right", -1.0)],
+            false => &[("", 1.0)],
+        };
+        for (side, sign) in sides {
+            let [name, parent] = [name, parent].map(|name| name.replace("{}", side));
+            rows.push((name, parent, Vec3::new(sign * x, y, z)));
+        }
+    }
+    rows
+}
+
+/// The joints of rows in a size. A parent comes before its children.
+pub fn joints_of(rows: &[Row], size: f32) -> Vec<Joint> {
+    let joint = |(name, parent, offset): &Row| Joint {
+        name: name.clone(),
+        parent: rows.iter().position(|row| row.0 == *parent),
+        offset_m: size * *offset,
+    };
+    rows.iter().map(joint).collect()
+}
+
+/// The body of joints that stands with its root at a height, metres.
+pub fn figure_of(joints: Vec<Joint>, contacts: Option<ContactParams>, height_m: f32) -> Figure {
+    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, contacts).unwrap();
+    let still = vec![Quat::IDENTITY; skeleton.joint_count()];
+    Figure::new(Arc::new(skeleton), &still, Some(height_m), &PartsDoc::default()).unwrap()
+}
 
 /// Sizes of a test rig: segments of 12 to 64 frames, as in the packs that ship.
 pub fn dims(skeleton: &Skeleton) -> Dims {

@@ -77,6 +77,7 @@ fn list(sessions: &[v1::Session]) -> Table {
     table.set_header([
         "session",
         "pack",
+        "skeleton",
         "style",
         "time",
         "place",
@@ -98,6 +99,10 @@ fn list(sessions: &[v1::Session]) -> Table {
         table.add_row([
             Cell::new(&of.id),
             Cell::new(&of.pack),
+            Cell::new(match of.skeleton.as_str() {
+                "" => "–",
+                skeleton => skeleton,
+            }),
             Cell::new(&of.style),
             Cell::new(format!("{:.1} s", of.frame as f64 / 30.0)),
             Cell::new(format!("{:.1} {:.1} {:.1}", place.x, place.y, place.z)),
@@ -120,6 +125,7 @@ mod tests {
     fn a_row_tells_who_advances_it_and_how_it_went() {
         let session = v1::Session {
             id: "guard".to_owned(),
+            skeleton: "hero".to_owned(),
             frame: 45,
             speed: 1.3,
             clock: v1::Clock::Drive.into(),
@@ -135,7 +141,7 @@ mod tests {
         let mut table = list(&[session]);
         table.set_width(200);
         let row = table.to_string();
-        for wanted in ["guard", "1.5 s", "1.30 m/s", "a stream", "60 s", "7", "1"] {
+        for wanted in ["guard", "hero", "1.5 s", "1.30 m/s", "a stream", "60 s", "7", "1"] {
             assert!(row.contains(wanted), "{wanted}: {row}");
         }
     }

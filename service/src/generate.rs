@@ -15,12 +15,13 @@ use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 
 use crate::inbetween::{
-    PartWriter, Prepared, no_sampling, path_judge, prepare_path, prepare_prompt, prepare_walk, refuse_frames,
-    refuse_path, refuse_walk, walk_judge,
+    PartWriter, Prepared, count_generate, no_sampling, path_judge, prepare_path, prepare_prompt,
+    prepare_walk, refuse_frames, refuse_path, refuse_walk, walk_judge,
 };
 use crate::own::{OwnAnswer, take_generate};
 use crate::streamed::{Pieces, Streamed};
 use crate::{Service, ServiceError};
+use troupe_base::offload::offload;
 use troupe_batch::{Batcher, Piece};
 use troupe_live::packs::LoadedPack;
 use troupe_live::session::SessionError;
@@ -195,40 +196,54 @@ impl Service {
     /// # Errors
     /// [`ServiceError`] if a value is not accepted, if the pack cannot do what is asked, or if the
     /// queue is full.
-    pub fn generate(&self, request: &v1::GenerateRequest) -> Result<Generation, ServiceError> {
+    pub async fn generate(&self, request: v1::GenerateRequest) -> Result<Generation, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
-        let place = match &request.goal {
-            Some(Goal::Path(goal)) if !request.skeleton.is_empty() => {
-                (loaded.place_of("path.body", &goal.body)).map_err(SessionError::from)?
-            }
-            _ => 0,
-        };
-        let worn = self.worn(&request.skeleton, (loaded, place))?;
-        let mut for_pack = None;
-        let own = match &worn {
-            Some(worn) => {
-                let taken = for_pack.insert(request.clone());
-                Some(take_generate(taken, worn, loaded.rig(place).fps)?)
-            }
-            None => None,
-        };
-        let request = for_pack.as_ref().unwrap_or(request);
-        let root = Path::root().sized(worn.as_ref().map_or_else(Size::default, |worn| worn.size()));
+        require(&request, loaded)?;
+        let (request, own) = self.for_pack(request, loaded).await?;
+        let root = Path::root().sized(own.as_ref().map_or_else(Size::default, OwnAnswer::size));
         let wanted = match &request.goal {
             None => return Err(no_goal().into()),
-            Some(Goal::Prompt(prompt)) => words(&root, request, prompt, loaded)?,
-            Some(Goal::Path(goal)) => self.path(&root, request, goal, loaded)?,
+            Some(Goal::Prompt(prompt)) => words(&root, &request, prompt, loaded)?,
+            Some(Goal::Path(goal)) => self.path(&root, &request, goal, loaded)?,
         };
         Ok(Generation {
             pieces: Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?,
             writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
-            readers: (!request.raw && !ends_in_targets(request)).then(Vec::new),
+            readers: (!request.raw && !ends_in_targets(&request)).then(Vec::new),
             path: wanted.path,
             notes: wanted.notes,
             own,
             ready: VecDeque::new(),
         })
+    }
+
+    /// A request as the pack takes it, and what its answer needs if it is on a skeleton of the
+    /// user's own.
+    async fn for_pack(
+        &self,
+        mut request: v1::GenerateRequest,
+        loaded: &LoadedPack,
+    ) -> Result<(v1::GenerateRequest, Option<OwnAnswer>), ServiceError> {
+        if request.skeleton.is_empty() {
+            return Ok((request, None));
+        }
+        let place = match &request.goal {
+            Some(Goal::Path(goal)) => {
+                (loaded.place_of("path.body", &goal.body)).map_err(SessionError::from)?
+            }
+            _ => 0,
+        };
+        let (dims, fps) = (loaded.rig(place).dims, loaded.rig(place).fps);
+        count_generate(&request, &loaded.pack, &dims)?;
+        let Some(worn) = self.worn(&request.skeleton, (loaded, place)).await? else {
+            return Ok((request, None));
+        };
+        let taken = offload(usize::MAX, 0, move || {
+            let own = take_generate(&mut request, &worn, fps)?;
+            Ok::<_, FieldError>((request, Some(own)))
+        });
+        Ok(taken.await??)
     }
 
     fn path(
@@ -252,7 +267,6 @@ impl Service {
                 (task, rig, walking.notes(root), judge, Windows::Walk(making))
             }
             false => {
-                loaded.require(Capability::Path, "pack")?;
                 no_sampling(request)?;
                 let mut plan = Box::new(prepare_path(
                     root,
@@ -293,16 +307,32 @@ impl Service {
     }
 }
 
+/// Checks that a pack can do what is asked.
+fn require(request: &v1::GenerateRequest, loaded: &LoadedPack) -> Result<(), ServiceError> {
+    match &request.goal {
+        None => return Err(no_goal().into()),
+        Some(Goal::Prompt(prompt)) => {
+            loaded.require(Capability::Text, "pack")?;
+            if !prompt.others.is_empty() {
+                loaded.require(Capability::Agents, "pack")?;
+            }
+        }
+        Some(Goal::Path(_)) => {
+            let takes_paths = loaded.require(Capability::Path, "pack");
+            if takes_paths.is_err() && !loaded.walks(0) {
+                takes_paths?;
+            }
+        }
+    }
+    Ok(())
+}
+
 fn words(
     root: &Path<'_>,
     request: &v1::GenerateRequest,
     prompt: &v1::Prompt,
     loaded: &LoadedPack,
 ) -> Result<Wanted, ServiceError> {
-    loaded.require(Capability::Text, "pack")?;
-    if !prompt.others.is_empty() {
-        loaded.require(Capability::Agents, "pack")?;
-    }
     let Prepared { task, frame, notes } = prepare_prompt(root, request, prompt, &loaded.pack)?;
     Ok(Wanted {
         task,

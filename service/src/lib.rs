@@ -20,7 +20,9 @@ use std::time::{Duration, Instant};
 
 use troupe_proto::v1;
 
-use crate::inbetween::{Plan, RequestLimits, finish_judged, prepare, refuse, refuse_keyframes};
+use crate::inbetween::{
+    Plan, RequestLimits, count_in_between, finish_judged, prepare, refuse, refuse_keyframes,
+};
 use metrics::ServiceMetrics;
 use own::{OwnSegment, take_in_between};
 use pack::describe;
@@ -292,7 +294,10 @@ impl Service {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
         loaded.require(Capability::Inbetween, "pack")?;
-        let worn = self.worn(&request.skeleton, (loaded, 0))?;
+        if !request.skeleton.is_empty() {
+            count_in_between(&request, &loaded.pack.rig.dims)?;
+        }
+        let worn = self.worn(&request.skeleton, (loaded, 0)).await?;
         let characters = request.characters.len();
         // A request over the size limit gets its own error, without a retry hint.
         let most = self.common.limits.max_characters;

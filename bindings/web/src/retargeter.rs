@@ -61,11 +61,15 @@ impl Retargeter {
         self.inner.scale()
     }
 
-    /// A motion of the source on the target, from its first frame on.
+    /// A motion of the source on the target, from its first frame on, with `fps` frames a second.
     ///
     /// # Errors
-    /// If the numbers are not whole frames of the source's joints.
-    pub fn carry(&mut self, roots: &[f32], rotations: &[f32]) -> Result<Carried, JsError> {
+    /// If `fps` is not above 0, or if the numbers are not whole frames of the source's joints.
+    pub fn carry(&mut self, fps: f32, roots: &[f32], rotations: &[f32]) -> Result<Carried, JsError> {
+        // NaN is not above 0 either.
+        if !(fps > 0.0 && fps.is_finite()) {
+            return Err(JsError::new(&format!("fps is {fps}; allowed: above 0")));
+        }
         let [from, to] = self.inner.figures().map(|figure| figure.skeleton().joint_count());
         let (roots, rotations) = (vectors(roots), quaternions(rotations));
         if rotations.len() != roots.len() * from {
@@ -81,6 +85,7 @@ impl Retargeter {
             rotations: Vec::with_capacity(4 * to * roots.len()),
         };
         self.inner.reset();
+        self.inner.set_step(fps.recip());
         for (&root, rotations) in roots.iter().zip(rotations.chunks_exact(from)) {
             let own = self.inner.pose(root, rotations, &mut pose);
             carried.roots.extend(own.to_array());
@@ -123,10 +128,11 @@ impl Retargeter {
     }
 }
 
-/// A member of a crowd: its state, and its last pose.
+/// A member of a crowd: its state, its last pose, and the time since then.
 struct Member {
     retargeter: Inner,
     pose: Vec<Quat>,
+    passed_s: f32,
 }
 
 /// Retargeters of many characters, each with its own state. Poses go in and out through memory that
@@ -159,6 +165,7 @@ impl Crowd {
         self.members.resize_with(count, || Member {
             retargeter: first.clone(),
             pose: vec![Quat::IDENTITY; to],
+            passed_s: 0.0,
         });
         self.due.resize(count, 0);
         self.roots.resize(3 * count, 0.0);
@@ -174,8 +181,9 @@ impl Crowd {
         }
     }
 
-    /// Carries over the poses of the members that are marked, and takes the marks away.
-    pub fn pose(&mut self) {
+    /// Carries over the poses of the members that are marked, and takes the marks away. `passed_s`
+    /// is the time since the last call, seconds. It also counts for members without a new pose.
+    pub fn pose(&mut self, passed_s: f32) {
         let [from, to] = self.joints;
         let sources = self
             .roots
@@ -187,9 +195,12 @@ impl Crowd {
             .zip(self.own_rotations.chunks_exact_mut(4 * to));
         let members = self.members.iter_mut().zip(&mut self.due);
         for ((member, due), (source, own)) in members.zip(sources.zip(owns)) {
+            member.passed_s += passed_s;
             if std::mem::take(due) == 0 {
                 continue;
             }
+            let step_s = std::mem::take(&mut member.passed_s);
+            member.retargeter.set_step(step_s);
             for (rotation, numbers) in self.pose.iter_mut().zip(source.1.chunks_exact(4)) {
                 *rotation = Quat::from_slice(numbers);
             }

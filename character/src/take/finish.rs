@@ -4,16 +4,15 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use troupe_motion::anatomy::Parts;
 use troupe_motion::fk::joint_transform;
-use troupe_motion::ik::{FootLock, Leg, Posed, ReachOptions, Reached, lock_feet, reach_pose};
+use troupe_motion::ik::{FootLock, Posed, ReachOptions, Reached, lock_feet, reach_pose};
 use troupe_motion::interpolate::smoothstep;
 use troupe_motion::pin::{PosePin, pin_poses};
-use troupe_motion::root::heading_of;
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::terrain::{Terrain, lift_motion};
-use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
+use troupe_motion::{GlobalRoot, Quat, Vec3};
 
+use super::met::{Body, Fixed, fixed};
 use super::note::Note;
 use super::request::{Effector, Take, Wanted};
 use super::track::Track;
@@ -39,14 +38,6 @@ pub struct Made {
     pub boundaries: Vec<usize>,
     /// Notes for the caller.
     pub notes: Vec<Note>,
-}
-
-/// The constraints on the root of one frame.
-#[derive(Debug, Clone, Copy, Default)]
-struct Fixed {
-    place: Option<[f32; 2]>,
-    y: Option<f32>,
-    heading: Option<f32>,
 }
 
 /// Finishes the motion of a sample. `track` has the body's own frame rate.
@@ -104,73 +95,6 @@ pub fn finish(take: &Take, mut track: Track, boundaries: Vec<usize>, notes: Vec<
             notes,
         },
     }
-}
-
-/// The body of the answer, and what it must meet.
-#[derive(Clone, Copy)]
-struct Body<'a> {
-    skeleton: &'a Skeleton,
-    legs: &'a [Leg],
-    /// Of a body that a motion is carried over to.
-    parts: Option<&'a Parts>,
-    wanted: &'a Wanted,
-    /// Its size by that of the take's body.
-    scale: f32,
-}
-
-impl<'a> Body<'a> {
-    fn of(take: &'a Take) -> Self {
-        match &take.onto {
-            None => Self {
-                skeleton: &take.subject.rig.skeleton,
-                legs: &take.subject.rig.legs,
-                parts: None,
-                wanted: &take.wanted,
-                scale: 1.0,
-            },
-            Some(onto) => {
-                let figure = onto.retargeter().figures()[1];
-                Self {
-                    skeleton: figure.skeleton(),
-                    legs: onto.legs(),
-                    parts: Some(figure.parts()),
-                    wanted: &onto.wanted,
-                    scale: onto.retargeter().scale(),
-                }
-            }
-        }
-    }
-}
-
-/// The constraints on the root, by frame.
-fn fixed(body: &Body<'_>) -> BTreeMap<usize, Fixed> {
-    let mut fixed: BTreeMap<usize, Fixed> = BTreeMap::new();
-    for knot in &body.wanted.path {
-        let at = fixed.entry(knot.frame.round() as usize).or_default();
-        at.place = Some(knot.place);
-        at.heading = knot.heading;
-    }
-    let left = body.skeleton.left_axis;
-    for key in &body.wanted.keys {
-        let at = fixed.entry(key.frame).or_default();
-        if let Some(root) = key.root {
-            at.place = Some([root.x, root.z]);
-            at.y = Some(root.y);
-        }
-        if let Some(pelvis) = key.rotations[0] {
-            at.heading = Some(heading_of(pelvis, left));
-        }
-    }
-    let of_root = |effector: &&Effector| effector.joint == 0;
-    for effector in body.wanted.effectors.iter().filter(of_root) {
-        let at = fixed.entry(effector.frame).or_default();
-        at.place = Some([effector.point.x, effector.point.z]);
-        at.y = Some(effector.point.y);
-        at.heading = at
-            .heading
-            .or(effector.rotation.map(|pelvis| heading_of(pelvis, left)));
-    }
-    fixed
 }
 
 struct Work<'a> {

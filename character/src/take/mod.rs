@@ -13,6 +13,7 @@ mod finish;
 mod follow;
 mod ground;
 mod making;
+mod met;
 mod note;
 mod onto;
 mod path_plan;

@@ -1,65 +1,34 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use troupe_motion::anatomy::PartsDoc;
 use troupe_motion::fk::joint_transform;
 use troupe_motion::model::Rig;
 use troupe_motion::retarget::Figure;
 use troupe_motion::rotation::yaw;
-use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
+use troupe_motion::{ContactParams, Vec3};
 
 use super::super::finish::{Made, finish};
 use super::super::testing::{knot, take};
 use super::super::{Clock, Effector, Ground, PoseKey, Take};
 use super::*;
+use crate::testing::{self, PERSON_HIPS_M, Row};
 
 /// Frames of each motion.
 const FRAMES: usize = 60;
 
-/// A person that stands with hanging arms. `{}` stands for either side; offsets are those of the
-/// left one.
-const ROWS: [(&str, &str, [f32; 3]); 13] = [
-    ("hips", "", [0.0, 0.93, 0.0]),
-    ("spine", "hips", [0.0, 0.12, 0.0]),
-    ("chest", "spine", [0.0, 0.16, 0.0]),
-    ("neck", "chest", [0.0, 0.22, 0.0]),
-    ("head", "neck", [0.0, 0.1, 0.0]),
-    ("{}_thigh", "hips", [0.09, -0.03, 0.0]),
-    ("{}_shin", "{}_thigh", [0.0, -0.41, 0.02]),
-    ("{}_foot", "{}_shin", [0.0, -0.4, -0.02]),
-    ("{}_toe", "{}_foot", [0.0, -0.07, 0.14]),
-    ("{}_shoulder", "chest", [0.03, 0.18, 0.0]),
-    ("{}_upperarm", "{}_shoulder", [0.13, 0.0, 0.0]),
-    ("{}_forearm", "{}_upperarm", [0.0, -0.28, 0.0]),
-    ("{}_hand", "{}_forearm", [0.0, -0.25, 0.0]),
-];
-
 /// The person in a size. With `twists`, forearms and upper arms have a joint along them.
 fn person(size: f32, twists: bool, contacts: &[&str]) -> Figure {
-    let mut joints: Vec<Joint> = Vec::new();
-    for (name, parent, [x, y, z]) in ROWS {
-        for (side, sign) in [("left", 1.0), ("right", -1.0)] {
-            if !name.contains("{}") && side == "right" {
-                continue;
-            }
-            let mut add = |name: String, parent: String, offset: Vec3| {
-                joints.push(Joint {
-                    parent: joints.iter().position(|joint| joint.name == parent),
-                    name,
-                    offset_m: size * offset,
-                });
-            };
-            let [name, parent] = [name, parent].map(|name| name.replace("{}", side));
-            let offset = Vec3::new(sign * x, y, z);
-            if twists && parent.contains("arm") {
-                let twist = format!("{parent}_twist");
-                add(twist.clone(), parent, 0.5 * offset);
-                add(name, twist, 0.5 * offset);
-            } else {
-                add(name, parent, offset);
-            }
+    let mut rows: Vec<Row> = Vec::new();
+    for (name, parent, offset) in testing::person() {
+        if twists && parent.contains("arm") {
+            let twist = format!("{parent}_twist");
+            rows.push((twist.clone(), parent, 0.5 * offset));
+            rows.push((name, twist, 0.5 * offset));
+        } else {
+            rows.push((name, parent, offset));
         }
     }
+    let joints = testing::joints_of(&rows, size);
     let index = |name: &&str| joints.iter().position(|joint| joint.name == *name).unwrap();
     let contacts = ContactParams {
         joints: contacts.iter().map(index).collect(),
@@ -71,15 +40,7 @@ fn person(size: f32, twists: bool, contacts: &[&str]) -> Figure {
             .collect(),
     };
     let contacts = Some(contacts).filter(|contacts| !contacts.joints.is_empty());
-    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, contacts).unwrap();
-    let still = vec![Quat::IDENTITY; skeleton.joint_count()];
-    Figure::new(
-        Arc::new(skeleton),
-        &still,
-        Some(0.93 * size),
-        &PartsDoc::default(),
-    )
-    .unwrap()
+    testing::figure_of(joints, contacts, PERSON_HIPS_M * size)
 }
 
 /// A take of a person, and what it meets on another one.

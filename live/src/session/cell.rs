@@ -305,7 +305,7 @@ impl SessionCell {
             .is_ok();
         if first {
             self.leave_scene();
-            drop(self.live().performer.take());
+            self.let_go();
             self.place().take();
             self.changed.notify_one();
         }
@@ -322,6 +322,18 @@ impl SessionCell {
         if self.end().is_some() {
             self.place().take();
         }
+    }
+
+    /// Stops the words that are being generated, and takes the user's skeleton off: a plan that is
+    /// under way keeps the session in memory, but not the skeleton in use.
+    fn let_go(&self) {
+        let mut live = self.live();
+        if let Some(dress) = &mut live.dress {
+            dress.take_off();
+        }
+        let performer = live.performer.take();
+        drop(live);
+        drop(performer);
     }
 
     /// Releases the objects of the character and the session's place in its scene.
@@ -443,3 +455,7 @@ impl Drop for Held {
         self.0.owner.store(Owner::Free as u8, Ordering::Release);
     }
 }
+
+#[cfg(test)]
+#[path = "cell_tests.rs"]
+mod tests;

@@ -31,7 +31,7 @@ pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekR
         (
             describe::session_of(cell, &live, now),
             live.character.peek(frames),
-            live.dress.clone(),
+            live.dress.as_ref().map(Dress::glimpse),
         )
     };
     let (convention, pack) = (cell.convention(), cell.pack().rig());

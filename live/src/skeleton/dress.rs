@@ -17,13 +17,14 @@ const EASE_FRAMES: f32 = 8.0;
 const FRAME_S: f32 = 1.0 / 30.0;
 
 /// The way of one character onto a user's skeleton. It remembers the pose before.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Dress {
     onto: Retargeter,
     last: Last,
     /// Joints of the pack that are held at places, reused.
     reaches: Vec<usize>,
-    _wearer: Option<Arc<()>>,
+    /// Counts the character of a session among the skeleton's wearers.
+    wearer: Option<Arc<()>>,
 }
 
 /// What the next frame of a character takes from those before.
@@ -62,8 +63,23 @@ impl Dress {
                 ..Last::default()
             },
             reaches: Vec::new(),
-            _wearer: wearer,
+            wearer,
         }
+    }
+
+    /// A copy for a look at later frames. It is no wearer of the skeleton.
+    pub(crate) fn glimpse(&self) -> Self {
+        Self {
+            onto: self.onto.clone(),
+            last: self.last.clone(),
+            reaches: Vec::new(),
+            wearer: None,
+        }
+    }
+
+    /// The character wears the skeleton no longer. A step under way may still finish with it.
+    pub(crate) fn take_off(&mut self) {
+        self.wearer = None;
     }
 
     /// What the next frame takes from those before, for [`Dress::resume`].

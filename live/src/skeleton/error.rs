@@ -37,6 +37,8 @@ pub enum SkeletonError {
         faults: Vec<String>,
         /// The field of the request that names or has the skeleton.
         field: String,
+        /// What is allowed.
+        allowed: Box<str>,
         /// Whether `force` would take it.
         may_force: bool,
     },

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 
 use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
 use troupe_character::{FieldError, Path};
-use troupe_motion::retarget::Figure;
+use troupe_motion::retarget::{Figure, RetargetError};
 
 use super::doc::{BodyDoc, SkeletonDoc};
 use super::dress::Dress;
@@ -85,22 +85,18 @@ impl Own {
         if let Some(fit) = self.fits().iter().find(is_it) {
             return Ok(fit.worn.clone());
         }
-        let unfit = |fault: String| SkeletonError::Unfit {
+        let unfit = |(found, allowed): (String, String)| SkeletonError::Unfit {
             name: self.doc.name.clone(),
             pack: body_of(loaded, place),
-            faults: vec![fault],
+            faults: vec![format!("{found}; allowed: {allowed}")],
             field: field.to_owned(),
+            allowed: allowed.into(),
             may_force: false,
         };
         let worn = Worn::new(&self.doc.name, &self.figure, of, table);
-        let worn = Arc::new(worn.map_err(|error| unfit(error.to_string()))?);
-        if !SCALES.contains(&worn.scale()) {
-            let (low, high) = (SCALES.start(), SCALES.end());
-            return Err(unfit(format!(
-                "its legs are {} times as long as the pack's; allowed: {low} to {high}, in metres",
-                worn.scale()
-            )));
-        }
+        let worn = worn.map_err(|error| unfit(apart(&error, self.figure.parts().on_fours)))?;
+        let worn = Arc::new(worn);
+        out_of_scale(worn.scale()).map_or(Ok(()), |fault| Err(unfit(fault)))?;
         let mut fits = self.fits();
         // Another call may have been faster.
         if let Some(fit) = fits.iter().find(is_it) {
@@ -131,16 +127,63 @@ impl Own {
                 pack: body_of(of.0, of.1),
                 faults,
                 field: field.to_owned(),
+                allowed: "figures within the bar".into(),
                 may_force: true,
             }),
         }
     }
 
-    /// Number of characters that wear it.
+    /// Checks that no session wears it.
+    fn check_unused(&self) -> Result<(), SkeletonError> {
+        match self.sessions() {
+            0 => Ok(()),
+            sessions => Err(SkeletonError::InUse {
+                name: self.doc.name.clone(),
+                sessions,
+            }),
+        }
+    }
+
+    /// Number of sessions that wear it.
     pub(super) fn sessions(&self) -> usize {
         let fits = self.fits();
         fits.iter().map(|fit| fit.worn.wearers()).sum()
     }
+}
+
+/// Why motion of a pack cannot be carried over to a body on four legs or on two, and what is
+/// allowed.
+fn apart(error: &RetargetError, on_fours: bool) -> (String, String) {
+    let [own, pack] = match on_fours {
+        true => ["four", "two"],
+        false => ["two", "four"],
+    };
+    match error {
+        RetargetError::Legs => (
+            format!("it stands on {own} legs, and the pack's body on {pack}"),
+            format!("a body on {pack} legs"),
+        ),
+        other => (
+            other.to_string(),
+            "another pack, whose motion can be carried over".to_owned(),
+        ),
+    }
+}
+
+/// What is wrong with a scale, and what is allowed.
+fn out_of_scale(scale: f32) -> Option<(String, String)> {
+    let (low, high) = (SCALES.start(), SCALES.end());
+    (!SCALES.contains(&scale)).then(|| {
+        (
+            format!("its legs are {} times as long as the pack's", three_digits(scale)),
+            format!("{low} to {high} times, in metres"),
+        )
+    })
+}
+
+/// A number with its first three digits.
+fn three_digits(value: f32) -> f32 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// The name of a pack, with that of its body.
@@ -260,26 +303,34 @@ impl Skeletons {
             cause,
         };
         memory.check(bytes(&own), replaced).map_err(no_room)?;
-        let mut all = self.changing();
-        if let Some(sessions) = before
-            .as_ref()
-            .map(|before| before.sessions())
-            .filter(|&count| count > 0)
-        {
-            return Err(SkeletonError::InUse { name, sessions });
-        }
-        all.insert(Arc::from(name.as_str()), own.clone());
-        drop(all);
-        if let Some(folder) = &self.folder
-            && let Err(cause) = keep(folder, &name, Format::Json, &text)
-        {
-            match before {
-                Some(before) => self.changing().insert(Arc::from(name.as_str()), before),
-                None => self.changing().remove(name.as_str()),
-            };
-            return Err(not_kept(&name, &cause));
-        }
+        self.take_in(&own, before.as_deref(), &text)?;
         Ok(own)
+    }
+
+    /// Writes the file of a skeleton, `text`, and then has it found instead of the one `before`: no
+    /// session can wear a skeleton whose file cannot be written.
+    fn take_in(&self, own: &Arc<Own>, before: Option<&Own>, text: &str) -> Result<(), SkeletonError> {
+        let name = own.doc.name.as_str();
+        before.map_or(Ok(()), Own::check_unused)?;
+        self.write(name, text)?;
+        let mut all = self.changing();
+        // A session may have begun to wear the one before while the file was written.
+        if let Some(before) = before
+            && let Err(error) = before.check_unused()
+        {
+            drop(all);
+            self.write(name, &serde_json::to_string(&before.doc).unwrap_or_default())?;
+            return Err(error);
+        }
+        all.insert(Arc::from(name), own.clone());
+        Ok(())
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), SkeletonError> {
+        match &self.folder {
+            Some(folder) => keep(folder, name, Format::Json, text).map_err(|cause| not_kept(name, &cause)),
+            None => Ok(()),
+        }
     }
 
     /// Removes a skeleton that no session wears, and its file. This blocks.
@@ -292,11 +343,7 @@ impl Skeletons {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let own = self.get("name", name)?;
         let mut all = self.changing();
-        let sessions = own.sessions();
-        if sessions > 0 {
-            let name = name.to_owned();
-            return Err(SkeletonError::InUse { name, sessions });
-        }
+        own.check_unused()?;
         all.remove(name);
         drop(all);
         match &self.folder {
@@ -372,3 +419,7 @@ fn not_kept(name: &str, cause: &std::io::Error) -> SkeletonError {
         is_disk_full,
     }
 }
+
+#[cfg(test)]
+#[path = "store_tests.rs"]
+mod tests;

@@ -20,6 +20,17 @@ use crate::wire::{inline_body, named};
 /// Endings of files that are read.
 const ENDINGS: &str = ".glb or .vrm with a skin, .gltf, .bvh, .npz, or a robot's .urdf or .xml";
 
+/// Fields of `parts`.
+const PARTS: [&str; 7] = [
+    "trunk",
+    "neck",
+    "tail",
+    "left_leg",
+    "right_leg",
+    "left_arm",
+    "right_arm",
+];
+
 /// Reads the skeleton of a request. `rig` gives the frame rate of bodies that come as joints.
 ///
 /// # Errors
@@ -77,7 +88,8 @@ fn of_file(
             });
             match body.figure() {
                 Ok(_) => Ok(body),
-                Err(why) => Err(data.error(cut(&why, MAX_MESSAGE), "a robot that stands on legs")),
+                Err(why) => Err(correction(&why)
+                    .unwrap_or_else(|| data.error(cut(&why, MAX_MESSAGE), "a robot that stands on legs"))),
             }
         }
         Some("glb" | "vrm" | "gltf" | "bvh" | "npz") => {
@@ -136,8 +148,23 @@ fn of_figure(path: &Path<'_>, figure: &Figure) -> Result<BodyDoc, FieldError> {
     Ok(BodyDoc::Joints(JointsDoc::of(figure)))
 }
 
+/// The error of a correction, whose text begins with the field in `parts`.
+fn correction(text: &str) -> Option<FieldError> {
+    let (name, text) = text.split_once(' ')?;
+    let part = name.split('.').next()?;
+    let (message, allowed) = text.split_once("; allowed: ")?;
+    PARTS.contains(&part).then(|| FieldError {
+        field: format!("parts.{name}"),
+        message: cut(message, MAX_MESSAGE),
+        allowed: allowed.to_owned(),
+    })
+}
+
 fn not_found(path: &Path<'_>, error: &RetargetError) -> FieldError {
     let text = error.to_string();
+    if let Some(error) = correction(&text) {
+        return error;
+    }
     // An error that says what is allowed says it best.
     let (text, allowed) = text
         .split_once("; allowed: ")
@@ -146,4 +173,48 @@ fn not_found(path: &Path<'_>, error: &RetargetError) -> FieldError {
         cut(text, MAX_MESSAGE),
         format!("{allowed}; `parts` corrects what is found"),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use troupe_character::testing::{PERSON_HIPS_M, figure_of, joints_of, person};
+
+    use super::*;
+
+    #[test]
+    fn a_wrong_correction_names_its_field_in_parts() {
+        let figure = figure_of(joints_of(&person(), 1.0), None, PERSON_HIPS_M);
+        let skeleton = figure.skeleton();
+        let still = vec![Quat::IDENTITY; skeleton.joint_count()];
+        let limb = "girdle = []\nupper = [\"left_thigh\"]\nlower = [\"left_shin\"]\nend = \"none\"";
+        for (toml, wanted) in [
+            ("trunk = []", "parts.trunk: is empty; allowed: at least 1 joint"),
+            (
+                "neck = [\"none\"]",
+                "parts.neck: names \"none\"; allowed: a joint of the skeleton",
+            ),
+            (
+                &format!("[left_leg]\n{limb}"),
+                "parts.left_leg.end: names \"none\"; allowed: a joint of the skeleton",
+            ),
+        ] {
+            let parts: PartsDoc = toml::from_str(toml).unwrap();
+            let error = Figure::new(skeleton.clone(), &still, None, &parts).unwrap_err();
+            let root = Path::root();
+            assert_eq!(not_found(&root.field("file"), &error).to_string(), wanted);
+        }
+        assert!(correction("the rest pose is no stance: it lies; allowed: upright").is_none());
+    }
+
+    #[test]
+    fn every_part_is_a_field() {
+        let figure = figure_of(joints_of(&person(), 1.0), None, PERSON_HIPS_M);
+        let doc = PartsDoc::of(figure.parts(), figure.skeleton());
+        let fields = toml::Table::try_from(doc).unwrap();
+        let names = fields.keys().filter(|name| *name != "on_fours");
+        assert!(names.clone().count() >= 6);
+        for name in names {
+            assert!(PARTS.contains(&name.as_str()), "{name}");
+        }
+    }
 }

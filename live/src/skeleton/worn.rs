@@ -30,7 +30,7 @@ pub struct Worn {
     /// skeleton's size, metres.
     root_m: Vec3,
     certificate: Certificate,
-    /// Each character that wears the skeleton has a clone.
+    /// Each session that wears the skeleton has a clone until it ends.
     wearers: Arc<()>,
 }
 
@@ -105,8 +105,8 @@ impl Worn {
         contacts.map(|own| name(own).to_owned()).collect()
     }
 
-    /// Number of characters that wear the skeleton.
-    pub(super) fn wearers(&self) -> usize {
+    /// Number of sessions that wear the skeleton.
+    pub(crate) fn wearers(&self) -> usize {
         Arc::strong_count(&self.wearers) - 1
     }
 
@@ -164,8 +164,8 @@ impl Worn {
         difference::add(self.onto.figures()[1], shares, root, rotations);
     }
 
-    /// What the character of a session wears. It counts as long as it exists.
-    pub(super) fn dress_for_session(&self) -> Dress {
+    /// What the character of a session wears. It counts until it is taken off or dropped.
+    pub(crate) fn dress_for_session(&self) -> Dress {
         Dress::new(self.onto.clone(), Some(self.wearers.clone()))
     }
 

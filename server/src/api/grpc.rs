@@ -95,9 +95,12 @@ impl Motion for MotionApi {
         &self,
         request: Request<v1::GenerateRequest>,
     ) -> Result<Response<Self::GenerateStream>, Status> {
-        let answer = ours(&self.0, &request).await?.generate(request.get_ref());
-        let client = request.extensions().get::<Arc<Client>>();
-        early::note(client, &request.get_ref().pack, answer.as_ref().err());
+        let service = ours(&self.0, &request).await?;
+        let client = request.extensions().get::<Arc<Client>>().cloned();
+        let request = request.into_inner();
+        let pack = request.pack.clone();
+        let answer = service.generate(request).await;
+        early::note(client.as_ref(), &pack, answer.as_ref().err());
         parts(answer)
     }
 

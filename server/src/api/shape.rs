@@ -2,6 +2,8 @@
 //! and a hundred times as much in memory, so even a body within the size limit could take
 //! gigabytes. Counting its parts is cheap.
 
+mod json;
+
 use std::collections::HashMap;
 
 use bytes::Bytes;
@@ -85,8 +87,6 @@ pub(super) struct Shape {
     rules: Vec<Rule>,
     /// Most brackets (`{` and `[`) of the request in JSON.
     json_parts: usize,
-    /// The list that may have the most brackets.
-    largest: Rule,
 }
 
 /// Shapes by remote procedure. Requests without lists have none.
@@ -118,12 +118,8 @@ impl Shapes {
 impl Shape {
     /// `None` if there are no rules.
     fn new(rules: Vec<Rule>) -> Option<Self> {
-        let largest = *rules.iter().max_by_key(|rule| rule.json_parts())?;
-        Some(Self {
-            rules,
-            json_parts: largest.json_parts(),
-            largest,
-        })
+        let json_parts = rules.iter().map(Rule::json_parts).max()?;
+        Some(Self { rules, json_parts })
     }
 
     /// Checks a request in gRPC framing. Incomplete, compressed or malformed data passes: decoding
@@ -142,16 +138,23 @@ impl Shape {
             .try_for_each(|rule| rule.check(message, rule.steps, String::new()))
     }
 
-    /// Checks a JSON body by counting its brackets.
+    /// Checks a JSON body by counting its brackets. The error names the first list that is too
+    /// long.
     pub(super) fn check_json(&self, body: &[u8]) -> Result<(), ApiError> {
         let parts = body.iter().filter(|&&byte| byte == b'{' || byte == b'[').count();
         if parts <= self.json_parts {
             return Ok(());
         }
-        let Rule { steps, limit } = self.largest;
-        let names: Vec<&str> = steps.iter().map(|step| step.name).collect();
-        let what = format!("{}, or their parts,", limit.what);
-        Err(too_many(names.join("."), &what, limit.most))
+        let most = self.json_parts;
+        Err(match json::too_long(body, &self.rules) {
+            Some((field, limit)) => too_many(field, limit.what, limit.most),
+            None => FieldError {
+                field: "body".to_owned(),
+                message: format!("has more than {most} brackets ({{ and [)"),
+                allowed: format!("at most {most}"),
+            }
+            .into(),
+        })
     }
 }
 
@@ -393,6 +396,39 @@ mod tests {
         for (start, part) in [("{\"characters\":[", "{},"), ("[", "[],")] {
             let body = format!("{start}{}", part.repeat(3 * 1024));
             assert!(shape.check_json(body.as_bytes()).is_err());
+        }
+    }
+
+    #[test]
+    fn a_json_body_with_too_many_parts_names_the_list_at_fault() {
+        let refused = |rpc: &str, body: &str| match shape(rpc).check_json(body.as_bytes()) {
+            Err(ApiError::Field(error)) => error.to_string(),
+            other => panic!("{other:?}"),
+        };
+        let keyframe = r#"{"keyframe": {"pose": {"rotations": []}}}"#;
+        let body = |keyframes: usize| {
+            let keyframes = vec![keyframe; keyframes].join(",");
+            format!(r#"{{"path": {{"style": [{{"word": "]"}}], "keyframes": [{keyframes}]}}}}"#)
+        };
+        shape("Generate").check_json(body(256).as_bytes()).unwrap();
+        assert_eq!(
+            refused("Generate", &body(20_000)),
+            "path.keyframes: has more than 256 keyframes; allowed: 1 to 256"
+        );
+        let body = format!(
+            r#"{{"characters": [{{"id": "a"}}, {{"targets": [{}]}}]}}"#,
+            vec!["{}"; 4000].join(",")
+        );
+        assert_eq!(
+            refused("InBetween", &body),
+            "characters[1].targets: has more than 256 keyframes; allowed: 1 to 256"
+        );
+        // What is at fault is no list of a request, or no JSON.
+        for open in ["{\"seed\": [", "["] {
+            assert_eq!(
+                refused("InBetween", &format!("{open}{}", "[],".repeat(4000))),
+                "body: has more than 3072 brackets ({ and [); allowed: at most 3072"
+            );
         }
     }
 

@@ -1,59 +1,20 @@
 use std::f32::consts::FRAC_PI_2;
-use std::sync::Arc;
 
-use troupe_motion::anatomy::PartsDoc;
+use troupe_character::testing::{self, PERSON_HIPS_M};
 use troupe_motion::retarget::Figure;
-use troupe_motion::{Joint, Skeleton};
 
 use super::*;
 
-/// A person that stands with hanging arms. `{}` stands for either side; offsets are those of the
-/// left one.
-const ROWS: [(&str, &str, [f32; 3]); 13] = [
-    ("hips", "", [0.0; 3]),
-    ("spine", "hips", [0.0, 0.12, 0.0]),
-    ("chest", "spine", [0.0, 0.16, 0.0]),
-    ("neck", "chest", [0.0, 0.22, 0.0]),
-    ("head", "neck", [0.0, 0.1, 0.0]),
-    ("{}_thigh", "hips", [0.09, -0.03, 0.0]),
-    ("{}_shin", "{}_thigh", [0.0, -0.41, 0.02]),
-    ("{}_foot", "{}_shin", [0.0, -0.4, -0.02]),
-    ("{}_toe", "{}_foot", [0.0, -0.07, 0.14]),
-    ("{}_shoulder", "chest", [0.03, 0.18, 0.0]),
-    ("{}_upperarm", "{}_shoulder", [0.13, 0.0, 0.0]),
-    ("{}_forearm", "{}_upperarm", [0.0, -0.28, 0.0]),
-    ("{}_hand", "{}_forearm", [0.0, -0.25, 0.0]),
-];
-
 /// The person in a size. `root` is a joint before the hips, with the hips' offset from it.
 fn person(size: f32, root: Option<[f32; 3]>) -> Figure {
-    let mut joints: Vec<Joint> = Vec::new();
-    let mut add = |name: &str, parent: &str, offset: [f32; 3]| {
-        joints.push(Joint {
-            parent: joints.iter().position(|joint| joint.name == parent),
-            name: name.to_owned(),
-            offset_m: size * Vec3::from(offset),
-        });
-    };
-    if root.is_some() {
-        add("root", "", [0.0; 3]);
+    let mut rows = testing::person();
+    let mut height_m = PERSON_HIPS_M;
+    if let Some(offset) = root {
+        rows[0] = ("hips".to_owned(), "root".to_owned(), Vec3::from(offset));
+        rows.insert(0, ("root".to_owned(), String::new(), Vec3::ZERO));
+        height_m -= offset[1];
     }
-    for (name, parent, [x, y, z]) in ROWS {
-        match (name, root) {
-            ("hips", Some(offset)) => add("hips", "root", offset),
-            _ if name.contains("{}") => {
-                for (side, sign) in [("left", 1.0), ("right", -1.0)] {
-                    let [name, parent] = [name, parent].map(|name| name.replace("{}", side));
-                    add(&name, &parent, [sign * x, y, z]);
-                }
-            }
-            _ => add(name, parent, [x, y, z]),
-        }
-    }
-    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, None).unwrap();
-    let still = vec![Quat::IDENTITY; skeleton.joint_count()];
-    let height_m = size * root.map_or(0.93, |offset| 0.93 - offset[1]);
-    Figure::new(Arc::new(skeleton), &still, Some(height_m), &PartsDoc::default()).unwrap()
+    testing::figure_of(testing::joints_of(&rows, size), None, size * height_m)
 }
 
 /// A caller of twice the size, whose root is on the ground and 0.5 m behind its hips.

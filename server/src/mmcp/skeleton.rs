@@ -255,12 +255,14 @@ fn unfit(error: SkeletonError) -> Fault {
             allowed,
         }) => foreign(field, message, format!("{allowed}; {canonical}")),
         SkeletonError::Unfit {
-            field, pack, faults, ..
+            field,
+            pack,
+            faults,
+            allowed,
+            ..
         } => {
             let message = format!("does not fit {pack}: {}", faults.join("; "));
-            let allowed =
-                format!("a body with as many legs as the model's and figures within the bar; {canonical}");
-            foreign(field, message, allowed).with("faults", faults)
+            foreign(field, message, format!("{allowed}; {canonical}")).with("faults", faults)
         }
         other => foreign("skeleton", other.to_string(), "canonical_skeleton"),
     }

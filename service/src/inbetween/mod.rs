@@ -6,6 +6,7 @@
 //! pins roots and poses to the keyframes, moves the segment back into the world, holds standing
 //! feet still, and brings a robot's poses onto its hinges.
 
+mod counts;
 mod describe;
 mod feasible;
 mod finish;
@@ -19,6 +20,7 @@ mod root;
 mod sampling;
 mod words;
 
+pub use counts::{count_generate, count_in_between};
 pub use describe::prepare_describe;
 pub use feasible::{NotFeasible, refuse, refuse_frames, refuse_keyframes};
 pub use finish::{finish, finish_judged};

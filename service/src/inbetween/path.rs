@@ -9,7 +9,7 @@ use troupe_character::keyframe::Checked;
 use troupe_character::take::{PathPlan, PathRequest};
 use troupe_character::{FieldError, Path};
 use troupe_engine::pack::Pack;
-use troupe_motion::model::{Body, Rig};
+use troupe_motion::model::{Body, Dims, Rig};
 use troupe_motion::path::{GroundPath, PathPoint, distance};
 use troupe_proto::v1;
 
@@ -80,21 +80,26 @@ fn check_ends(
     rig: &Rig,
 ) -> Result<[Vec<Checked>; 2], FieldError> {
     let path = root.field("path");
-    let context = rig.dims.context_frames;
-    if !past.is_empty() && past.len() != context {
-        let message = format!("has {} keyframes", past.len());
-        let allowed = format!("none, or exactly {context}");
-        return Err(root.field("past").error(message, allowed));
-    }
+    check_end_counts(root, goal, past.len(), &rig.dims)?;
     let past = check_keyframes(root, "past", past, Role::Context, rig)?;
-    units::length(
-        &path.field("targets"),
-        goal.targets.len(),
-        0,
-        rig.dims.max_targets,
-    )?;
     let targets = check_keyframes(&path, "targets", &goal.targets, Role::Context, rig)?;
     Ok([past, targets])
+}
+
+/// Checks how many frames there are before the path, and at its end.
+pub(super) fn check_end_counts(
+    root: &Path<'_>,
+    goal: &v1::PathGoal,
+    past: usize,
+    dims: &Dims,
+) -> Result<(), FieldError> {
+    let context = dims.context_frames;
+    if past > 0 && past != context {
+        let allowed = format!("none, or exactly {context}");
+        return Err(root.field("past").error(format!("has {past} keyframes"), allowed));
+    }
+    let path = root.field("path");
+    units::length(&path.field("targets"), goal.targets.len(), 0, dims.max_targets)
 }
 
 fn body(

@@ -157,13 +157,12 @@ fn prepare_character(
     Ok((item, plan))
 }
 
-fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Result<(), FieldError> {
-    if character.id.len() > MAX_ID_BYTES {
-        let message = format!("has {} bytes", character.id.len());
-        return Err(path
-            .field("id")
-            .error(message, format!("at most {MAX_ID_BYTES} bytes")));
-    }
+/// Checks how many keyframes a character has.
+pub(super) fn check_keyframe_counts(
+    path: &Path<'_>,
+    character: &v1::Character,
+    dims: &Dims,
+) -> Result<(), FieldError> {
     let keyframes = [
         (
             "context",
@@ -183,6 +182,17 @@ fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Res
             return Err(path.field(name).error(format!("has {count} keyframes"), allowed));
         }
     }
+    Ok(())
+}
+
+fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Result<(), FieldError> {
+    if character.id.len() > MAX_ID_BYTES {
+        let message = format!("has {} bytes", character.id.len());
+        return Err(path
+            .field("id")
+            .error(message, format!("at most {MAX_ID_BYTES} bytes")));
+    }
+    check_keyframe_counts(path, character, dims)?;
     units::within(
         &path.field("temperature"),
         character.temperature,

@@ -252,7 +252,12 @@ pub(super) fn check_near(
     Ok(())
 }
 
-fn check_past(root: &Path<'_>, count: usize, (least, most): (usize, usize)) -> Result<(), FieldError> {
+/// Checks how many frames there are before the words.
+pub(super) fn check_past(
+    root: &Path<'_>,
+    count: usize,
+    (least, most): (usize, usize),
+) -> Result<(), FieldError> {
     if count == 0 || (least..=most).contains(&count) {
         return Ok(());
     }

@@ -21,23 +21,33 @@ pub(crate) use segment::{OwnSegment, take_in_between};
 
 use std::sync::Arc;
 
+use troupe_base::offload::offload;
 use troupe_live::packs::LoadedPack;
 use troupe_live::skeleton::Worn;
 
 use crate::{Service, ServiceError};
 
 impl Service {
-    /// The skeleton called `name` on a body of a pack. None for an empty name.
-    pub(crate) fn worn(
+    /// The skeleton called `name` on a body of a pack. None for an empty name. The first call for a
+    /// body takes milliseconds, in the pool for blocking work.
+    pub(crate) async fn worn(
         &self,
         name: &str,
-        of: (&LoadedPack, usize),
+        (loaded, place): (&LoadedPack, usize),
     ) -> Result<Option<Arc<Worn>>, ServiceError> {
         if name.is_empty() {
             return Ok(None);
         }
-        let space = self.space()?;
-        let skeletons = space.store.skeletons();
-        Ok(Some(skeletons.worn("skeleton", name, of, space.packs.table())?))
+        let space = self.space()?.clone();
+        let (name, pack) = (name.to_owned(), loaded.pack.name().to_owned());
+        let worn = offload(usize::MAX, 0, move || {
+            let table = space.packs.table();
+            let loaded = table.find("pack", &pack)?;
+            space
+                .store
+                .skeletons()
+                .worn("skeleton", &name, (loaded, place), table)
+        });
+        Ok(Some(worn.await??))
     }
 }

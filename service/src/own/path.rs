@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use troupe_character::{FieldError, Path};
+use troupe_character::{FieldError, Path, Size};
 use troupe_live::skeleton::Worn;
 use troupe_live::wire::keyframe::Role;
 use troupe_motion::{GlobalRoot, Vec3};
@@ -136,6 +136,11 @@ fn pin(pins: &mut Pins, frame: i64, keys: &Keys, worn: &Arc<Worn>) {
 }
 
 impl OwnAnswer {
+    /// The size of the user's body, for errors.
+    pub(crate) fn size(&self) -> Size {
+        self.worn.size()
+    }
+
     /// Replaces a part of the answer.
     pub(crate) fn part(&mut self, part: &mut v1::GenerateResponse) {
         if let Some(found) = &mut part.feasibility {

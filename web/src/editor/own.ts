@@ -59,7 +59,7 @@ export async function openOwn(
 
 /** A clip on the joints that a retargeter carries it to. */
 export function carried(retargeter: Retargeter, clip: Clip): Clip {
-  const made = retargeter.carry(clip.roots, clip.rotations);
+  const made = retargeter.carry(clip.fps, clip.roots, clip.rotations);
   const { roots, rotations } = made;
   made.free();
   return { fps: clip.fps, frames: clip.frames, roots, rotations };

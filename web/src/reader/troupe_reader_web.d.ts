@@ -69,9 +69,10 @@ export class Crowd {
      */
     own_rotations(): number;
     /**
-     * Carries over the poses of the members that are marked, and takes the marks away.
+     * Carries over the poses of the members that are marked, and takes the marks away. `passed_s`
+     * is the time since the last call, seconds. It also counts for members without a new pose.
      */
-    pose(): void;
+    pose(passed_s: number): void;
     /**
      * Lets a member begin a motion.
      */
@@ -149,12 +150,12 @@ export class Retargeter {
     free(): void;
     [Symbol.dispose](): void;
     /**
-     * A motion of the source on the target, from its first frame on.
+     * A motion of the source on the target, from its first frame on, with `fps` frames a second.
      *
      * # Errors
-     * If the numbers are not whole frames of the source's joints.
+     * If `fps` is not above 0, or if the numbers are not whole frames of the source's joints.
      */
-    carry(roots: Float32Array | number[], rotations: Float32Array | number[]): Carried;
+    carry(fps: number, roots: Float32Array | number[], rotations: Float32Array | number[]): Carried;
     /**
      * What is kept of built-in motions, as JSON: `trials`, each with its name and figures, and
      * `faults`, which are sentences. Without faults motion may be carried over.
@@ -245,7 +246,7 @@ export interface InitOutput {
     readonly crowd_grow: (a: number, b: number) => void;
     readonly crowd_own_roots: (a: number) => number;
     readonly crowd_own_rotations: (a: number) => number;
-    readonly crowd_pose: (a: number) => void;
+    readonly crowd_pose: (a: number, b: number) => void;
     readonly crowd_reset: (a: number, b: number) => void;
     readonly crowd_roots: (a: number) => number;
     readonly crowd_rotations: (a: number) => number;
@@ -261,7 +262,7 @@ export interface InitOutput {
     readonly read_roots: (a: number) => [number, number];
     readonly read_rotations: (a: number) => [number, number];
     readonly read_table: (a: number) => [number, number, number, number];
-    readonly retargeter_carry: (a: number, b: number, c: number, d: number, e: number) => [number, number, number];
+    readonly retargeter_carry: (a: number, b: number, c: number, d: number, e: number, f: number) => [number, number, number];
     readonly retargeter_certificate: (a: number) => [number, number, number, number];
     readonly retargeter_crowd: (a: number) => number;
     readonly retargeter_new: (a: number, b: number) => [number, number, number];

@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { poseAt } from '../editor/clip';
+import { poseAt, resample } from '../editor/clip';
 import { tablesOf } from '../editor/reading';
 import { example, farthest, farthestTurn } from '../editor/testing';
 import { WasmCarrier } from './carrier';
@@ -21,7 +21,7 @@ test('members of a crowd are carried as clips are, each with a state of its own'
   const hero = await readHero('hero.glb', heroGlb());
   expect(hero.skeleton.names).toHaveLength(HERO_BONES);
   const { retargeter } = await fitHero(await source(), hero);
-  const whole = retargeter.carry(clip.roots, clip.rotations);
+  const whole = retargeter.carry(clip.fps, clip.roots, clip.rotations);
   const wanted = { fps: 30, frames: clip.frames, roots: whole.roots, rotations: whole.rotations };
   const carrier = new WasmCarrier(retargeter, hero.skeleton, rig.skeleton.names.length, 0);
   carrier.grow(2);
@@ -34,7 +34,7 @@ test('members of a crowd are carried as clips are, each with a state of its own'
     // Memory that grows and room for more members change nothing.
     if (f === 10) (await readHero('other.glb', heroGlb(2))).body.parts();
     if (f === 30) carrier.grow(300);
-    carrier.carry();
+    carrier.carry(1 / clip.fps);
     const made = carrier.pose(0);
     expect(farthest(made.root, poseAt(wanted, f).root)).toBeLessThan(1e-6);
     expect(farthestTurn(made.rotations, poseAt(wanted, f).rotations)).toBeLessThan(1e-4);
@@ -44,9 +44,49 @@ test('members of a crowd are carried as clips are, each with a state of its own'
   carrier.reset(0);
   const { root, rotations } = poseAt(clip, 0);
   carrier.put(0, root, rotations);
-  carrier.carry();
+  carrier.carry(1 / clip.fps);
   expect(farthestTurn(carrier.pose(0).rotations, poseAt(wanted, 0).rotations)).toBeLessThan(1e-4);
   carrier.dispose();
+});
+
+test('feet turn as fast at every rate of the screen', async () => {
+  const hero = await readHero('hero.glb', heroGlb());
+  const { retargeter } = await fitHero(await source(), hero);
+  const [fast, faster] = [120, 240].map((fps) => resample(clip, fps)) as [typeof clip, typeof clip];
+  const { roots, rotations } = retargeter.carry(fast.fps, fast.roots, fast.rotations);
+  const wanted = { fps: fast.fps, frames: fast.frames, roots, rotations };
+  /** Sum of the largest turns between poses at 120 Hz and those of a screen with 240 pictures a second. */
+  const apart = (picture_s: number): number => {
+    const carrier = new WasmCarrier(retargeter, hero.skeleton, rig.skeleton.names.length, 0);
+    carrier.grow(1);
+    let sum = 0;
+    for (let f = 0; f < faster.frames; f++) {
+      const pose = poseAt(faster, f);
+      carrier.put(0, pose.root, pose.rotations);
+      carrier.carry(picture_s);
+      if (f % 2 === 0) sum += farthestTurn(carrier.pose(0).rotations, poseAt(wanted, f / 2).rotations);
+    }
+    carrier.dispose();
+    return sum;
+  };
+  // With pictures that are said to be twice as long as they are, feet turn too fast.
+  expect(apart(1 / faster.fps)).toBeLessThan(0.5 * apart(1 / fast.fps));
+  expect(() => retargeter.carry(0, clip.roots, clip.rotations)).toThrow('fps is 0; allowed: above 0');
+  // A member without a new pose waits, and its time counts.
+  const [waits, goes] = [0, 1].map((wait) => {
+    const carrier = new WasmCarrier(retargeter, hero.skeleton, rig.skeleton.names.length, 0);
+    carrier.grow(1);
+    for (let f = 0; f < 60; f++) {
+      const pose = poseAt(clip, f);
+      if (wait === 0) carrier.carry(0.5 / clip.fps);
+      carrier.put(0, pose.root, pose.rotations);
+      carrier.carry((wait === 0 ? 0.5 : 1) / clip.fps);
+    }
+    const made = carrier.pose(0).rotations.slice();
+    carrier.dispose();
+    return made;
+  });
+  expect(farthestTurn(waits!, goes!)).toBeLessThan(1e-4);
 });
 
 test('a character has figures for each motion, and its parts as TOML', async () => {

@@ -48,8 +48,8 @@ export class WasmCarrier implements Carrier {
     views.due[member] = 1;
   }
 
-  carry(): void {
-    this.crowd.pose();
+  carry(passed_s: number): void {
+    this.crowd.pose(passed_s);
   }
 
   pose(member: number): Pose {

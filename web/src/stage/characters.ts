@@ -162,9 +162,9 @@ export class Characters {
     return found;
   }
 
-  /** Hands what has changed to the graphics card. */
-  flush(): void {
-    for (const skin of this.skins.values()) skin.flush();
+  /** Hands what has changed to the graphics card, `step_s` seconds after the last picture. */
+  flush(step_s: number): void {
+    for (const skin of this.skins.values()) skin.flush(step_s);
     this.solid.flush();
     this.ghostly.flush();
   }

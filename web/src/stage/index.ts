@@ -242,7 +242,8 @@ class TroupeStage implements Stage {
 
   render(): void {
     const now_ms = performance.now();
-    const seconds = Math.min((now_ms - this.last_ms) / 1000, LONGEST_FRAME_S);
+    const step_s = (now_ms - this.last_ms) / 1000;
+    const seconds = Math.min(step_s, LONGEST_FRAME_S);
     this.last_ms = now_ms;
     const followed = this.followId === null ? undefined : this.characters.all.get(this.followId);
     this.view.update(seconds, followed?.isPosed ? this.middleOf(followed) : null);
@@ -254,7 +255,7 @@ class TroupeStage implements Stage {
     this.lights.setFocus(target, Math.max(distance * 1.1, 7));
     this.placeRing();
     this.placeBlobs();
-    this.characters.flush();
+    this.characters.flush(step_s);
     this.renderer.render(this.scene, this.view.camera);
   }
 

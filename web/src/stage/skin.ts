@@ -74,6 +74,8 @@ export class Skin {
   private readonly taken: boolean[] = [];
   /** Rows whose pose the carrier has, but the picture not yet. */
   private readonly waiting = new Set<number>();
+  /** Time since poses were last carried over, seconds. */
+  private passed_s = 0;
   private readonly positions: Float32Array;
   private readonly rotations: Float32Array;
 
@@ -155,10 +157,12 @@ export class Skin {
     };
   }
 
-  /** Carries over the poses that wait. Call it before the picture is drawn. */
-  flush(): void {
+  /** Carries over the poses that wait. Call it before each picture, `step_s` seconds after the last one. */
+  flush(step_s: number): void {
+    this.passed_s += step_s;
     if (!this.carrier || this.waiting.size === 0) return;
-    this.carrier.carry();
+    this.carrier.carry(this.passed_s);
+    this.passed_s = 0;
     for (const row of this.waiting) this.writeCarried(row, this.carrier, this.carrier.pose(row));
     this.waiting.clear();
   }

@@ -33,8 +33,8 @@ export interface Carrier {
   reset(member: number): void;
   /** Takes a member's pose on the pack's skeleton. */
   put(member: number, root: Float32Array, rotations: Float32Array): void;
-  /** Carries over what was put since the last call. */
-  carry(): void;
+  /** Carries over what was put since the last call, `passed_s` seconds ago. Feet turn by the time that has passed. */
+  carry(passed_s: number): void;
   /** A member's pose in the character's own size, as views that are valid until the next call. */
   pose(member: number): Pose;
   dispose(): void;

@@ -14,14 +14,20 @@ impl Tabled for SkeletonError {
                 .because("UNKNOWN_SKELETON")
                 .field(field)
                 .allowed(listed(known.iter().map(String::as_str))),
-            Self::Unfit { field, may_force, .. } => {
+            Self::Unfit {
+                field,
+                allowed,
+                may_force,
+                ..
+            } => {
+                let force = match may_force {
+                    true => "; `force` takes the skeleton all the same",
+                    false => "",
+                };
                 INVALID
                     .because("UNFIT_SKELETON")
                     .field(field)
-                    .allowed(match may_force {
-                        true => "figures within the bar; `force` takes the skeleton all the same",
-                        false => "a body on as many legs as the pack's",
-                    })
+                    .allowed(format!("{allowed}{force}"))
             }
             Self::InUse { .. } => NOT_NOW
                 .because("SKELETON_IN_USE")

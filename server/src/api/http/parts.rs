@@ -44,8 +44,9 @@ pub(crate) async fn generate(
     Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::GenerateRequest>,
 ) -> Result<Response, ApiError> {
-    let answer = service.generate(&request);
-    early::note(Some(&client), &request.pack, answer.as_ref().err());
+    let pack = request.pack.clone();
+    let answer = service.generate(request).await;
+    early::note(Some(&client), &pack, answer.as_ref().err());
     lines(answer?).await
 }
 

@@ -107,6 +107,7 @@ impl<S: Send + Sync> FromRequest<S> for Sent {
     responses(
         (status = 200, description = "The skeleton, and its certificate", body = v1::OwnSkeleton),
         (status = 409, description = "Sessions wear it"),
+        (status = 415, description = "The Content-Type is neither application/json nor that of a file: model/gltf-binary, application/octet-stream, application/xml"),
         (status = 429, description = "There are as many skeletons as allowed"),
     )
 )]
