@@ -159,7 +159,7 @@ fn apart(error: &RetargetError, on_fours: bool) -> (String, String) {
         false => ["two", "four"],
     };
     match error {
-        RetargetError::Legs => (
+        RetargetError::Legs { .. } => (
             format!("it stands on {own} legs, and the pack's body on {pack}"),
             format!("a body on {pack} legs"),
         ),

@@ -249,8 +249,8 @@ fn a_character_gets_one_animation_more() {
     let file = glb::write_glb(&hero).unwrap();
     let mut retargeter = Retargeter::new(source, figure(&hero.skeleton, 0.7)).unwrap();
     let (made, _) = retarget(&mut retargeter, &clip).unwrap();
-    let dressed = glb::add_animation(&file, &made, "walk").unwrap();
-    let dressed = glb::add_animation(&dressed, &made, "walk").unwrap();
+    let dressed = glb::add_animation_at(&file, &glb::FileJoints::default(), &made, "walk").unwrap();
+    let dressed = glb::add_animation_at(&dressed, &glb::FileJoints::default(), &made, "walk").unwrap();
     let names = glb::animation_names(&dressed).unwrap();
     assert_eq!(names[names.len() - 2..], ["walk", "walk_2"]);
     let options = Options {
@@ -276,7 +276,7 @@ fn a_character_gets_one_animation_more() {
         made.root_positions.clone(),
         made.rotations.clone(),
     );
-    let error = glb::add_animation(&file, &unknown.unwrap(), "walk")
+    let error = glb::add_animation_at(&file, &glb::FileJoints::default(), &unknown.unwrap(), "walk")
         .unwrap_err()
         .to_string();
     assert!(error.contains("\"bone0\" is not the name of one node"), "{error}");
