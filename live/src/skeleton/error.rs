@@ -32,7 +32,7 @@ pub enum SkeletonError {
         /// Name of the skeleton.
         name: String,
         /// Name of the pack, with that of its body.
-        pack: String,
+        pack: Box<str>,
         /// What is beyond the bar, with motion and joint.
         faults: Vec<String>,
         /// The field of the request that names or has the skeleton.

@@ -87,7 +87,7 @@ impl Own {
         }
         let unfit = |(found, allowed): (String, String)| SkeletonError::Unfit {
             name: self.doc.name.clone(),
-            pack: body_of(loaded, place),
+            pack: body_of(loaded, place).into(),
             faults: vec![format!("{found}; allowed: {allowed}")],
             field: field.to_owned(),
             allowed: allowed.into(),
@@ -124,7 +124,7 @@ impl Own {
             true => Ok(worn),
             false => Err(SkeletonError::Unfit {
                 name: self.doc.name.clone(),
-                pack: body_of(of.0, of.1),
+                pack: body_of(of.0, of.1).into(),
                 faults,
                 field: field.to_owned(),
                 allowed: "figures within the bar".into(),

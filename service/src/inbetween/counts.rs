@@ -52,13 +52,11 @@ pub fn count_generate(request: &v1::GenerateRequest, pack: &Pack, dims: &Dims) -
 /// [`FieldError`] for the first list that is too long or too short.
 pub fn count_in_between(request: &v1::InBetweenRequest, dims: &Dims) -> Result<(), FieldError> {
     let root = Path::root();
-    let characters = request.characters.iter().enumerate();
-    characters
-        .map(|(index, character)| {
-            let path = root.element("characters", index);
-            check_keyframe_counts(&path, character, dims)
-        })
-        .collect()
+    let mut characters = request.characters.iter().enumerate();
+    characters.try_for_each(|(index, character)| {
+        let path = root.element("characters", index);
+        check_keyframe_counts(&path, character, dims)
+    })
 }
 
 #[cfg(test)]
