@@ -86,10 +86,13 @@ fn what_does_not_fit_says_how_much_and_what_is_allowed() {
     );
     let (found, _) = out_of_scale(1234.56).unwrap();
     assert_eq!(found, "its legs are 1230 times as long as the pack's");
+    let legs = RetargetError::Legs {
+        source_on_fours: false,
+    };
     assert_eq!(
-        text(apart(&RetargetError::Legs, true)),
+        text(apart(&legs, true)),
         "it stands on four legs, and the pack's body on two; allowed: a body on two legs"
     );
-    let (_, allowed) = apart(&RetargetError::Legs, false);
+    let (_, allowed) = apart(&legs, false);
     assert_eq!(allowed, "a body on four legs");
 }
