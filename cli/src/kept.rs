@@ -51,12 +51,16 @@ pub(crate) fn faults(
     figures: &Figures,
 ) -> Result<Vec<String>, ClipError> {
     let mut faults: Vec<String> = figures.faults().iter().map(|fault| plain(fault)).collect();
+    // What is allowed depends on the legs.
+    let leg_m = figures.leg_m;
     let under = |under_m: f32| Figures {
         under_m,
+        leg_m,
         ..Figures::default()
     };
     let short = |short_m: f32| Figures {
         short_m,
+        leg_m,
         ..Figures::default()
     };
     let fps = clips[0].fps;
@@ -120,6 +124,7 @@ mod tests {
     fn frames_beyond_the_bar_are_counted_and_the_worst_has_a_time() {
         let of = |under_m: f32| Figures {
             under_m,
+            leg_m: 0.8,
             ..Figures::default()
         };
         // The bar is 2 cm.
