@@ -186,10 +186,12 @@ export class Crowd {
         return ret >>> 0;
     }
     /**
-     * Carries over the poses of the members that are marked, and takes the marks away.
+     * Carries over the poses of the members that are marked, and takes the marks away. `passed_s`
+     * is the time since the last call, seconds. It also counts for members without a new pose.
+     * @param {number} passed_s
      */
-    pose() {
-        wasm.crowd_pose(this.__wbg_ptr);
+    pose(passed_s) {
+        wasm.crowd_pose(this.__wbg_ptr, passed_s);
     }
     /**
      * Lets a member begin a motion.
@@ -374,15 +376,17 @@ export class Retargeter {
         wasm.__wbg_retargeter_free(ptr, 0);
     }
     /**
-     * A motion of the source on the target, from its first frame on.
+     * A motion of the source on the target, from its first frame on, with `fps` frames a second.
      *
      * # Errors
-     * If the numbers are not whole frames of the source's joints.
+     * If `fps` is not above 0, or if the numbers are not whole frames of the source's joints.
+     * @param {number} fps
      * @param {Float32Array | number[]} roots
      * @param {Float32Array | number[]} rotations
      * @returns {Carried}
      */
-    carry(roots, rotations) {
+    carry(fps, roots, rotations) {
+        const val3 = +fps;
         let ptr0, len0, ptr1, len1;
         try {
             ptr0 = passArrayF32ToWasm0(roots, wasm.__wbindgen_malloc);
@@ -394,7 +398,7 @@ export class Retargeter {
             if (ptr0) { wasm.__wbindgen_free(ptr0, len0 * 4, 4); }
             throw e;
         }
-        const ret = wasm.retargeter_carry(this.__wbg_ptr, ptr0, len0, ptr1, len1);
+        const ret = wasm.retargeter_carry(this.__wbg_ptr, val3, ptr0, len0, ptr1, len1);
         if (ret[2]) {
             throw takeFromExternrefTable0(ret[1]);
         }
