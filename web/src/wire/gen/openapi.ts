@@ -6792,7 +6792,7 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
-            /** @description The Content-Type is not application/json */
+            /** @description The Content-Type is neither application/json nor that of a file: model/gltf-binary, application/octet-stream, application/xml */
             415: {
                 headers: {
                     [name: string]: unknown;
