@@ -78,8 +78,8 @@ impl Figure {
         Self::of_parts(skeleton, parts, neutral, root_y_m)
     }
 
-    /// As [`Figure::new`], by the height of joint 0 over the ground of the file that the rest pose is
-    /// of. Many files have their origin elsewhere: then the toes say where the ground is.
+    /// As [`Figure::new`], by the height of joint 0 over the ground of the rest pose's file. Many
+    /// files have their origin elsewhere: then the toes say where the ground is.
     ///
     /// # Errors
     /// As [`Figure::new`].

@@ -299,7 +299,7 @@ impl Retargeter {
         out: &mut [Quat],
     ) -> Option<Vec3> {
         let mut place = None;
-        // A limb that cannot be bent stays where it is.
+        // A limb that cannot be bent stays as it is.
         let away = self.to.0[limb.chain[2]].distance(goal + drop);
         let short = match (limb.is_whole, &self.hinges) {
             (false, _) => away,

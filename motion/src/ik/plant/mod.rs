@@ -160,7 +160,6 @@ pub fn plant_feet(
                 (Some(carried), Some(_)) => carried.legs.get(nth).copied().unwrap_or_default(),
                 (_, Some(before)) => CarriedLeg {
                     held: leg.stands(contacts[before]).then_some(track.toes[before]),
-                    gone_m: schedule::gone_m(&track.hips, track.toes[before], before, leg.length_m(skeleton)),
                     ..CarriedLeg::default()
                 },
                 (_, None) => CarriedLeg::default(),

@@ -233,14 +233,6 @@ pub(super) fn way_m(places: &[Vec3]) -> f32 {
     steps.sum()
 }
 
-/// How far the body has gone over a foot that stands in a frame, metres: it comes down as far ahead
-/// of the hip as it leaves the ground behind it.
-pub(super) fn gone_m(hips: &[Vec3], toe: Vec3, frame: usize, length_m: f32) -> f32 {
-    let most_m = FARTHEST * length_m;
-    let ahead = velocity(hips, frame).normalize_or_zero();
-    (0.5 * most_m + ahead.dot(hips[frame] - toe)).clamp(0.0, most_m)
-}
-
 /// Velocity over the ground in a frame, metres a frame.
 pub(super) fn velocity(places: &[Vec3], frame: usize) -> Vec3 {
     let (before, after) = (frame.saturating_sub(1), (frame + 1).min(places.len() - 1));

@@ -86,15 +86,12 @@ impl Foot<'_> {
         }
     }
 
-    /// A height that leaves that of a fixed frame, and comes to it, over a few frames. A foot that
-    /// is on the ground there, or above it, does not sink after it.
+    /// A height that leaves that of a fixed frame, and comes to it, over a few frames.
     fn eased(&self, frame: usize, height_m: f32) -> f32 {
         let [before, behind] = self.fixed;
         let near = |from: usize| smoothstep((frame.abs_diff(from) as f32 / EDGE_FRAMES as f32).min(1.0));
         let leaves = before.map_or(height_m, |(from, knot)| {
-            let sunk_m = (-self.low_m[from] - knot.offset.y).max(0.0);
-            let eased_m = knot.offset.y + (height_m - knot.offset.y) * near(from);
-            eased_m.max(height_m - sunk_m * (1.0 - near(from)))
+            knot.offset.y + (height_m - knot.offset.y) * near(from)
         });
         leaves * behind.map_or(1.0, |(from, _)| near(from))
     }
