@@ -14,7 +14,7 @@ use troupe_base::echo::cut;
 /// Temperature of a request that sets none.
 const TEMPERATURE: f32 = 1.0;
 
-/// Checks the values of options for a request with so many segments.
+/// Checks the values of options for a request of `segments` segments.
 pub(super) fn check_options(options: &Options, model: &Model, segments: usize) -> Result<(), Fault> {
     let within = |name: &str, value: Option<i64>, low: i64, high: i64| match value {
         Some(value) if !(low..=high).contains(&value) => Err(Fault::schema(
