@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from troupe_bench import crowd, machine, parts, programs, serving, words
+from troupe_bench import crowd, machine, official, parts, programs, serving, words
 from troupe_bench.programs import Failed, say
 from troupe_bench.report import write_report
 from troupe_bench.settings import Settings
@@ -25,12 +25,15 @@ PARTS: dict[str, tuple[str, Callable[[Settings], None] | None]] = {
     "ceiling": ("operations of a segment, and the machine's peak", parts.ceiling),
     "operators": ("time of the networks by kind of operator", parts.operators),
     "paper": ("packs of the paper's size", parts.paper),
+    "official": ("NVIDIA's public code and Troupe with its networks, in turns (--official)", official.measure),
     "idle": ("CPU and memory of an idle server", parts.idle),
     "micro": ("criterion benches", parts.micro),
     "report": ("write bench/figures/MACHINE.json and docs/benchmarks.md", None),
 }
-WITHOUT_PACK = ("paper", "micro")
+WITHOUT_PACK = ("paper", "official", "micro")
 """Parts that do not measure the pack."""
+ON_DEMAND = ("official",)
+"""Parts that run only if they are named."""
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
@@ -39,13 +42,18 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="bench", description=f"{__doc__}\n\nparts:\n{listed}", formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("parts", nargs="*", metavar="PART", help="parts to run, all if none is named")
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help="parts to run; if none is named all but " + ", ".join(ON_DEMAND)
+    )
     parser.add_argument("--quick", action="store_true", help="short runs, once each; kept apart from full ones")
     parser.add_argument("--fresh", action="store_true", help="forget earlier results of these parts")
     parser.add_argument("--repeats", type=int, help="turns of each measurement")
     parser.add_argument("--engines", help="cpu, openvino-bf16 or both with a comma; those that run here if left out")
     parser.add_argument("--targets", default=",".join(serving.TARGETS), help="of the serving part")
     parser.add_argument("--pack", type=Path, help="folder of the pack")
+    parser.add_argument(
+        "--official", type=Path, help="checkout of NVlabs/GR00T-WholeBodyControl, for the part of that name"
+    )
     parser.add_argument("--train-python", type=Path, help="Python with PyTorch, for packs of the paper's size")
     parser.add_argument(
         "--machine", default="", help="file name of this machine's figures; from its processor if left out"
@@ -66,6 +74,7 @@ def settings_of(args: argparse.Namespace) -> Settings:
         settings.shorten()
     settings.repeats = args.repeats or settings.repeats
     settings.pack = args.pack.resolve() if args.pack else settings.pack
+    settings.official = args.official.resolve() if args.official else None
     settings.train_python = args.train_python or settings.train_python
     wanted = args.engines.split(",") if args.engines else [e for e in settings.engines if runs_here(e)]
     settings.engines = tuple(wanted)
@@ -113,7 +122,7 @@ def main(arguments: list[str] | None = None) -> int:
     if args.time:
         return 0
     failed = []
-    for part in args.parts or PARTS:
+    for part in args.parts or [part for part in PARTS if part not in ON_DEMAND]:
         say(f"== {part}: {PARTS[part][0]}")
         if part not in ("build", "verify", "report"):
             begin(part, settings, args.fresh)

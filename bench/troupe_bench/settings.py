@@ -43,6 +43,7 @@ class Settings:
     pack: Path = ROOT / "models" / "human"
     words_clients: tuple[int, ...] = (1, 8, 32)
     words_pack: Path = ROOT / "models" / "vermo"
+    official: Path | None = None
     results: Path = field(default=HOME / "results")
     train_python: Path = ROOT / ".venv" / "bin" / "python"
 

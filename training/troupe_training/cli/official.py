@@ -19,6 +19,7 @@ OPTIONS["--env"] = {
     "default": Path("runs/motionbricks-env"),
     "help": "environment for the public code, made if it is not there",
 }
+OPTIONS["--keep"] = {"type": Path, "help": "folder for the release that was compared, and for its pack"}
 
 
 @command("folder", "--out", "--like", "--version", out=Path("models/g1-official"), like=G1)
@@ -33,12 +34,14 @@ def import_motionbricks(args: argparse.Namespace) -> int:
     return 0
 
 
-@command("checkout", "--env", "--like", like=G1)
+@command("checkout", "--env", "--like", "--keep", like=G1)
 def check_motionbricks(args: argparse.Namespace) -> int:
     """The public MotionBricks code and a pack of the same weights, stage by stage, on the same requests."""
     try:
-        with tempfile.TemporaryDirectory() as work:
-            worst = check_release(args.checkout.resolve(), Path(work), environment(args.env.resolve()), args.like)
+        with tempfile.TemporaryDirectory() as temporary:
+            work = args.keep or Path(temporary)
+            work.mkdir(parents=True, exist_ok=True)
+            worst = check_release(args.checkout.resolve(), work.resolve(), environment(args.env.resolve()), args.like)
     except (ReleaseError, WeightsError) as error:
         raise SystemExit(str(error)) from error
     for name, difference in worst.items():
