@@ -13,7 +13,7 @@ use troupe_motion::model::Rig;
 use troupe_proto::docs::SkillDoc;
 
 use crate::document::{Document, DocumentError, Format, read, read_folder};
-use crate::object::{Definition, Hold, MAX_BYTES};
+use crate::object::{Definition, Hold, MAX_BYTES, ObjectDoc, TooShort};
 use crate::{FieldError, Path};
 
 /// Folder of a pack's skills inside the pack's folder.
@@ -31,7 +31,8 @@ pub struct Skills {
 }
 
 impl Skills {
-    /// The skills in the folder `skills` of a pack. The folder may be missing.
+    /// The skills in the folder `skills` of a pack. The folder may be missing. Skills that are too
+    /// short for the pack are there, but cannot be done ([`Definition::too_short`]).
     ///
     /// # Errors
     /// [`DocumentError`] for the first file that is not a skill of this pack, or has the same name
@@ -39,7 +40,7 @@ impl Skills {
     pub fn load(pack_folder: &FilePath, rig: &Rig) -> Result<Self, DocumentError> {
         let skills = read_folder(
             &pack_folder.join(FOLDER),
-            |doc| of_doc(doc, rig),
+            |doc| of_doc(doc, rig, Definition::from_kept),
             |skill| &skill.name,
         )?;
         Ok(Self::new(skills))
@@ -53,19 +54,25 @@ impl Skills {
         }
     }
 
-    /// The skill of this name.
+    /// The skill of this name, even if it is too short for the pack.
     pub fn get(&self, name: &str) -> Option<&Arc<Definition>> {
         self.by_name.get(name)
     }
 
-    /// All skills, sorted by name.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = &Arc<Definition>> {
-        self.by_name.values()
+    /// All skills that can be done, sorted by name.
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<Definition>> {
+        self.by_name.values().filter(|skill| skill.too_short.is_none())
     }
 
-    /// Their names, sorted.
+    /// The skills that are too short for the pack, sorted by name.
+    pub fn too_short(&self) -> impl Iterator<Item = (&str, &TooShort)> {
+        let all = self.by_name.values();
+        all.filter_map(|skill| Some((skill.name.as_str(), skill.too_short.as_ref()?)))
+    }
+
+    /// Names of the skills that can be done, sorted.
     pub fn names(&self) -> Vec<String> {
-        self.by_name.keys().cloned().collect()
+        self.iter().map(|skill| skill.name.clone()).collect()
     }
 }
 
@@ -75,7 +82,7 @@ impl Definition {
     /// # Errors
     /// [`DocumentError`] for the first error.
     pub fn skill_from_toml(text: &str, rig: &Rig) -> Result<Self, DocumentError> {
-        read(text, Format::Toml, |doc| of_doc(doc, rig))
+        read(text, Format::Toml, |doc| of_doc(doc, rig, Self::from_doc))
     }
 
     /// Whether one of its sets is held until a command ends it.
@@ -84,7 +91,12 @@ impl Definition {
     }
 }
 
-fn of_doc(doc: SkillDoc, rig: &Rig) -> Result<Definition, FieldError> {
+/// Checks a skill. `checked` checks what it has in common with an object.
+fn of_doc(
+    doc: SkillDoc,
+    rig: &Rig,
+    checked: impl Fn(ObjectDoc, &Rig) -> Result<Definition, FieldError>,
+) -> Result<Definition, FieldError> {
     let path = Path::root();
     for (index, set) in doc.sets.iter().enumerate() {
         if !set.events.is_empty() {
@@ -93,9 +105,49 @@ fn of_doc(doc: SkillDoc, rig: &Rig) -> Result<Definition, FieldError> {
             return Err(events.field("events").error(found, "none: a skill has no object"));
         }
     }
-    let skill = Definition::from_doc(doc.into(), rig)?;
+    let skill = checked(doc.into(), rig)?;
     Ok(Definition {
         is_skill: true,
         ..skill
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use troupe_engine::pack::Pack;
+
+    use super::*;
+
+    #[test]
+    fn skills_that_are_too_short_for_a_pack_are_known_and_not_offered() {
+        let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../models/g1");
+        let mut rig = (*Pack::load(&folder).unwrap().rig).clone();
+        let all = Skills::load(&folder, &rig).unwrap();
+        assert_eq!(all.names(), ["jump", "lie-down", "sit-on-ground"]);
+        assert_eq!(all.too_short().count(), 0);
+        // The published networks make 24 to 64 frames, of which four are the context.
+        rig.dims.min_tokens = 6;
+        let some = Skills::load(&folder, &rig).unwrap();
+        assert_eq!(some.names(), ["lie-down"]);
+        let short: Vec<_> = some
+            .too_short()
+            .map(|(name, short)| (name, short.least))
+            .collect();
+        assert_eq!(short, [("jump", 20), ("sit-on-ground", 20)]);
+        assert_eq!(some.get("jump").unwrap().too_short.as_ref().unwrap().frames, 10);
+    }
+
+    #[test]
+    fn a_new_skill_that_is_too_short_is_refused() {
+        let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../models/g1");
+        let mut rig = (*Pack::load(&folder).unwrap().rig).clone();
+        let text = std::fs::read_to_string(folder.join("skills/jump.toml")).unwrap();
+        assert!(Definition::skill_from_toml(&text, &rig).is_ok());
+        rig.dims.min_tokens = 6;
+        let error = Definition::skill_from_toml(&text, &rig).unwrap_err().to_string();
+        assert!(
+            error.contains("sets[1].frames: is 10; allowed: 20 to 60"),
+            "{error}"
+        );
+    }
 }

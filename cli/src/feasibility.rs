@@ -1,10 +1,12 @@
 //! What an answer says of its own motion, in words.
 
 use troupe_motion::Skeleton;
+use troupe_motion::clip::Clip;
+use troupe_motion::robot::{Fitted, HingeRates};
 use troupe_proto::v1::{Feasibility, FeasibilityFigure};
 
 /// The figures of an answer by name, with their units.
-pub(crate) fn figures(found: &Feasibility) -> [(&'static str, &'static str, Option<FeasibilityFigure>); 12] {
+pub(crate) fn figures(found: &Feasibility) -> [(&'static str, &'static str, Option<FeasibilityFigure>); 14] {
     [
         ("root_speed", "m/s", found.root_speed),
         ("root_acceleration", "m/s²", found.root_acceleration),
@@ -18,6 +20,8 @@ pub(crate) fn figures(found: &Feasibility) -> [(&'static str, &'static str, Opti
         ("root_reach", "m", found.root_reach),
         ("turn_reach", "rad", found.turn_reach),
         ("pose_reach", "m", found.pose_reach),
+        ("hinge_speed", "rad/s", found.hinge_speed),
+        ("hinge_acceleration", "rad/s²", found.hinge_acceleration),
     ]
 }
 
@@ -44,10 +48,41 @@ pub(crate) fn verdict(found: &Feasibility, skeleton: &Skeleton) -> String {
     }
 }
 
+/// One line on the hinge of a robot's clip that is farthest beyond its highest speed. None if none
+/// is, and for other bodies.
+pub(crate) fn too_fast(clip: &Clip) -> Option<String> {
+    let robot = clip.skeleton.robot.as_ref()?;
+    let (mut fitted, mut rates) = (Fitted::default(), HingeRates::default());
+    let (mut worst, mut beyond) = ((0, 0, 1.0), 0);
+    for frame in 0..clip.frames() {
+        let mut pose = clip.rotations_at(frame).to_vec();
+        robot.fit(&mut pose, &mut fitted);
+        let rate = rates.push(robot, &fitted.angles, clip.fps.recip());
+        beyond += usize::from(rate.speed_ratio > 1.0);
+        if rate.speed_ratio > worst.2 {
+            worst = (frame, rate.fastest, rate.speed_ratio);
+        }
+    }
+    let (frame, hinge, ratio) = worst;
+    let joint = &clip.skeleton.joints[robot.hinges()[hinge].joint].name;
+    (beyond > 0).then(|| {
+        format!(
+            "hinges: {beyond} of {} frames are too fast for the robot; {joint} would have to turn at {ratio:.2} times its \
+             highest speed in frame {frame}",
+            clip.frames()
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use troupe_client::Pack;
+    use troupe_motion::{Quat, Vec3};
+
     use super::*;
-    use crate::testing::doll;
+    use crate::testing::{doll, hopper};
 
     #[test]
     fn a_verdict_names_the_worst_figure_and_its_joint() {
@@ -89,5 +124,28 @@ mod tests {
             ..Feasibility::default()
         };
         assert_eq!(verdict(&unknown, &doll), "feasible");
+    }
+
+    /// A hopper at 30 frames a second whose foot is at these angles.
+    fn hops(angles: &[f32]) -> Clip {
+        let skeleton = Arc::clone(Pack::try_from(hopper()).unwrap().skeleton());
+        let pose = |&angle: &f32| [Quat::IDENTITY, Quat::from_rotation_x(angle)];
+        let rotations = angles.iter().flat_map(pose).collect();
+        Clip::new(skeleton, 30.0, vec![Vec3::Y; angles.len()], rotations).unwrap()
+    }
+
+    #[test]
+    fn a_clip_that_is_too_fast_for_its_robot_is_noted() {
+        // 15 and 12 rad/s of 10, then 9.
+        assert_eq!(
+            too_fast(&hops(&[0.0, 0.5, 0.1, 0.4])).unwrap(),
+            "hinges: 2 of 4 frames are too fast for the robot; Foot would have to turn at 1.50 times its highest speed \
+             in frame 1"
+        );
+        assert_eq!(too_fast(&hops(&[0.0, 0.3, 0.1, 0.4])), None);
+        let doll = doll();
+        let still = vec![Quat::IDENTITY; doll.joint_count()];
+        let clip = Clip::new(doll, 30.0, vec![Vec3::Y], still).unwrap();
+        assert_eq!(too_fast(&clip), None);
     }
 }

@@ -11,7 +11,7 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::feasibility::verdict;
+use crate::feasibility::{too_fast, verdict};
 use crate::files::{Layout, close};
 use crate::film::draw_motion;
 use crate::hero::{OntoHero, Writer};
@@ -190,6 +190,9 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
         context
             .term
             .note(format_args!("{}", verdict(found, pack.skeleton())));
+    }
+    if let Some(text) = too_fast(&made.clip) {
+        context.term.note(text);
     }
     Ok(())
 }

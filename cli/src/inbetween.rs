@@ -8,7 +8,7 @@ use troupe_client::SegmentLength;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::feasibility::verdict;
+use crate::feasibility::{too_fast, verdict};
 use crate::files::Layout;
 use crate::fill::{Gap, fill};
 use crate::hero::{OntoHero, Writer};
@@ -116,6 +116,9 @@ pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Fa
         context
             .term
             .note(format_args!("{}", verdict(found, filled.pack.skeleton())));
+    }
+    if let Some(text) = too_fast(&filled.generated) {
+        context.term.note(text);
     }
     Ok(())
 }

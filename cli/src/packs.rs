@@ -114,6 +114,7 @@ fn robot_json(robot: &v1::Robot) -> Value {
             "lower_rad": hinge.lower,
             "upper_rad": hinge.upper,
             "max_speed_rad_per_s": hinge.max_speed,
+            "max_acceleration_rad_per_s2": hinge.max_acceleration,
         })
     };
     json!({
@@ -126,8 +127,10 @@ fn robot_json(robot: &v1::Robot) -> Value {
 /// A robot's hinges, one a line, with their limits.
 fn robot_in_words(robot: &v1::Robot) -> String {
     let hinge = |hinge: &v1::Hinge| {
+        let change = hinge.max_acceleration;
+        let change = change.map_or_else(String::new, |most| format!(" and {most} rad/s²"));
         format!(
-            "{}: {} to {} rad, at most {} rad/s",
+            "{}: {} to {} rad, at most {} rad/s{change}",
             hinge.joint, hinge.lower, hinge.upper, hinge.max_speed
         )
     };

@@ -9,6 +9,7 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::feasibility::too_fast;
 use crate::files::{Layout, read_clip};
 use crate::film::draw_motion;
 use crate::hero::{OntoHero, Writer};
@@ -127,6 +128,9 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
     }
     for note in &made.notes {
         context.term.note(format_args!("note: {note}"));
+    }
+    for text in [&made.clip].into_iter().chain(&made.others).filter_map(too_fast) {
+        context.term.note(text);
     }
     context.term.note(format_args!(
         "{frames} frames by {} {} written to {}",

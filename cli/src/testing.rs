@@ -61,6 +61,7 @@ pub(crate) fn hopper() -> v1::Pack {
         lower: -0.5,
         upper: 1.5,
         max_speed: 10.0,
+        max_acceleration: None,
     };
     v1::Pack {
         robot: Some(v1::Robot {

@@ -322,6 +322,15 @@ pub struct InBetweenAnswer {
     /// One value per frame: number of a robot's hinges whose limits were exceeded. Empty without a
     /// robot.
     pub clamped_hinges: Vec<u32>,
+    /// One value per frame: speed of a robot's hinge since the frame before, divided by its highest
+    /// speed. The largest of all hinges; above 1 the hinge would have to be faster than it can.
+    /// Empty without a robot.
+    pub hinge_speed_ratios: Vec<f32>,
+    /// One value per frame: index of the hinge with that ratio. Empty without a robot.
+    pub fastest_hinges: Vec<u32>,
+    /// One value per frame: largest acceleration of a robot's hinges, rad/s². Empty without a
+    /// robot.
+    pub hinge_accelerations: Vec<f32>,
     /// Output of each stage. None if the task did not ask for it.
     pub intermediates: Option<v1::Intermediates>,
     /// Whether the motion stays within the limits of the pack's data. None if the pack has no
@@ -348,6 +357,10 @@ impl InBetweenAnswer {
         let of_robot = if pack.robot().is_some() { count } else { 0 };
         check_length("frames.hinge_residuals", &frames.hinge_residuals, of_robot)?;
         check_length("frames.clamped_hinges", &frames.clamped_hinges, of_robot)?;
+        let [ratios, accelerations] = [&frames.hinge_speed_ratios, &frames.hinge_accelerations];
+        check_length("frames.hinge_speed_ratios", ratios, of_robot)?;
+        check_length("frames.fastest_hinges", &frames.fastest_hinges, of_robot)?;
+        check_length("frames.hinge_accelerations", accelerations, of_robot)?;
         if !frames.qpos.is_empty() {
             let numbers = pack.robot().map_or(0, Robot::qpos_len);
             check_length("frames.qpos", &frames.qpos, count * numbers)?;
@@ -366,6 +379,9 @@ impl InBetweenAnswer {
             qpos: frames.qpos,
             hinge_residuals: frames.hinge_residuals,
             clamped_hinges: frames.clamped_hinges,
+            hinge_speed_ratios: frames.hinge_speed_ratios,
+            fastest_hinges: frames.fastest_hinges,
+            hinge_accelerations: frames.hinge_accelerations,
             intermediates: result.intermediates,
             feasibility: result.feasibility,
         })
@@ -558,13 +574,14 @@ mod tests {
         assert_eq!(answer.clip.rotations[3], Quat::IDENTITY);
 
         assert_eq!(read(None).unwrap_err(), AnswerError::Missing("frames"));
-        let broken: [fn(&mut v1::Frames); 7] = [
+        let broken: [fn(&mut v1::Frames); 8] = [
             |f| f.frame_count = 3,
             |f| f.rotations.truncate(15),
             |f| f.contacts.push(0.0),
             |f| f.positions.push(0.0),
             |f| f.qpos.push(0.0),
             |f| f.clamped_hinges.push(0),
+            |f| f.hinge_speed_ratios.push(0.5),
             |f| f.root_positions[0] = f32::NAN,
         ];
         for (nth, break_it) in broken.iter().enumerate() {

@@ -231,6 +231,7 @@ fn robot(robot: &v1::Robot) -> RobotDoc {
             lower_rad: hinge.lower,
             upper_rad: hinge.upper,
             max_speed_rad_per_s: hinge.max_speed,
+            max_acceleration_rad_per_s2: hinge.max_acceleration,
         }
     };
     let mimic = |mimic: &v1::Mimic| {
@@ -311,6 +312,7 @@ pub(crate) mod tests {
             lower: -0.5,
             upper: 1.5,
             max_speed: 10.0,
+            max_acceleration: None,
         };
         v1::Pack {
             robot: Some(v1::Robot {

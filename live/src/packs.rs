@@ -99,13 +99,28 @@ pub fn load_styles(pack: &Pack, folder: Option<PathBuf>) -> Result<Vec<Arc<Style
     })
 }
 
-/// Loads the skills of a pack. A pack with bodies has none.
+/// Loads the skills of a pack. A pack with bodies has none. Skills that are too short for the pack
+/// are logged, and refused when they are asked for.
 ///
 /// # Errors
 /// [`DocumentError`], boxed because it is much larger than the other errors of a server's start.
 pub fn load_skills(pack: &Pack) -> Result<Arc<Skills>, Box<DocumentError>> {
     match pack.bodies.is_empty() {
-        true => Ok(Arc::new(Skills::load(&pack.folder, &pack.rig)?)),
+        true => {
+            let skills = Skills::load(&pack.folder, &pack.rig)?;
+            for (skill, short) in skills.too_short() {
+                tracing::warn!(
+                    pack = pack.name(),
+                    skill,
+                    set = short.set,
+                    "the skill is not offered: the set has {} frames, and the pack makes at least {} at a time; allowed: \
+                     more frames, or another pack",
+                    short.frames,
+                    short.least
+                );
+            }
+            Ok(Arc::new(skills))
+        }
         false => Ok(Arc::default()),
     }
 }

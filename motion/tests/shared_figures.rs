@@ -96,8 +96,8 @@ fn figures_equal_those_of_python() {
     assert_eq!(differences(&pinned, &truth, &data["pinned_figures"]), [""; 0]);
 }
 
-/// Rust's counterparts of Python's figures.
-const FEASIBILITY: [(&str, Figure); Figure::COUNT] = [
+/// Rust's counterparts of Python's figures: all but those of hinges, which no data limits.
+const FEASIBILITY: [(&str, Figure); 12] = [
     ("root_speed_mps", Figure::RootSpeed),
     ("root_acceleration_mps2", Figure::RootAcceleration),
     ("turning_rad_per_s", Figure::Turning),

@@ -328,7 +328,7 @@ impl Service {
             let mut results = finish_all(&served, &plans, &rig)?;
             if let Some(worn) = &worn {
                 let pairs = own.iter().zip(&mut results);
-                pairs.for_each(|(own, result)| own.finish(worn, result));
+                pairs.for_each(|(own, result)| own.finish(worn, result, rig.fps));
             }
             Ok::<_, ServiceError>(results)
         })

@@ -1,27 +1,28 @@
 //! The parts of a bridge, and what its owner asks of them.
 
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use tokio::sync::{mpsc, watch};
+use tokio::sync::watch;
 use tokio::task::AbortHandle;
 use tokio::time::sleep;
 use troupe_client::{Client, Pack};
-use troupe_motion::robot::Robot as Hinges;
+use troupe_motion::robot::{Hinge, Robot as Hinges};
 
 use crate::error::SonicError;
 use crate::feedback::{self, Feedback};
 use crate::follower::Follower;
 use crate::jitter::Jitter;
+use crate::note::{Note, NoteReader, notes};
 use crate::order::{Move, Order};
 use crate::publisher::Publisher;
 use crate::robots::Robot;
 use crate::row::check_robot;
-use crate::sender::{self, Progress, Station, Why, Word, look};
+use crate::sender::{self, Fastest, Progress, Station, WORDS, Why, Word, look};
+use crate::waiting::Waiting;
 use crate::wire::{Command, Window};
-use crate::{Note, Notes};
 
 /// Until a robot stands, after a stop.
 const STOP: Duration = Duration::from_secs(1);
@@ -32,17 +33,19 @@ const COPIES: Duration = Duration::from_millis(500);
 #[derive(Debug)]
 pub struct Bridge {
     robots: Vec<Driven>,
-    words: Sender<(usize, Word)>,
+    words: SyncSender<(usize, Word)>,
     clock: JoinHandle<()>,
     tasks: Vec<AbortHandle>,
-    notes: mpsc::UnboundedReceiver<Note>,
+    notes: NoteReader,
+    /// Joints of the hinges, in MuJoCo's order.
+    joints: Vec<String>,
 }
 
 #[derive(Debug)]
 struct Driven {
     robot: Robot,
     progress: Arc<Mutex<Progress>>,
-    moves: mpsc::UnboundedSender<Move>,
+    moves: Arc<Waiting>,
     feedback: watch::Receiver<Option<Feedback>>,
 }
 
@@ -65,6 +68,12 @@ pub struct Report {
     pub late: u64,
     /// How late windows left.
     pub jitter: Jitter,
+    /// Frames in which a hinge would have to be faster than it can.
+    pub too_fast: u64,
+    /// The hinge that was the fastest of all, as a share of its highest speed.
+    pub fastest: Fastest,
+    /// Joint of that hinge.
+    pub fastest_joint: String,
     /// The newest words of the robot.
     pub feedback: Option<Feedback>,
 }
@@ -76,11 +85,11 @@ impl Bridge {
     /// See [`SonicError`].
     pub async fn open(client: &Client, pack: &Pack, robots: &[Robot]) -> Result<Self, SonicError> {
         let hinges = check_robot(pack.name(), pack.robot())?;
-        let (words, heard) = std::sync::mpsc::channel();
-        let (say, notes) = mpsc::unbounded_channel();
+        let (words, heard) = sync_channel(WORDS * robots.len().max(1));
+        let (say, notes) = notes();
         let (mut driven, mut stations, mut followers) = (Vec::new(), Vec::new(), Vec::new());
         for (index, robot) in robots.iter().enumerate() {
-            let (station, ticks, moves) = station(robot, hinges)?;
+            let (station, ticks) = station(robot, hinges)?;
             let follower = Follower {
                 robot: index,
                 client: client.clone(),
@@ -88,13 +97,13 @@ impl Bridge {
                 style: robot.style.clone(),
                 words: words.clone(),
                 ticks,
-                moves,
-                notes: Notes::clone(&say),
+                moves: Arc::clone(&station.session),
+                notes: say.clone(),
                 noted: None,
             };
             // A style that the pack lacks is found now.
             let session = follower.open(Default::default()).await?;
-            driven.push((robot, Arc::clone(&station.progress), station.session.clone()));
+            driven.push((robot, Arc::clone(&station.progress), Arc::clone(&station.session)));
             stations.push(station);
             followers.push((follower, session));
         }
@@ -106,6 +115,8 @@ impl Bridge {
         for (follower, session) in followers {
             tasks.push(tokio::spawn(follower.run(Some(session))).abort_handle());
         }
+        let joint = |hinge: &Hinge| pack.skeleton().joints[hinge.joint].name.clone();
+        let joints = hinges.hinges().iter().map(joint);
         let robots = driven.into_iter().map(|(robot, progress, moves)| {
             let (into, feedback) = watch::channel(None);
             if let Some(address) = robot.feedback.clone() {
@@ -124,6 +135,7 @@ impl Bridge {
             clock,
             tasks,
             notes,
+            joints: joints.collect(),
         })
     }
 
@@ -131,7 +143,7 @@ impl Bridge {
     ///
     /// # Errors
     /// A line for each robot that cannot do that now. The others get the order, unless a name is
-    /// unknown.
+    /// unknown. A newer style or motion replaces one that the session has not got yet.
     pub fn give(&self, names: &[String], order: &Order) -> Result<(), String> {
         let chosen = |name: &String| {
             let found = self.robots.iter().position(|driven| driven.robot.name == *name);
@@ -154,8 +166,7 @@ impl Bridge {
     fn give_one(&self, index: usize, order: &Order) -> Result<(), String> {
         let driven = &self.robots[index];
         if let Some(order) = driven.check(order)? {
-            // A task that is gone has a clock that lets the robot stand.
-            let _ = driven.moves.send(order);
+            driven.moves.give(order);
         }
         let word = match order {
             Order::Start => Word::Control(Command::Start),
@@ -163,19 +174,22 @@ impl Bridge {
             Order::Stop => Word::Halt(Why::Stopped),
             Order::Go | Order::Move(_) => return Ok(()),
         };
-        let _ = self.words.send((index, word));
-        Ok(())
+        self.words.try_send((index, word)).map_err(|_| {
+            let name = &driven.robot.name;
+            format!("{name}: the clock hangs, so the order is not taken; give it again")
+        })
     }
 
     /// The next note.
     pub async fn note(&mut self) -> Option<String> {
-        let Note { robot, text } = self.notes.recv().await?;
+        let Note { robot, text } = self.notes.next().await?;
         Some(format!("{}: {text}", self.robots[robot].robot.name))
     }
 
     /// How each robot is doing.
     pub fn reports(&self) -> Vec<Report> {
-        self.robots.iter().map(Driven::report).collect()
+        let report = |driven: &Driven| driven.report(&self.joints);
+        self.robots.iter().map(report).collect()
     }
 
     /// Has all robots stand, waits until they do, and stops sending. They hold the stand.
@@ -217,7 +231,7 @@ impl Driven {
         }
     }
 
-    fn report(&self) -> Report {
+    fn report(&self, joints: &[String]) -> Report {
         let progress = look(&self.progress);
         Report {
             name: self.robot.name.clone(),
@@ -228,32 +242,33 @@ impl Driven {
             guessed: progress.guessed,
             late: progress.late,
             jitter: progress.jitter.clone(),
+            too_fast: progress.too_fast,
+            fastest: progress.fastest,
+            fastest_joint: joints.get(progress.fastest.hinge).cloned().unwrap_or_default(),
             feedback: *self.feedback.borrow(),
         }
     }
 }
 
-/// The station of a robot, and the ends of its channels for the session's task.
-fn station(
-    robot: &Robot,
-    hinges: &Hinges,
-) -> Result<(Station, watch::Receiver<u64>, mpsc::UnboundedReceiver<Move>), SonicError> {
+/// The station of a robot, and the session's end of its ticks.
+fn station(robot: &Robot, hinges: &Hinges) -> Result<(Station, watch::Receiver<u64>), SonicError> {
     let publisher = Publisher::bind(robot.listen).map_err(|error| SonicError::Listen {
         address: robot.listen,
         error,
     })?;
     let (ticks, of_ticks) = watch::channel(0);
-    let (session, of_session) = mpsc::unbounded_channel();
     let limits = hinges
         .hinges()
         .iter()
         .map(|hinge| (hinge.lower_rad, hinge.upper_rad));
+    let speeds = hinges.hinges().iter().map(|hinge| hinge.max_speed_rad_per_s);
     let station = Station {
         publisher,
         playback: None,
         limits: limits.collect(),
+        speeds: speeds.collect(),
         ticks,
-        session,
+        session: Arc::default(),
         progress: Arc::default(),
         control: None,
         why: Why::New,
@@ -261,5 +276,5 @@ fn station(
         window: Window::default(),
         buffer: Vec::new(),
     };
-    Ok((station, of_ticks, of_session))
+    Ok((station, of_ticks))
 }

@@ -1,10 +1,11 @@
 //! Steps the session of one robot a little ahead of its windows, and hands its future to the clock.
 
-use std::sync::mpsc::Sender;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Duration;
 
 use glam::Vec3;
-use tokio::sync::{mpsc::UnboundedReceiver, watch};
+use tokio::sync::watch;
 use tokio::time::sleep;
 use troupe_client::live::Session;
 use troupe_client::{
@@ -14,10 +15,11 @@ use troupe_motion::conventions::Convention;
 
 use crate::ahead::{resample, rows_of, start};
 use crate::error::SonicError;
+use crate::note::Notes;
 use crate::order::Move;
 use crate::row::{Row, check_robot};
 use crate::sender::{Why, Word};
-use crate::{Note, Notes};
+use crate::waiting::Waiting;
 
 /// Ticks of a step. Each step is followed by a look at the future.
 const STEP: u64 = 4;
@@ -35,10 +37,10 @@ pub(crate) struct Follower {
     pub(crate) client: Client,
     pub(crate) pack: Pack,
     pub(crate) style: Option<String>,
-    pub(crate) words: Sender<(usize, Word)>,
+    pub(crate) words: SyncSender<(usize, Word)>,
     /// Index of the next window's first frame.
     pub(crate) ticks: watch::Receiver<u64>,
-    pub(crate) moves: UnboundedReceiver<Move>,
+    pub(crate) moves: Arc<Waiting>,
     pub(crate) notes: Notes,
     /// The error that was noted last, until a step succeeds.
     pub(crate) noted: Option<String>,
@@ -66,20 +68,20 @@ impl Follower {
             }
             sleep(PAUSE).await;
             // Orders for the session that is gone.
-            while self.moves.try_recv().is_ok() {}
+            drop(self.moves.take());
         }
     }
 
+    /// Says a word to the clock. A clock that hangs misses it: newer frames follow, and without
+    /// them the robot stands. Only a motion that it is to begin is worth a note then.
     fn say(&self, word: Word) {
-        // The clock is gone only once the bridge closes.
-        let _ = self.words.send((self.robot, word));
+        if let Err(TrySendError::Full((_, Word::Release))) = self.words.try_send((self.robot, word)) {
+            self.note("the clock hangs, so it stands; give the order again".to_owned());
+        }
     }
 
     fn note(&self, text: String) {
-        let _ = self.notes.send(Note {
-            robot: self.robot,
-            text,
-        });
+        self.notes.note(self.robot, text);
     }
 
     /// Opens a session at a place. It stands.
@@ -168,7 +170,7 @@ impl Follower {
     /// Gives a session its orders. Whether the robot moves by the last of them.
     fn orders(&mut self, session: &mut Session) -> bool {
         let mut moves = false;
-        while let Ok(order) = self.moves.try_recv() {
+        for order in self.moves.take() {
             moves = !matches!(order, Move::Stand);
             match order {
                 Move::Stand => {

@@ -31,32 +31,22 @@ mod error;
 mod feedback;
 mod follower;
 mod jitter;
+mod note;
 mod order;
 mod playback;
 mod publisher;
 mod robots;
 mod row;
 mod sender;
+mod waiting;
 mod wire;
 mod zmtp;
-
-use tokio::sync::mpsc::UnboundedSender;
 
 pub use self::bridge::{Bridge, Report};
 pub use self::error::SonicError;
 pub use self::feedback::Feedback;
 pub use self::jitter::Jitter;
+pub use self::note::Note;
 pub use self::order::{FORMS, Line, Move, Order};
 pub use self::robots::{PORT, Robot};
-pub use self::sender::Why;
-
-/// Something worth knowing about a robot.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Note {
-    /// Index of the robot.
-    pub robot: usize,
-    /// A sentence.
-    pub text: String,
-}
-
-type Notes = UnboundedSender<Note>;
+pub use self::sender::{Fastest, Why};

@@ -7,13 +7,14 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc::UnboundedSender, watch};
+use tokio::sync::watch;
 
 use crate::jitter::Jitter;
 use crate::order::Move;
 use crate::playback::{HZ, Halt, Playback};
 use crate::publisher::Publisher;
 use crate::row::Row;
+use crate::waiting::Waiting;
 use crate::wire::{COMMAND, Command, POSE, Window};
 use crate::zmtp::message;
 
@@ -28,6 +29,10 @@ const COPIES: u64 = 5;
 /// Ticks from the first start to the first order to follow poses: the robot leaves out a start that
 /// comes together with it.
 const FOLLOW_AFTER: u64 = 40;
+
+/// Words that may wait for the clock, for each robot. It reads them all fifty times a second, and a
+/// robot's task says at most two in a step of four ticks.
+pub(crate) const WORDS: usize = 16;
 
 /// Why a robot stands.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -70,6 +75,35 @@ pub(crate) struct Progress {
     /// Times that the server's frames were late.
     pub(crate) late: u64,
     pub(crate) jitter: Jitter,
+    /// Frames in which a hinge would have to be faster than it can.
+    pub(crate) too_fast: u64,
+    pub(crate) fastest: Fastest,
+}
+
+/// The hinge that came nearest to its highest speed, or went farthest beyond it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Fastest {
+    /// Index of the hinge, in MuJoCo's order.
+    pub hinge: usize,
+    /// Its speed divided by its highest speed.
+    pub ratio: f32,
+}
+
+impl Progress {
+    /// Looks at the speeds of a frame's hinges, rad/s. `most` has their highest speeds.
+    fn see_speeds(&mut self, speeds: &[f32], most: &[f32]) {
+        let mut frame = Fastest::default();
+        for (hinge, (speed, most)) in speeds.iter().zip(most).enumerate() {
+            let ratio = speed.abs() / most;
+            if ratio > frame.ratio {
+                frame = Fastest { hinge, ratio };
+            }
+        }
+        self.too_fast += u64::from(frame.ratio > 1.0);
+        if frame.ratio > self.fastest.ratio {
+            self.fastest = frame;
+        }
+    }
 }
 
 /// One robot of the clock.
@@ -78,9 +112,11 @@ pub(crate) struct Station {
     pub(crate) publisher: Publisher,
     pub(crate) playback: Option<Playback>,
     pub(crate) limits: Vec<(f32, f32)>,
+    /// Highest speeds of the hinges, rad/s.
+    pub(crate) speeds: Vec<f32>,
     /// Index of the next window's first frame, 0 before the first one.
     pub(crate) ticks: watch::Sender<u64>,
-    pub(crate) session: UnboundedSender<Move>,
+    pub(crate) session: Arc<Waiting>,
     pub(crate) progress: Arc<Mutex<Progress>>,
     pub(crate) control: Option<(Command, u64)>,
     pub(crate) why: Why,
@@ -184,8 +220,7 @@ impl Station {
                 playback.halt(Halt::ALONE);
                 self.why = Why::Late;
                 self.late += 1;
-                // Without the session's task there is no motion to stop.
-                let _ = self.session.send(Move::Stand);
+                self.session.give(Move::Stand);
             }
             playback.window(&mut self.window);
             self.window.write(&mut self.buffer);
@@ -197,6 +232,8 @@ impl Station {
         progress.subscribers = self.publisher.subscribers(POSE);
         if let Some(playback) = &self.playback {
             progress.windows += 1;
+            let shown = self.window.speeds.first();
+            progress.see_speeds(shown.map_or(&[][..], |speeds| &speeds[..]), &self.speeds);
             progress.guessed = playback.guessed();
             progress.stands = playback.halts().then_some(self.why);
             progress.answered = !playback.is_late();
@@ -212,6 +249,8 @@ impl Station {
 
 #[cfg(test)]
 mod tests {
+    use troupe_motion::robot::ROOT_QPOS;
+
     use super::*;
 
     fn station() -> Station {
@@ -219,8 +258,9 @@ mod tests {
             publisher: Publisher::bind(([127, 0, 0, 1], 0).into()).unwrap(),
             playback: None,
             limits: Vec::new(),
+            speeds: vec![20.0; crate::wire::HINGES],
             ticks: watch::channel(0).0,
-            session: tokio::sync::mpsc::unbounded_channel().0,
+            session: Arc::default(),
             progress: Arc::default(),
             control: None,
             why: Why::New,
@@ -244,6 +284,35 @@ mod tests {
         let (last, first) = (starts[4].0, follows[0].0);
         assert!(first - last >= 10, "{first} - {last} ticks");
         assert!(sent.iter().all(|(_, command)| *command != Command::End));
+    }
+
+    #[test]
+    fn frames_with_a_hinge_that_is_too_fast_are_counted() {
+        let mut station = station();
+        station.hear(Word::Rows(0, vec![crate::row::tests::row(0.0, 0.0, 0.0)]));
+        station.hear(Word::Release);
+        // 5 rad/s, then for five frames 25 rad/s of 20 by the third hinge.
+        for tick in 0..60_u64 {
+            let first = station.playback.as_ref().unwrap().next();
+            let rows = (first..first + 60).map(|index| {
+                let mut row = crate::row::tests::row(0.0, 0.0, 0.1 * index as f32);
+                row[ROOT_QPOS + 2] += 0.4 * (index.clamp(40, 45) - 40) as f32;
+                row
+            });
+            station.hear(Word::Rows(first, rows.collect()));
+            station.tick(Instant::now());
+            assert_eq!(look(&station.progress).windows, tick + 1);
+        }
+        let progress = look(&station.progress);
+        assert_eq!(progress.fastest.hinge, 2);
+        assert!(
+            (progress.fastest.ratio - 1.25).abs() < 1e-3,
+            "{:?}",
+            progress.fastest
+        );
+        // A frame's speed is the mean of those to it and from it, so the first and the last of the
+        // five steps have a frame between them and 5 rad/s.
+        assert_eq!(progress.too_fast, 4);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::{MAX_WAITING_COMMANDS, PerformCommand};
-use crate::object::{Definition, Definitions};
+use crate::object::{Definition, Definitions, TooShort};
 use crate::primitives::{LocomotionCommand, PathCommand};
 use crate::scene::{Holder, ScaledScene, SceneCell};
 
@@ -126,6 +126,23 @@ pub enum CommandError {
         name: Arc<str>,
         /// The skills of the pack.
         there_are: Vec<String>,
+    },
+    /// The skill or object definition has a set that is shorter than what the pack's networks make
+    /// at once.
+    #[error(
+        "{what} {name:?} has a set of {} frames ({:?}), and pack {} makes at least {} at a time",
+        .short.frames,
+        .short.set,
+        .short.pack,
+        .short.least
+    )]
+    TooShort {
+        /// `skill` or `object definition`.
+        what: &'static str,
+        /// Name of the skill or definition.
+        name: String,
+        /// The set. Boxed, to keep the error small.
+        short: Box<TooShort>,
     },
     /// The skill has no variant of this name.
     #[error("skill {skill:?} has no variant {name:?}")]

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use troupe_motion::robot::Fitted;
+use troupe_motion::robot::{Fitted, HingeRate};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
 use super::{Intent, Pins};
@@ -239,6 +239,9 @@ pub struct FrameOut {
     /// Angles of a robot's hinges, which the rotations follow, and how far the pose was from them.
     /// Empty for other bodies.
     pub fitted: Fitted,
+    /// How fast the hinges turned since the frame before. A character does not measure it; sessions
+    /// do.
+    pub hinge_rate: HingeRate,
     /// Bit i for contact joint i.
     pub contacts: u8,
     /// The character had to slow down at this frame.

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use troupe_motion::Skeleton;
 
-use super::check_sets::{check_sets, check_variants};
+use super::check_sets::{check_sets, check_variants, set_frames};
 use super::{
     Align, Approach, ApproachDoc, Definition, FORMAT, MAX_APPROACHES, MAX_BLEND_FRAMES,
     MAX_DESCRIPTION_CHARS, MAX_DISTANCE_M, MAX_REACH_M, MAX_SLOPE_DEG, MAX_SOCKETS, ObjectDoc, Release,
-    ReleaseDoc, Socket, SocketDoc,
+    ReleaseDoc, Socket, SocketDoc, TooShort,
 };
 use crate::document::check::{count, format, listed, name, named, number, rotation, vector};
 use crate::scene::{ObjectBody, Shape, Volume, shape_error};
@@ -22,6 +22,23 @@ impl Definition {
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
     pub fn from_doc(doc: ObjectDoc, rig: &Rig) -> Result<Self, FieldError> {
+        let made = Self::from_kept(doc, rig)?;
+        let short = made.doc.sets.iter().enumerate();
+        for (index, frames) in short.filter_map(|(index, set)| Some((index, set.frames?))) {
+            let allowed = set_frames(rig);
+            let set = Path::root();
+            let set = set.element("sets", index);
+            count(&set.field("frames"), frames, *allowed.start(), *allowed.end())?;
+        }
+        Ok(made)
+    }
+
+    /// As [`Definition::from_doc`], for a document that is read at the start of a server. Its sets
+    /// may be too short for the pack: [`Definition::too_short`] says so.
+    ///
+    /// # Errors
+    /// [`FieldError`] for the first other value that is not accepted.
+    pub fn from_kept(doc: ObjectDoc, rig: &Rig) -> Result<Self, FieldError> {
         let path = Path::root();
         format(&path, doc.format, FORMAT)?;
         name(&path.field("name"), &doc.name)?;
@@ -61,9 +78,25 @@ impl Definition {
             sets,
             variants,
             is_skill: false,
+            too_short: too_short(&doc, rig),
             doc: Arc::new(doc),
         })
     }
+}
+
+/// The first set that has fewer frames than the pack's networks make at once.
+fn too_short(doc: &ObjectDoc, rig: &Rig) -> Option<TooShort> {
+    let least = *set_frames(rig).start();
+    let short = |set: &super::SetDoc| {
+        let frames = set.frames.filter(|frames| *frames < least)?;
+        Some(TooShort {
+            set: set.name.clone(),
+            frames,
+            least,
+            pack: rig.name().to_owned(),
+        })
+    };
+    doc.sets.iter().find_map(short)
 }
 
 fn check_body(path: &Path<'_>, doc: &ObjectDoc, shape: &Shape) -> Result<ObjectBody, FieldError> {

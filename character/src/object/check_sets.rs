@@ -1,5 +1,7 @@
 //! Checks sets, their keyframes, and the chains of sets that variants go through.
 
+use std::ops::RangeInclusive;
+
 use troupe_motion::Quat;
 use troupe_motion::root::heading_of;
 
@@ -17,6 +19,13 @@ use troupe_motion::model::Rig;
 /// Fewest of the left direction's length that must lie in the ground plane for a pose to have a
 /// heading.
 const MIN_GROUND_LEFT: f32 = 0.1;
+
+/// Numbers of frames that a set may have: those of a plan after its context.
+pub(super) fn set_frames(rig: &Rig) -> RangeInclusive<u32> {
+    let context = rig.dims.context_frames;
+    let frames = |all: usize| all.saturating_sub(context) as u32;
+    frames(rig.dims.min_frames())..=frames(rig.dims.max_frames())
+}
 
 /// Checks all sets of a definition.
 pub(super) fn check_sets(
@@ -40,10 +49,8 @@ fn check_set(
     entries(&path.field("keyframes"), doc.keyframes.len(), 1, most)?;
     entries(&path.field("events"), doc.events.len(), 0, MAX_EVENTS)?;
     if let Some(frames) = doc.frames {
-        let context = rig.dims.context_frames;
-        let low = rig.dims.min_frames() - context;
-        let high = rig.dims.max_frames() - context;
-        count(&path.field("frames"), frames, low as u32, high as u32)?;
+        // Fewer frames than the pack makes are the matter of `Definition::too_short`.
+        count(&path.field("frames"), frames, 1, *set_frames(rig).end())?;
     }
     let most_dropped = doc
         .frames

@@ -122,8 +122,23 @@ pub struct Definition {
     pub variants: Vec<Variant>,
     /// Whether it is a skill of the pack, which is done on the spot, without an object.
     pub is_skill: bool,
+    /// The first set that the pack cannot make. Such a definition is known, but cannot be used.
+    pub too_short: Option<TooShort>,
     /// The definition as it was written.
     pub doc: Arc<ObjectDoc>,
+}
+
+/// A set that has fewer frames than a pack's networks make at once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TooShort {
+    /// Name of the set.
+    pub set: String,
+    /// Frames of the set, as written.
+    pub frames: u32,
+    /// Fewest frames of a set that the pack makes.
+    pub least: u32,
+    /// Name of the pack.
+    pub pack: String,
 }
 
 /// A range of sides that a character may come from.

@@ -2,7 +2,7 @@
 
 use troupe_motion::ik::Leg;
 use troupe_motion::model::Rig;
-use troupe_motion::robot::Fitted;
+use troupe_motion::robot::{Fitted, HingeRate, HingeRates};
 use troupe_motion::rotation::align_sign;
 use troupe_motion::{Quat, Robot, Skeleton, Vec3};
 
@@ -15,22 +15,70 @@ pub struct HingeColumns {
     pub residuals: Vec<f32>,
     /// [`Fitted::clamped`] of each frame.
     pub clamped: Vec<u32>,
+    /// How fast the hinges turned on the way to each frame.
+    pub rates: RateColumns,
 }
 
-/// Brings frames onto the robot's hinges and into their limits.
-pub fn onto_hinges(robot: &Robot, roots: &[Vec3], rotations: &mut [Quat], wants_qpos: bool) -> HingeColumns {
+/// [`HingeRate`]s by column, an entry for each frame.
+#[derive(Debug, Default, PartialEq)]
+pub struct RateColumns {
+    /// [`HingeRate::speed_ratio`].
+    pub speed_ratios: Vec<f32>,
+    /// [`HingeRate::fastest`].
+    pub fastest: Vec<u32>,
+    /// [`HingeRate::acceleration_rad_per_s2`].
+    pub accelerations: Vec<f32>,
+}
+
+impl RateColumns {
+    /// Adds the next frame.
+    pub fn push(&mut self, rate: HingeRate) {
+        self.speed_ratios.push(rate.speed_ratio);
+        self.fastest.push(rate.fastest as u32);
+        self.accelerations.push(rate.acceleration_rad_per_s2);
+    }
+
+    /// A sentence on the hinge that is farthest beyond its highest speed, and on the number of such
+    /// frames. None if there is none. `named` gives the name of a hinge's joint.
+    pub fn too_fast<'a>(&self, fps: f32, named: impl Fn(usize) -> &'a String) -> Option<String> {
+        let beyond = self.speed_ratios.iter().filter(|ratio| **ratio > 1.0).count();
+        let frames = self.speed_ratios.iter().zip(&self.fastest).enumerate();
+        let (frame, (ratio, hinge)) = frames.max_by(|a, b| a.1.0.total_cmp(b.1.0))?;
+        (beyond > 0).then(|| {
+            format!(
+                "{} would have to turn at {ratio:.2} times its highest speed after {:.2} s; {beyond} of {} frames are too \
+                 fast for a hinge",
+                named(*hinge as usize),
+                frame as f32 / fps,
+                self.speed_ratios.len()
+            )
+        })
+    }
+}
+
+/// Brings frames onto the robot's hinges and into their limits. There are `fps` a second, and
+/// `rates` knows those that come before them.
+pub fn onto_hinges(
+    robot: &Robot,
+    (roots, rotations): (&[Vec3], &mut [Quat]),
+    (rates, fps): (&mut HingeRates, f32),
+    wants_qpos: bool,
+) -> HingeColumns {
     let (frames, size) = (roots.len(), robot.qpos_len());
     let joints = rotations.len() / frames.max(1);
     let mut columns = HingeColumns {
         qpos: vec![0.0; if wants_qpos { frames * size } else { 0 }],
         residuals: Vec::with_capacity(frames),
         clamped: Vec::with_capacity(frames),
+        rates: RateColumns::default(),
     };
     let mut fitted = Fitted::default();
     for (frame, (&root, pose)) in roots.iter().zip(rotations.chunks_exact_mut(joints)).enumerate() {
         robot.fit(pose, &mut fitted);
         columns.residuals.push(fitted.residual_rad);
         columns.clamped.push(fitted.clamped as u32);
+        let rate = rates.push(robot, &fitted.angles, fps.recip());
+        columns.rates.push(rate);
         if wants_qpos {
             let row = &mut columns.qpos[frame * size..(frame + 1) * size];
             robot.write_qpos(root, pose[0], &fitted.angles, row);

@@ -8,7 +8,7 @@ mod legs;
 pub(crate) use feet::{bits_of, plant};
 pub use feet::{contact_bits, hold_between, hold_live};
 pub use frames::{NonFinite, check_finite, parent_relative, roots, to_world_rotations};
-pub use hinges::{HingeColumns, onto_hinges};
+pub use hinges::{HingeColumns, RateColumns, onto_hinges};
 pub(crate) use legs::part_legs;
 
 /// Frames on either side of a keyframe over which the error of its pose fades out.

@@ -8,6 +8,7 @@ use troupe_motion::fk::joint_transform;
 use troupe_motion::ik::{FootLock, Posed, ReachOptions, Reached, lock_feet, reach_pose};
 use troupe_motion::interpolate::smoothstep;
 use troupe_motion::pin::{PosePin, pin_poses};
+use troupe_motion::robot::HingeRates;
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::terrain::{Terrain, lift_motion};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
@@ -70,11 +71,17 @@ pub fn finish(take: &Take, mut track: Track, boundaries: Vec<usize>, notes: Vec<
         work.close();
     }
     if let Some(robot) = &work.body.skeleton.robot {
-        let columns = onto_hinges(robot, &work.track.roots, &mut work.track.rotations, false);
+        let frames = (&*work.track.roots, &mut *work.track.rotations);
+        let clock = (&mut HingeRates::default(), take.clock.native_fps);
+        let columns = onto_hinges(robot, frames, clock, false);
         let most = columns.residuals.iter().copied().fold(0.0, f32::max);
         if most > HINGES_RAD {
             let message = format!("the robot's hinges miss a pose by up to {most:.2} rad");
             work.notes.push(Note::warning("hinges", message));
+        }
+        let named = |hinge: usize| &work.body.skeleton.joints[robot.hinges()[hinge].joint].name;
+        if let Some(message) = columns.rates.too_fast(take.clock.native_fps, named) {
+            work.notes.push(Note::warning("hinge_speed", message));
         }
     }
     let Work { track, notes, .. } = work;

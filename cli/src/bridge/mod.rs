@@ -1,16 +1,16 @@
 //! `troupe bridge`: robots of other programs, driven from live sessions.
 
+mod lines;
 mod show;
 
-use std::io::BufRead as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
-use tokio::sync::mpsc;
 use tokio::time::{Instant, interval, sleep_until};
 use troupe_sonic::{Bridge as Robots, FORMS, Line, Robot, SonicError};
 
+use self::lines::lines;
 use self::show::Display;
 use crate::context::Context;
 use crate::failure::Failure;
@@ -90,7 +90,7 @@ async fn obey(bridge: &mut Robots, display: &mut Display<'_>) {
     let mut look = interval(Duration::from_secs(1));
     loop {
         tokio::select! {
-            line = lines.recv(), if reading && waits <= Instant::now() => match line.as_deref().map(Line::parse) {
+            line = lines.recv(), if reading && waits <= Instant::now() => match line.map(|line| Line::parse(&line?)) {
                 Some(Ok(Some(Line::Quit))) => return,
                 Some(Ok(Some(Line::Wait(seconds)))) => waits = Instant::now() + Duration::from_secs_f32(seconds),
                 Some(Ok(Some(Line::Robots(names, order)))) => {
@@ -110,17 +110,4 @@ async fn obey(bridge: &mut Robots, display: &mut Display<'_>) {
             Ok(()) = tokio::signal::ctrl_c() => return,
         }
     }
-}
-
-/// The lines of standard input.
-fn lines() -> mpsc::UnboundedReceiver<String> {
-    let (send, receive) = mpsc::unbounded_channel();
-    std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-            if send.send(line).is_err() {
-                return;
-            }
-        }
-    });
-    receive
 }

@@ -83,6 +83,8 @@ impl<'a> Display<'a> {
             "windows",
             "late: p50, p99, most (ms)",
             "frames guessed",
+            "frames too fast for a hinge",
+            "fastest hinge",
             "times late",
             "robot's words",
         ]);
@@ -92,6 +94,8 @@ impl<'a> Display<'a> {
                 report.windows.to_string(),
                 lateness(&report.jitter),
                 report.guessed.to_string(),
+                report.too_fast.to_string(),
+                fastest(report),
                 report.late.to_string(),
                 report.feedback.map_or(0, |feedback| feedback.count).to_string(),
             ]);
@@ -140,6 +144,11 @@ fn measured(report: &Report) -> String {
     )
 }
 
+/// The fastest hinge of all frames, and the share of its highest speed.
+fn fastest(report: &Report) -> String {
+    format!("{}, {:.0} %", report.fastest_joint, report.fastest.ratio * 100.0)
+}
+
 fn lateness(jitter: &Jitter) -> String {
     let [p50, p99] = [0.5, 0.99].map(|share| jitter.percentile_ms(share));
     format!("{p50:.2}, {p99:.2}, {:.2}", jitter.most_ms())
@@ -166,6 +175,8 @@ fn as_value(report: &Report) -> serde_json::Value {
         "windows": report.windows,
         "late_ms": late(&report.jitter),
         "guessed_frames": report.guessed,
+        "too_fast_frames": report.too_fast,
+        "fastest_hinge": { "joint": report.fastest_joint, "speed_ratio": report.fastest.ratio },
         "times_late": report.late,
         "state": state(report),
         "feedback": feedback,

@@ -10,6 +10,7 @@ use troupe_client::FrameOptions;
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::feasibility::too_fast;
 use crate::files::Format;
 use crate::output::print;
 use crate::path::Path;
@@ -47,6 +48,9 @@ pub(super) async fn run(context: &Context, command: &Drive) -> Result<(), Failur
     }
     if command.json {
         return print(&format!("{:#}", to_json(&take)));
+    }
+    if let Some(text) = too_fast(&take.clip) {
+        context.term.note(text);
     }
     print(&in_words(&take))?;
     print_events(&take.events)

@@ -69,6 +69,9 @@ pub struct Frames<'a> {
     qpos: &'a [f32],
     hinge_residuals: &'a [f32],
     clamped_hinges: &'a [u32],
+    hinge_speed_ratios: &'a [f32],
+    fastest_hinges: &'a [u32],
+    hinge_accelerations: &'a [f32],
 }
 
 impl<'a> Frames<'a> {
@@ -112,6 +115,24 @@ impl<'a> Frames<'a> {
         self.clamped_hinges
     }
 
+    /// Speed of a robot's hinge since the frame before, divided by its highest speed: the largest
+    /// of all hinges, one per frame. Above 1 the hinge would have to be faster than it can. Empty
+    /// unless frames come as `qpos`.
+    pub fn hinge_speed_ratios(&self) -> &'a [f32] {
+        self.hinge_speed_ratios
+    }
+
+    /// Indices of the hinges with those ratios, one per frame. Empty unless frames come as `qpos`.
+    pub fn fastest_hinges(&self) -> &'a [u32] {
+        self.fastest_hinges
+    }
+
+    /// Largest acceleration of a robot's hinges, rad/s², one per frame. Empty unless frames come as
+    /// `qpos`.
+    pub fn hinge_accelerations(&self) -> &'a [f32] {
+        self.hinge_accelerations
+    }
+
     /// The newest frame.
     pub fn last(&self) -> Option<Frame<'a>> {
         self.get(self.len().checked_sub(1)?)
@@ -152,6 +173,9 @@ pub(crate) struct Block {
     qpos: Vec<f32>,
     hinge_residuals: Vec<f32>,
     clamped_hinges: Vec<u32>,
+    hinge_speed_ratios: Vec<f32>,
+    fastest_hinges: Vec<u32>,
+    hinge_accelerations: Vec<f32>,
 }
 
 impl Block {
@@ -194,6 +218,9 @@ impl Block {
         self.qpos = message.qpos;
         self.hinge_residuals = message.hinge_residuals;
         self.clamped_hinges = message.clamped_hinges;
+        self.hinge_speed_ratios = message.hinge_speed_ratios;
+        self.fastest_hinges = message.fastest_hinges;
+        self.hinge_accelerations = message.hinge_accelerations;
         self.first_frames = message.first_frames;
         self.slots = message.slots;
         Ok(())
@@ -238,6 +265,9 @@ impl Block {
         self.qpos.clear();
         self.hinge_residuals.clear();
         self.clamped_hinges.clear();
+        self.hinge_speed_ratios.clear();
+        self.fastest_hinges.clear();
+        self.hinge_accelerations.clear();
     }
 
     /// The characters' slots.
@@ -259,6 +289,9 @@ impl Block {
                 qpos: &[],
                 hinge_residuals: &[],
                 clamped_hinges: &[],
+                hinge_speed_ratios: &[],
+                fastest_hinges: &[],
+                hinge_accelerations: &[],
             };
         }
         let (frames, joints) = (self.frame_count, self.joints);
@@ -276,7 +309,10 @@ impl Block {
             qpos_len: numbers,
             qpos: &self.qpos[of_frames.start * numbers..of_frames.end * numbers],
             hinge_residuals: self.hinge_residuals.get(of_frames.clone()).unwrap_or_default(),
-            clamped_hinges: self.clamped_hinges.get(of_frames).unwrap_or_default(),
+            clamped_hinges: self.clamped_hinges.get(of_frames.clone()).unwrap_or_default(),
+            hinge_speed_ratios: self.hinge_speed_ratios.get(of_frames.clone()).unwrap_or_default(),
+            fastest_hinges: self.fastest_hinges.get(of_frames.clone()).unwrap_or_default(),
+            hinge_accelerations: self.hinge_accelerations.get(of_frames).unwrap_or_default(),
         }
     }
 }
@@ -328,6 +364,9 @@ fn check(block: &v1::FrameBlock, skeleton: &Skeleton) -> Result<(), AnswerError>
         ),
         ("hinge_residuals", block.hinge_residuals.len(), of_qpos(1)),
         ("clamped_hinges", block.clamped_hinges.len(), of_qpos(1)),
+        ("hinge_speed_ratios", block.hinge_speed_ratios.len(), of_qpos(1)),
+        ("fastest_hinges", block.fastest_hinges.len(), of_qpos(1)),
+        ("hinge_accelerations", block.hinge_accelerations.len(), of_qpos(1)),
     ];
     let positions = ("positions", block.positions.len(), frames * joints * 3);
     let positions = (!block.positions.is_empty()).then_some(positions);

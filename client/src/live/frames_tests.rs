@@ -121,6 +121,9 @@ fn hopper() -> (Pack, v1::FrameBlock) {
         qpos: [2.0, 1.0, 0.9, half, 0.0, 0.0, half, 0.4].repeat(2),
         hinge_residuals: vec![0.02, 0.0],
         clamped_hinges: vec![1, 0],
+        hinge_speed_ratios: vec![0.5, 1.5],
+        fastest_hinges: vec![0, 0],
+        hinge_accelerations: vec![20.0, 70.0],
         ..v1::FrameBlock::default()
     };
     (pack, block)
@@ -151,14 +154,23 @@ fn qpos_is_read_as_poses_in_the_characters_convention() {
     }
     assert_eq!(block.frames(0).hinge_residuals(), [0.02]);
     assert_eq!(block.frames(1).clamped_hinges(), [0]);
+    assert_eq!(block.frames(1).hinge_speed_ratios(), [1.5]);
+    assert_eq!(block.frames(0).hinge_accelerations(), [20.0]);
+    assert_eq!(block.frames(0).fastest_hinges(), [0]);
     // Frames in another encoding clear it.
     let mut plain = hopper().1;
     (plain.qpos, plain.hinge_residuals, plain.clamped_hinges) = Default::default();
+    (
+        plain.hinge_speed_ratios,
+        plain.fastest_hinges,
+        plain.hinge_accelerations,
+    ) = Default::default();
     plain.root_positions = vec![0.0; 6];
     plain.rotations = [1.0, 0.0, 0.0, 0.0].repeat(4);
     block.read(plain, pack.skeleton(), convention).unwrap();
     let frames = block.frames(1);
     assert!(frames.get(0).unwrap().qpos.is_empty() && frames.hinge_residuals().is_empty());
+    assert!(frames.hinge_speed_ratios().is_empty());
     let mut short = hopper().1;
     short.qpos.pop();
     let error = block.read(short, pack.skeleton(), convention).unwrap_err();
@@ -195,7 +207,7 @@ fn a_block_is_read_over_the_last_one() {
 #[test]
 fn a_column_of_the_wrong_length_is_named() {
     type Break = fn(&mut v1::FrameBlock);
-    let broken: [(&str, Encoding, Break); 11] = [
+    let broken: [(&str, Encoding, Break); 12] = [
         ("first_frames", Encoding::F32, |b| b.first_frames.truncate(1)),
         ("root_positions", Encoding::F32, |b| b.root_positions.push(0.0)),
         ("rotations", Encoding::F32, |b| b.rotations.truncate(40)),
@@ -210,6 +222,7 @@ fn a_column_of_the_wrong_length_is_named() {
         // Floats, and a robot's numbers for a skeleton that is no robot's.
         ("root_positions", Encoding::F32, |b| b.qpos.push(1.0)),
         ("clamped_hinges", Encoding::F32, |b| b.clamped_hinges.push(1)),
+        ("fastest_hinges", Encoding::F32, |b| b.fastest_hinges.push(1)),
     ];
     for (name, encoding, break_it) in broken {
         let mut block = message(encoding);

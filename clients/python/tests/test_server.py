@@ -77,6 +77,14 @@ def test_a_robots_qpos_is_the_same_pose(client: troupe.Client) -> None:
     assert np.abs(floats.to_qpos()[..., 7:] - qpos.qpos[..., 7:]).max() < 1e-3
     assert np.abs(qpos.root - floats.root).max() < 1e-5
     assert qpos.hinge_residuals is not None and qpos.hinge_residuals.shape == (60, 1)
+    assert qpos.skeleton.robot is not None
+    most = np.array([hinge.max_speed for hinge in qpos.skeleton.robot.hinges])
+    ratios = np.abs(np.diff(qpos.qpos[:, 0, 7:], axis=0)) * qpos.fps / most
+    assert qpos.hinge_speed_ratios is not None and qpos.fastest_hinges is not None
+    assert np.abs(ratios.max(1) - qpos.hinge_speed_ratios[1:, 0]).max() < 1e-3
+    there = np.take_along_axis(ratios, qpos.fastest_hinges[1:], 1)[:, 0]
+    assert np.abs(there - qpos.hinge_speed_ratios[1:, 0]).max() < 1e-3
+    assert qpos.hinge_accelerations is not None and qpos.hinge_accelerations.shape == (60, 1)
 
 
 def test_a_gap_is_filled_and_its_ends_are_met(client: troupe.Client, walk: troupe.Clip) -> None:
@@ -147,6 +155,9 @@ def test_a_robots_keyframes_may_be_qpos(client: troupe.Client) -> None:
     assert answer.qpos is not None and answer.qpos.shape == (31, 36)
     assert np.abs(answer.qpos[-1, 7:] - frames.qpos[50, 0, 7:]).max() < 1e-3
     assert answer.hinge_residuals.shape == (31,)
+    assert answer.hinge_speed_ratios.shape == answer.hinge_accelerations.shape == (31,)
+    assert answer.hinge_speed_ratios[0] == 0 and answer.hinge_speed_ratios.max() > 0
+    assert answer.feasibility is not None and answer.feasibility.hinge_speed.limit > 0
 
 
 def test_a_horse_follows_a_path(client: troupe.Client) -> None:

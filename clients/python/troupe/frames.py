@@ -18,7 +18,8 @@ from troupe.formats import csv, glb, npz
 from troupe.skeleton import ROOT_QPOS, Skeleton
 from troupe.v1 import session_pb2
 
-_COLUMNS = ("root", "rotations", "contacts", "positions", "qpos", "hinge_residuals", "clamped_hinges")
+_HINGES = ("hinge_residuals", "clamped_hinges", "hinge_speed_ratios", "fastest_hinges", "hinge_accelerations")
+_COLUMNS = ("root", "rotations", "contacts", "positions", "qpos", *_HINGES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,13 @@ class Frames:
     """(frames, characters) how far a robot's hinges could not follow, radians, if frames came as `qpos`."""
     clamped_hinges: Ints | None = field(default=None, repr=False)
     """(frames, characters) hinges that were asked for more than their limits, if frames came as `qpos`."""
+    hinge_speed_ratios: F32 | None = field(default=None, repr=False)
+    """(frames, characters) speed of the fastest hinge since the frame before, divided by its highest speed, if frames
+    came as `qpos`. Above 1 the hinge would have to be faster than it can."""
+    fastest_hinges: Ints | None = field(default=None, repr=False)
+    """(frames, characters) index of that hinge in `skeleton.robot.hinges`, if frames came as `qpos`."""
+    hinge_accelerations: F32 | None = field(default=None, repr=False)
+    """(frames, characters) largest acceleration of a hinge, rad/s², if frames came as `qpos`."""
 
     def __len__(self) -> int:
         return len(self.root)
@@ -166,12 +174,14 @@ def of_block(block: session_pb2.FrameBlock, of: Of) -> Frames:
 
     if len(block.first_frames) != shape[0]:
         raise AnswerError("`first_frames` does not have a number for each character", field="first_frames")
-    qpos = residuals = clamped = positions = None
+    qpos = positions = None
+    hinges: dict[str, Any] = {}
     if len(block.qpos):
         size = skeleton.robot.qpos_size if skeleton.robot else ROOT_QPOS
         qpos = column("qpos", np.asarray(block.qpos, np.float32), size)
-        residuals = column("hinge_residuals", np.asarray(block.hinge_residuals, np.float32))
-        clamped = column("clamped_hinges", np.asarray(block.clamped_hinges, np.int64))
+        kinds = {"clamped_hinges": np.int64, "fastest_hinges": np.int64}
+        for name in _HINGES:
+            hinges[name] = column(name, np.asarray(getattr(block, name), kinds.get(name, np.float32)))
         native_root, native_rotations = skeleton.of_qpos(qpos)
         root = of.convention.position_from_native(native_root)
         rotations = of.convention.rotation_from_native(native_rotations)
@@ -190,18 +200,7 @@ def of_block(block: session_pb2.FrameBlock, of: Of) -> Frames:
     contacts = column("contacts", codec.decode_contacts(block.contacts, contact_joints), contact_joints)
     first_frames = np.asarray(block.first_frames, np.int64)
     return Frames(
-        skeleton,
-        of.fps,
-        of.convention,
-        of.ids,
-        root,
-        rotations,
-        contacts,
-        first_frames,
-        positions,
-        qpos,
-        residuals,
-        clamped,
+        skeleton, of.fps, of.convention, of.ids, root, rotations, contacts, first_frames, positions, qpos, **hinges
     )
 
 

@@ -132,6 +132,13 @@ class InBetweenAnswer:
     """(frames) how far a robot's hinges could not follow, radians; empty if the pack has no robot."""
     clamped_hinges: Ints = field(repr=False)
     """(frames) a robot's hinges that were asked for more than their limits; empty if the pack has no robot."""
+    hinge_speed_ratios: F32 = field(repr=False)
+    """(frames) speed of a robot's fastest hinge since the frame before, divided by its highest speed; empty if the pack
+    has no robot. Above 1 the hinge would have to be faster than it can."""
+    fastest_hinges: Ints = field(repr=False)
+    """(frames) index of that hinge in the robot's; empty if the pack has no robot."""
+    hinge_accelerations: F32 = field(repr=False)
+    """(frames) largest acceleration of a robot's hinge, rad/s²; empty if the pack has no robot."""
     intermediates: motion_pb2.Intermediates | None = field(repr=False)
     """Each stage's output, if that was asked for."""
     feasibility: motion_pb2.Feasibility | None = field(repr=False)
@@ -162,6 +169,9 @@ def _answer(result: motion_pb2.CharacterResult, response: motion_pb2.InBetweenRe
         qpos=array("qpos", np.asarray(frames.qpos, np.float32), frames.frame_count, size) if size else None,
         hinge_residuals=np.asarray(frames.hinge_residuals, np.float32),
         clamped_hinges=np.asarray(frames.clamped_hinges, np.int64),
+        hinge_speed_ratios=np.asarray(frames.hinge_speed_ratios, np.float32),
+        fastest_hinges=np.asarray(frames.fastest_hinges, np.int64),
+        hinge_accelerations=np.asarray(frames.hinge_accelerations, np.float32),
         intermediates=result.intermediates if result.HasField("intermediates") else None,
         feasibility=result.feasibility if result.HasField("feasibility") else None,
         timing=response.timing,

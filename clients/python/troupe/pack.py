@@ -145,6 +145,7 @@ def _robot(of: motion_pb2.Robot, names: tuple[str, ...]) -> Robot:
             lower=hinge.lower,
             upper=hinge.upper,
             max_speed=hinge.max_speed,
+            max_acceleration=hinge.max_acceleration if hinge.HasField("max_acceleration") else None,
         )
         for hinge in of.hinges
     )

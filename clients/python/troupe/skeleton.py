@@ -32,7 +32,9 @@ class Hinge:
     upper: float
     """Largest angle, radians."""
     max_speed: float
-    """Radians a second. Frames are not held to it."""
+    """Radians a second. Frames may be faster, and then say so."""
+    max_acceleration: float | None = None
+    """Radians per second squared. None: no limit is known."""
 
 
 @dataclass(frozen=True)

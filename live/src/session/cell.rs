@@ -6,8 +6,10 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
 use troupe_motion::conventions::Convention;
+use troupe_motion::robot::HingeRate;
 use troupe_motion::{Quat, Vec3};
 
+use super::hinge_rates::ShownRates;
 use super::owner::{End, Owner};
 use super::stream::Audience;
 use super::wants::Wants;
@@ -51,6 +53,8 @@ pub struct Live {
     resident: Option<Resident>,
     /// The character's statistics as the metrics counted them last.
     counted: Stats,
+    /// For robots.
+    rates: Option<ShownRates>,
 }
 
 /// One session.
@@ -116,6 +120,10 @@ impl Live {
         if let Some(dress) = &mut self.dress {
             dress.put_on(&self.character, out);
         }
+        match &mut self.rates {
+            Some(rates) => rates.measure(self.character.time_frames(), out),
+            None => out.hinge_rate = HingeRate::default(),
+        }
     }
 
     /// Leads from a pose that the client gave on a skeleton of its own, which the character has at
@@ -136,6 +144,7 @@ impl SessionCell {
     /// Makes a session without an owner.
     pub fn new(parts: SessionParts, time: TimeSource) -> Self {
         let born = time.now();
+        let rates = ShownRates::of(&parts.pack);
         Self {
             id: parts.id,
             owner_id: OwnerId(NEXT_OWNER.fetch_add(1, Ordering::Relaxed)),
@@ -160,6 +169,7 @@ impl SessionCell {
                 performer: None,
                 resident: parts.resident,
                 counted: Stats::default(),
+                rates,
             }),
             audience: Mutex::default(),
             place: Mutex::default(),

@@ -198,6 +198,7 @@ fn refused(path: &Path<'_>, refusal: CommandError) -> SessionError {
         CommandError::TooManyCommands => path.field("intent"),
         CommandError::PathTooFar { .. } => first.field("position"),
         CommandError::UnknownSkill { .. } | CommandError::SkillByPath => skill.field("name"),
+        CommandError::TooShort { what: "skill", .. } => skill.field("name"),
         CommandError::UnknownSkillVariant { .. } => skill.field("variant"),
         CommandError::UnknownVariant { .. } => interact.field("variant"),
         CommandError::UnknownApproach { .. } => interact.field("approach"),

@@ -107,6 +107,9 @@ impl BlockWriter {
             qpos: vec![0.0; angles * qpos_len],
             hinge_residuals: vec![0.0; angles],
             clamped_hinges: vec![0; angles],
+            hinge_speed_ratios: vec![0.0; angles],
+            fastest_hinges: vec![0; angles],
+            hinge_accelerations: vec![0.0; angles],
         };
         Self {
             form,
@@ -195,6 +198,9 @@ impl BlockWriter {
         robot.write_qpos(out.root, pelvis, &out.fitted.angles, row);
         self.block.hinge_residuals[cell] = out.fitted.residual_rad;
         self.block.clamped_hinges[cell] = out.fitted.clamped as u32;
+        self.block.hinge_speed_ratios[cell] = out.hinge_rate.speed_ratio;
+        self.block.fastest_hinges[cell] = out.hinge_rate.fastest as u32;
+        self.block.hinge_accelerations[cell] = out.hinge_rate.acceleration_rad_per_s2;
     }
 
     fn write_world(&mut self, cell: usize, out: &FrameOut, convention: Convention, skeleton: &Skeleton) {
@@ -234,6 +240,9 @@ impl BlockWriter {
         retain_rows(&mut block.qpos, characters, &keep);
         retain_rows(&mut block.hinge_residuals, characters, &keep);
         retain_rows(&mut block.clamped_hinges, characters, &keep);
+        retain_rows(&mut block.hinge_speed_ratios, characters, &keep);
+        retain_rows(&mut block.fastest_hinges, characters, &keep);
+        retain_rows(&mut block.hinge_accelerations, characters, &keep);
         self.block
     }
 }

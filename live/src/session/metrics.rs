@@ -33,6 +33,10 @@ const UNDERRUNS: Metric = Metric::new(
     "troupe_underruns_total",
     "Times that a character had to slow down because its plan was late",
 );
+const FAST_HINGES: Metric = Metric::new(
+    "troupe_fast_hinge_frames_total",
+    "Frames of robots in which a hinge would have to be faster than it can",
+);
 const INTERACTIONS: Metric = Metric::new(
     "troupe_interactions_total",
     "Interactions with objects, by outcome: started, done, failed or interrupted",
@@ -95,6 +99,7 @@ pub struct SessionMetrics {
     late_plans: Counter,
     failed_plans: Counter,
     underruns: Counter,
+    fast_hinges: Counter,
     interactions: [Counter; 4],
     failed_interactions: [Counter; FailReason::ALL.len()],
     falls: Counter,
@@ -129,6 +134,7 @@ impl SessionMetrics {
             late_plans: counter(&LATE_PLANS),
             failed_plans: counter(&FAILED_PLANS),
             underruns: counter(&UNDERRUNS),
+            fast_hinges: counter(&FAST_HINGES),
             interactions: ["started", "done", "failed", "interrupted"]
                 .map(|outcome| each(&INTERACTIONS, "outcome", outcome)),
             failed_interactions: FailReason::ALL
@@ -231,6 +237,11 @@ impl SessionMetrics {
         self.dropped_events.increment(1);
     }
 
+    /// Counts a robot's frame in which a hinge would have to be faster than it can.
+    pub fn too_fast(&self) {
+        self.fast_hinges.increment(1);
+    }
+
     /// Sets the stretch of intervals and lengths of plans, 0 to 2.
     pub fn pressed(&self, pressure: f32) {
         self.pressure.set(f64::from(pressure));
@@ -279,6 +290,7 @@ mod tests {
         sessions.paced(0.5, Some(9), Some(34));
         sessions.paced(1.0, Some(9), None);
         sessions.pressed(0.25);
+        sessions.too_fast();
         let now = Stats {
             late_plans: 5,
             underruns: 2,
@@ -320,6 +332,7 @@ mod tests {
             r#"troupe_lead_time_seconds_bucket{model="human",version="1.0",le="0.0667"} 1"#,
             r#"troupe_late_plans_total{model="human",version="1.0"} 2"#,
             r#"troupe_underruns_total{model="human",version="1.0"} 0"#,
+            r#"troupe_fast_hinge_frames_total{model="human",version="1.0"} 1"#,
             r#"troupe_plan_interval_frames_bucket{model="human",version="1.0",priority="middle",le="9"} 1"#,
             r#"troupe_plan_length_frames_sum{model="human",version="1.0",priority="low"} 64"#,
             r#"troupe_plan_interval_frames_count{model="human",version="1.0",priority="high"} 1"#,

@@ -25,6 +25,7 @@ mod encode;
 mod error;
 mod events;
 mod executor;
+mod hinge_rates;
 mod id;
 mod keep;
 mod limits;

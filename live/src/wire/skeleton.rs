@@ -22,6 +22,7 @@ pub fn robot_message(robot: &Robot, skeleton: &Skeleton) -> v1::Robot {
         lower: hinge.lower_rad,
         upper: hinge.upper_rad,
         max_speed: hinge.max_speed_rad_per_s,
+        max_acceleration: hinge.max_acceleration_rad_per_s2,
     };
     let mimic = |mimic: &Mimic| v1::Mimic {
         joint: skeleton.joints[mimic.joint].name.clone(),

@@ -327,7 +327,7 @@ impl Store {
 
 /// Reads the definitions of one pack.
 fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) -> Result<(), LoadError> {
-    let check = |doc| Definition::from_doc(doc, pack);
+    let check = |doc| Definition::from_kept(doc, pack);
     for definition in read_kept(folder, check, |definition| &definition.name)? {
         if all.iter().any(|before| before.name == definition.name) {
             let (folder, name) = (folder.display(), definition.name);
@@ -336,6 +336,17 @@ fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) ->
                  allowed: a name that no other pack uses"
             );
             continue;
+        }
+        if let Some(short) = &definition.too_short {
+            tracing::warn!(
+                pack = pack.name(),
+                definition = definition.name,
+                set = short.set,
+                "characters cannot use the object: the set has {} frames, and the pack makes at least {} at a time; \
+                 allowed: more frames, or another pack",
+                short.frames,
+                short.least
+            );
         }
         all.push(definition);
     }

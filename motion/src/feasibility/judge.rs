@@ -7,6 +7,7 @@ use glam::{Quat, Vec3};
 use super::{Feasibility, Figure, Limits, Reading};
 use crate::fk::world_transforms;
 use crate::model::Rig;
+use crate::robot::{Fitted, HingeRates};
 use crate::rotation::angle_between;
 use crate::skeleton::Skeleton;
 
@@ -26,6 +27,15 @@ pub struct Judge {
     pub(super) older: State,
     pub(super) next: State,
     pub(super) rotations: Vec<Quat>,
+    hinges: Hinges,
+}
+
+/// What the figures of a robot's hinges need.
+#[derive(Debug, Default)]
+struct Hinges {
+    rates: HingeRates,
+    pose: Vec<Quat>,
+    fitted: Fitted,
 }
 
 /// What the figures of later frames need of a frame.
@@ -55,6 +65,7 @@ impl Judge {
             older: state.clone(),
             next: state,
             rotations: vec![Quat::IDENTITY; joints],
+            hinges: Hinges::default(),
         })
     }
 
@@ -91,6 +102,7 @@ impl Judge {
         for state in [&mut self.last, &mut self.older] {
             (state.root, state.pelvis) = (None, None);
         }
+        self.hinges.rates.clear();
     }
 
     /// Judges the next frame, with its number, the place of its root, and its pose with the height
@@ -104,6 +116,9 @@ impl Judge {
         if let Some((height, pose)) = pose {
             self.see_pose(frame, height, pose);
             self.see_joints(frame);
+            self.see_hinges(frame, pose);
+        } else {
+            self.hinges.rates.clear();
         }
         // The oldest becomes the memory for the next.
         std::mem::swap(&mut self.older, &mut self.last);
@@ -202,6 +217,30 @@ impl Judge {
                 Some(joint),
             );
         }
+    }
+
+    /// Judges a robot's hinges. A pose that is not on them, as that of a keyframe may be, counts as
+    /// the nearest one that is.
+    fn see_hinges(&mut self, frame: usize, pose: &[Quat]) {
+        let skeleton = Arc::clone(&self.skeleton);
+        let Some(robot) = &skeleton.robot else { return };
+        let mut hinges = std::mem::take(&mut self.hinges);
+        hinges.pose.clear();
+        hinges.pose.extend_from_slice(pose);
+        robot.fit(&mut hinges.pose, &mut hinges.fitted);
+        hinges.rates.push(robot, &hinges.fitted.angles, self.fps.recip());
+        let (speeds, accelerations) = (hinges.rates.speeds(), hinges.rates.accelerations());
+        for (hinge, speed) in robot.hinges().iter().zip(speeds) {
+            let most = hinge.max_speed_rad_per_s;
+            self.see_within(Figure::HingeSpeed, frame, speed.abs(), most, Some(hinge.joint));
+        }
+        for (hinge, change) in robot.hinges().iter().zip(accelerations) {
+            if let Some(most) = hinge.max_acceleration_rad_per_s2 {
+                let (frame, joint) = (frame.saturating_sub(1), Some(hinge.joint));
+                self.see_within(Figure::HingeAcceleration, frame, change.abs(), most, joint);
+            }
+        }
+        self.hinges = hinges;
     }
 }
 

@@ -64,6 +64,7 @@ impl Limits {
     }
 
     /// The limit of a figure. For a reach it is the largest; [`Limits::reach`] has them by frames.
+    /// Infinite for the figures of hinges, each of which has its own.
     pub fn of(&self, figure: Figure) -> f32 {
         let doc = &self.doc;
         let farthest = |list: &[f32]| list.last().copied().unwrap_or_default();
@@ -80,6 +81,7 @@ impl Limits {
             Figure::RootReach => farthest(&doc.root_reach_m),
             Figure::TurnReach => farthest(&doc.turn_reach_rad),
             Figure::PoseReach => farthest(&doc.pose_reach_m),
+            Figure::HingeSpeed | Figure::HingeAcceleration => f32::INFINITY,
         }
     }
 

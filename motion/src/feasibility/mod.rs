@@ -1,6 +1,6 @@
-//! Whether a motion stays within what the data of its pack does. Figures of its frames, and of the
-//! keyframes that were asked for, are compared with limits that were measured on the training
-//! clips.
+//! Whether a motion stays within what the data of its pack does, and within what a robot's hinges
+//! can do. Figures of its frames, and of the keyframes that were asked for, are compared with
+//! limits that were measured on the training clips. Those of hinges come from the robot.
 //!
 //! [`Limits`] is the table `[limits]` of a pack. `troupe-train limits` measures it
 //! (`training/troupe_training/data/limits.py` computes the same figures). [`Judge`] reads frames,
@@ -44,11 +44,17 @@ pub enum Figure {
     /// Mean distance between the joints of the last context frame and those of a target, over the
     /// projected root, metres.
     PoseReach,
+    /// Speed of the hinge that is nearest to its highest speed or farthest beyond it, rad/s. For
+    /// robots.
+    HingeSpeed,
+    /// Acceleration of the hinge that is nearest to its limit or farthest beyond it, rad/s². For
+    /// robots whose hinges have such limits.
+    HingeAcceleration,
 }
 
 impl Figure {
     /// Number of figures.
-    pub const COUNT: usize = 12;
+    pub const COUNT: usize = 14;
 
     /// Every figure once.
     pub const ALL: [Self; Self::COUNT] = [
@@ -64,6 +70,8 @@ impl Figure {
         Self::RootReach,
         Self::TurnReach,
         Self::PoseReach,
+        Self::HingeSpeed,
+        Self::HingeAcceleration,
     ];
 
     /// The figure's name in messages.
@@ -81,6 +89,8 @@ impl Figure {
             Self::RootReach => "root_reach",
             Self::TurnReach => "turn_reach",
             Self::PoseReach => "pose_reach",
+            Self::HingeSpeed => "hinge_speed",
+            Self::HingeAcceleration => "hinge_acceleration",
         }
     }
 
@@ -89,7 +99,8 @@ impl Figure {
         match self {
             Self::RootSpeed | Self::JointSpeed => "m/s",
             Self::RootAcceleration | Self::JointAcceleration => "m/s²",
-            Self::Turning => "rad/s",
+            Self::Turning | Self::HingeSpeed => "rad/s",
+            Self::HingeAcceleration => "rad/s²",
             Self::Tilt | Self::Bend | Self::TurnReach => "rad",
             Self::BelowGround | Self::OffGround | Self::RootReach | Self::PoseReach => "m",
         }
@@ -99,8 +110,8 @@ impl Figure {
     /// accelerations, 0 for what belongs to a pose.
     pub fn power_of_time(self) -> i32 {
         match self {
-            Self::RootSpeed | Self::Turning | Self::JointSpeed => 1,
-            Self::RootAcceleration | Self::JointAcceleration => 2,
+            Self::RootSpeed | Self::Turning | Self::JointSpeed | Self::HingeSpeed => 1,
+            Self::RootAcceleration | Self::JointAcceleration | Self::HingeAcceleration => 2,
             _ => 0,
         }
     }
@@ -111,7 +122,8 @@ impl Figure {
 pub struct Reading {
     /// The value, in the figure's unit.
     pub value: f32,
-    /// The limit: all but a few windows of the training data stay within it.
+    /// The limit: all but a few windows of the training data stay within it. Infinite if there is
+    /// none: the body is no robot, or its hinges have no such limit.
     pub limit: f32,
     /// The frame with that value, counted from the first judged frame.
     pub frame: usize,

@@ -1,11 +1,14 @@
 use std::sync::Arc;
 
 use glam::{Quat, Vec3};
+use proptest::prelude::*;
 
 use super::*;
 use crate::clip::Clip;
 use crate::model::{Dims, Rig};
+use crate::robot::testing::tables;
 use crate::root::{GlobalRoot, LocalRoot};
+use crate::skeleton::Skeleton;
 use crate::testing::{biped, stand, walk};
 
 /// Limits that a walk stays within.
@@ -39,7 +42,10 @@ fn doc() -> LimitsDoc {
 }
 
 fn rig() -> Rig {
-    let skeleton = biped();
+    rig_of(&biped(), &doc())
+}
+
+fn rig_of(skeleton: &Skeleton, limits: &LimitsDoc) -> Rig {
     let dims = Dims {
         joints: skeleton.joint_count(),
         contacts: 4,
@@ -52,10 +58,109 @@ fn rig() -> Rig {
         max_targets: 4,
         root_choices: 0,
     };
-    let limits = Limits::new(&doc(), &skeleton).unwrap();
+    let limits = Limits::new(limits, skeleton).unwrap();
     Rig {
         limits: Some(Arc::new(limits)),
-        ..Rig::new("biped", 30.0, dims, (*skeleton).clone())
+        ..Rig::new("biped", 30.0, dims, skeleton.clone())
+    }
+}
+
+/// A G1 whose left knee has a limit of acceleration, rad/s². The figures of its data have limits
+/// that nothing reaches.
+fn robot_rig(knee: Option<f32>) -> (Rig, usize) {
+    let mut tables = tables();
+    let nth = tables
+        .robot
+        .hinges
+        .iter()
+        .position(|hinge| hinge.joint == "left_knee");
+    let nth = nth.unwrap();
+    tables.robot.hinges[nth].max_acceleration_rad_per_s2 = knee;
+    let skeleton = tables.skeleton.with_robot(&tables.robot).unwrap();
+    let mut wide = doc();
+    wide.bends.clear();
+    for limit in [
+        &mut wide.joint_speed_mps,
+        &mut wide.joint_acceleration_mps2,
+        &mut wide.below_ground_m,
+        &mut wide.off_ground_m,
+    ] {
+        *limit = 1e6;
+    }
+    wide.tilt_rad = 4.0;
+    (rig_of(&skeleton, &wide), nth)
+}
+
+/// Judges frames of a G1 that stands still, but turns one hinge.
+fn judged_hinge(rig: &Rig, hinge: usize, angles: &[f32]) -> Feasibility {
+    let robot = rig.skeleton.robot.as_ref().unwrap();
+    let mut rotations = Vec::new();
+    for &angle in angles {
+        let mut all = vec![0.0; robot.hinges().len()];
+        all[hinge] = angle;
+        let mut pose = vec![Quat::IDENTITY; rig.dims.joints];
+        robot.pose(Quat::IDENTITY, &all, &mut pose);
+        rotations.extend(pose);
+    }
+    let roots = vec![Vec3::new(0.0, 0.8, 0.0); angles.len()];
+    Judge::new(rig).unwrap().motion(&roots, &rotations)
+}
+
+#[test]
+fn a_hinge_that_is_too_fast_is_named_with_its_frame() {
+    let (rig, knee) = robot_rig(None);
+    let joint = rig.skeleton.joint_index("left_knee");
+    let found = judged_hinge(&rig, knee, &[0.0, 0.1, 0.2, 1.2, 1.3]);
+    let (figure, reading) = found.worst();
+    assert_eq!(
+        (figure, reading.frame, reading.joint, reading.limit),
+        (Figure::HingeSpeed, 3, joint, 20.0)
+    );
+    // A radian in a frame.
+    assert!((reading.value - 30.0).abs() < 1e-2, "{reading:?}");
+    assert!(!found.is_feasible());
+    let acceleration = found.get(Figure::HingeAcceleration);
+    assert_eq!((acceleration.value, acceleration.limit), (0.0, f32::INFINITY));
+}
+
+#[test]
+fn a_hinge_may_have_a_limit_of_acceleration() {
+    let angles = [0.0, 0.1, 0.2, 0.5, 0.8];
+    let (rig, knee) = robot_rig(Some(100.0));
+    let found = judged_hinge(&rig, knee, &angles);
+    assert!(found.get(Figure::HingeSpeed).ratio() < 1.0);
+    let (figure, reading) = found.worst();
+    assert_eq!((figure, reading.frame), (Figure::HingeAcceleration, 2));
+    // From 3 to 9 rad/s in a frame.
+    assert!((reading.value - 180.0).abs() < 0.1, "{reading:?}");
+    let (rig, knee) = robot_rig(None);
+    assert!(judged_hinge(&rig, knee, &angles).is_feasible());
+}
+
+#[test]
+fn other_bodies_have_no_hinges_to_judge() {
+    let found = judged(&walk(20));
+    for figure in [Figure::HingeSpeed, Figure::HingeAcceleration] {
+        let reading = found.get(figure);
+        assert_eq!((reading.value, reading.ratio()), (0.0, 0.0));
+        assert_eq!(reading.limit, f32::INFINITY);
+    }
+}
+
+proptest! {
+    #[test]
+    fn motion_within_the_limits_of_hinges_is_not_reported(
+        steps in proptest::collection::vec(-0.99_f32..0.99, 1..30),
+    ) {
+        let (rig, knee) = robot_rig(None);
+        let hinge = rig.skeleton.robot.as_ref().unwrap().hinges()[knee];
+        let mut angles = vec![1.0];
+        for step in steps {
+            let next = angles[angles.len() - 1] + step * hinge.max_speed_rad_per_s / 30.0;
+            angles.push(hinge.limited(next));
+        }
+        let found = judged_hinge(&rig, knee, &angles);
+        prop_assert!(found.is_feasible(), "{:?}", found.worst());
     }
 }
 

@@ -370,6 +370,7 @@ fn a_knee_that_follows_the_hip_shortens_the_leg() {
             lower_rad: -1.5,
             upper_rad: 1.5,
             max_speed_rad_per_s: 9.0,
+            max_acceleration_rad_per_s2: None,
         }],
         mimics: vec![MimicDoc {
             joint: "shin".to_owned(),

@@ -41,6 +41,10 @@ pub struct HingeDoc {
     pub upper_rad: f32,
     /// Highest turning rate, rad/s.
     pub max_speed_rad_per_s: f32,
+    /// Largest change of the turning rate, rad/s². Left out: no limit is known. URDF and MJCF have
+    /// none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_acceleration_rad_per_s2: Option<f32>,
 }
 
 /// Why a robot was refused. `hinge` is the index of the hinge at fault.
@@ -116,7 +120,7 @@ pub enum RobotError {
     Limit {
         #[allow(missing_docs)]
         hinge: usize,
-        /// `lower_rad`, `upper_rad` or `max_speed_rad_per_s`.
+        /// `lower_rad`, `upper_rad`, `max_speed_rad_per_s` or `max_acceleration_rad_per_s2`.
         field: &'static str,
         /// The value that it has.
         found: f32,
@@ -176,6 +180,7 @@ impl From<(&Robot, &Skeleton)> for RobotDoc {
             lower_rad: of.lower_rad,
             upper_rad: of.upper_rad,
             max_speed_rad_per_s: of.max_speed_rad_per_s,
+            max_acceleration_rad_per_s2: of.max_acceleration_rad_per_s2,
         };
         Self {
             name: robot.name.clone(),
@@ -253,8 +258,12 @@ impl HingeDoc {
             high,
             format!("above {lower}, to {MAX_LIMIT_RAD}"),
         )?;
-        let fast = speed > 0.0 && speed.is_finite();
-        limit("max_speed_rad_per_s", speed, fast, "above 0".to_owned())?;
+        let (fast, above) = (speed > 0.0 && speed.is_finite(), || "above 0".to_owned());
+        limit("max_speed_rad_per_s", speed, fast, above())?;
+        if let Some(most) = self.max_acceleration_rad_per_s2 {
+            let is_limit = most > 0.0 && most.is_finite();
+            limit("max_acceleration_rad_per_s2", most, is_limit, above())?;
+        }
         Ok(Hinge {
             joint,
             axis: self.axis.normalize(),
@@ -262,6 +271,7 @@ impl HingeDoc {
             lower_rad: lower,
             upper_rad: upper,
             max_speed_rad_per_s: speed,
+            max_acceleration_rad_per_s2: self.max_acceleration_rad_per_s2,
         })
     }
 }

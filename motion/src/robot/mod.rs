@@ -15,6 +15,7 @@ pub mod description;
 mod doc;
 mod mimic;
 mod order;
+mod rates;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -32,6 +33,7 @@ use crate::rotation::{from_wxyz, to_wxyz};
 pub use csv::{CsvError, write_csv};
 pub use doc::{HingeDoc, RobotDoc, RobotError};
 pub use mimic::{Mimic, MimicDoc};
+pub use rates::{HingeRate, HingeRates};
 pub use tracker::{Reference, TRACKER_FPS, reference, sonic_files};
 
 /// Numbers of a `qpos` before the angles: the root's position and rotation.
@@ -54,6 +56,8 @@ pub struct Hinge {
     pub upper_rad: f32,
     /// Highest turning rate, rad/s.
     pub max_speed_rad_per_s: f32,
+    /// Largest change of the turning rate, rad/s². None: no limit is known.
+    pub max_acceleration_rad_per_s2: Option<f32>,
 }
 
 impl Hinge {

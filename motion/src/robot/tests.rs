@@ -146,6 +146,7 @@ fn crane(lower: f32, upper: f32) -> Skeleton {
             lower_rad: lower,
             upper_rad: upper,
             max_speed_rad_per_s: 1.0,
+            max_acceleration_rad_per_s2: None,
         }],
         mimics: Vec::new(),
     };
@@ -229,7 +230,7 @@ fn a_hinge_corrects_the_errors_of_those_above_it() {
 #[test]
 fn every_mistake_of_a_robot_names_field_and_range() {
     type Change = fn(&mut RobotDoc);
-    let cases: [(Change, &str); 13] = [
+    let cases: [(Change, &str); 14] = [
         (|r| r.name.clear(), "robot.name is empty"),
         (
             |r| r.hinges.clear(),
@@ -279,6 +280,10 @@ fn every_mistake_of_a_robot_names_field_and_range() {
             |r| r.hinges[6].max_speed_rad_per_s = 0.0,
             "robot.hinges[6].max_speed_rad_per_s is 0; allowed: above 0",
         ),
+        (
+            |r| r.hinges[6].max_acceleration_rad_per_s2 = Some(-1.0),
+            "robot.hinges[6].max_acceleration_rad_per_s2 is -1; allowed: above 0",
+        ),
     ];
     for (change, want) in cases {
         let Tables { skeleton, mut robot } = tables();
@@ -286,7 +291,8 @@ fn every_mistake_of_a_robot_names_field_and_range() {
         let error = skeleton.with_robot(&robot).unwrap_err().to_string();
         assert!(error.contains(want), "{error}");
     }
-    let Tables { skeleton, robot } = tables();
+    let Tables { skeleton, mut robot } = tables();
+    robot.hinges[6].max_acceleration_rad_per_s2 = Some(400.0);
     let made = skeleton.clone().with_robot(&robot).unwrap().robot.unwrap();
     let back = RobotDoc::from((&made, &skeleton));
     assert_eq!(back.hinges.len(), 29);

@@ -147,6 +147,38 @@ fn task(skeleton: &Skeleton) -> v1::Character {
     }
 }
 
+/// Checks the speeds of hinges in a session's first block by its `qpos`.
+fn check_speeds(skeleton: &Skeleton, block: &v1::FrameBlock, fps: f32) {
+    let hinges = robot::robot(skeleton).hinges();
+    let frames: Vec<&[f32]> = block.qpos.chunks(QPOS).map(|row| &row[7..]).collect();
+    let speed = |frame: usize, hinge: usize| (frames[frame][hinge] - frames[frame - 1][hinge]) * fps;
+    assert_eq!(block.hinge_speed_ratios.len(), frames.len());
+    assert_eq!(
+        (block.hinge_speed_ratios[0], block.hinge_accelerations[0]),
+        (0.0, 0.0)
+    );
+    for frame in 1..frames.len() {
+        let ratio = |hinge: usize| speed(frame, hinge).abs() / hinges[hinge].max_speed_rad_per_s;
+        let most = (0..hinges.len()).map(ratio).fold(0.0, f32::max);
+        let (found, fastest) = (block.hinge_speed_ratios[frame], block.fastest_hinges[frame]);
+        assert!((found - most).abs() < 1e-4, "frame {frame}: {found}, not {most}");
+        assert!(
+            (ratio(fastest as usize) - most).abs() < 1e-4,
+            "frame {frame}: {fastest}"
+        );
+    }
+    for frame in 2..frames.len() {
+        let change = |hinge: usize| (speed(frame, hinge) - speed(frame - 1, hinge)).abs() * fps;
+        let most = (0..hinges.len()).map(change).fold(0.0, f32::max);
+        let found = block.hinge_accelerations[frame];
+        assert!(
+            (found - most).abs() < 0.05 + 1e-3 * most,
+            "frame {frame}: {found}, not {most}"
+        );
+    }
+    assert!(block.hinge_speed_ratios.iter().any(|&ratio| ratio > 0.01));
+}
+
 async fn fill(server: &TestServer, character: v1::Character) -> Result<v1::Frames, tonic::Status> {
     let request = v1::InBetweenRequest {
         pack: G1.into(),
@@ -192,6 +224,15 @@ async fn a_gap_is_filled_on_the_hinges_and_returned_as_qpos() {
     assert!(frames.clamped_hinges[24] >= 1, "{:?}", frames.clamped_hinges);
     let knee = |frame: usize| frames.qpos[frame * QPOS + 7 + 3];
     assert_eq!(knee(24), -0.087267);
+    // The poses of a test's networks jump, and the answer says by which hinge.
+    let block = v1::FrameBlock {
+        qpos: frames.qpos.clone(),
+        hinge_speed_ratios: frames.hinge_speed_ratios.clone(),
+        fastest_hinges: frames.fastest_hinges.clone(),
+        hinge_accelerations: frames.hinge_accelerations.clone(),
+        ..v1::FrameBlock::default()
+    };
+    check_speeds(&skeleton, &block, 30.0);
 
     // The same without qpos, and with rotations for keyframes.
     let mut plain = task(&skeleton);
@@ -398,16 +439,21 @@ async fn a_robot_walks_on_its_hinges_the_same_in_every_form() {
     assert_eq!(compact.packed_rotations.len(), 75 * JOINTS * 6);
 
     // In single steps, bit for bit the same.
-    let mut rows = Vec::new();
+    let (mut rows, mut ratios) = (Vec::new(), Vec::new());
     for frame in 0..75 {
         let commands = if frame == 0 { go("again") } else { Vec::new() };
         let request = v1::StepRequest {
             encoding: v1::Encoding::Qpos.into(),
             ..step(&["again"], 1, commands)
         };
-        rows.extend(stepped(&mut client, request).await.qpos);
+        let block = stepped(&mut client, request).await;
+        rows.extend(block.qpos);
+        ratios.extend(block.hinge_speed_ratios);
     }
     assert_eq!(rows, full.qpos);
+    // Speeds are measured from one call to the next.
+    assert_eq!(ratios, full.hinge_speed_ratios);
+    check_speeds(&skeleton, &full, 30.0);
 
     // Between frames too.
     let sixty = v1::StepRequest {
@@ -415,6 +461,7 @@ async fn a_robot_walks_on_its_hinges_the_same_in_every_form() {
         ..full_step("sixty", 120, go("sixty"))
     };
     let sixty = stepped(&mut client, sixty).await;
+    check_speeds(&skeleton, &sixty, 60.0);
     let columns = Columns {
         qpos: &sixty.qpos,
         positions: &sixty.positions,

@@ -103,6 +103,8 @@ async fn an_unknown_skill_is_refused_with_the_known_names() {
         skill("a", 2, "duck", "high"),
         skill("a", 3, "", ""),
         skill("a", 4, "duck", &long),
+        // It is in the pack's folder, and did not keep the server from starting.
+        skill("a", 5, "hop", ""),
     ];
     let request = v1::CommandRequest { commands };
     let results = client.command(request).await.unwrap().into_inner().results;
@@ -127,7 +129,20 @@ async fn an_unknown_skill_is_refused_with_the_known_names() {
                 "commands[3].skill.variant",
                 "at most 64, or none"
             ),
+            (
+                "TOO_SHORT",
+                "commands[4].skill.name",
+                "one whose sets have at least 8 frames, or a pack that makes fewer at a time"
+            ),
         ]
+    );
+    let problem = results[4].problem.as_ref().unwrap();
+    assert!(
+        problem.message.contains(
+            "skill \"hop\" has a set of 5 frames (\"off\"), and pack toy makes at least 8 at a time"
+        ),
+        "{}",
+        problem.message
     );
 }
 

@@ -20,7 +20,8 @@ pub fn message(found: &Feasibility) -> v1::Feasibility {
     let (worst, reading) = found.worst();
     let figure = |figure: Figure| {
         let reading = found.get(figure);
-        Some(v1::FeasibilityFigure {
+        // Bodies without hinges have no limits of those.
+        reading.limit.is_finite().then(|| v1::FeasibilityFigure {
             value: reading.value,
             limit: reading.limit,
             frame: reading.frame as u32,
@@ -43,6 +44,8 @@ pub fn message(found: &Feasibility) -> v1::Feasibility {
         root_reach: figure(Figure::RootReach),
         turn_reach: figure(Figure::TurnReach),
         pose_reach: figure(Figure::PoseReach),
+        hinge_speed: figure(Figure::HingeSpeed),
+        hinge_acceleration: figure(Figure::HingeAcceleration),
     }
 }
 
@@ -131,8 +134,13 @@ pub fn refuse_frames(found: &v1::Feasibility) -> Result<(), NotFeasible> {
     let path = Path::root();
     let path = path.field("path");
     let message = format!(
-        "leads to frames whose {} is {:.2} times what the body's data shows",
-        found.worst, found.ratio
+        "leads to frames whose {} is {:.2} times {}",
+        found.worst,
+        found.ratio,
+        match found.worst.starts_with("hinge_") {
+            true => "what the robot can do",
+            false => "what the body's data shows",
+        }
     );
     let allowed = "a path that is slower or turns less; without strict, any path";
     Err(path.field("points").error(message, allowed).into())
@@ -314,6 +322,8 @@ pub(super) fn in_words(path: &Path<'_>, figure: Figure, reading: Reading) -> Str
         Figure::Tilt => format!("tilts the pelvis by {found}"),
         Figure::Bend => format!("bends a joint {found} beyond its range"),
         Figure::RootReach | Figure::TurnReach | Figure::PoseReach => format!("is {found} away"),
+        Figure::HingeSpeed => format!("turns a hinge at {found}"),
+        Figure::HingeAcceleration => format!("accelerates a hinge by {found}"),
     }
 }
 
@@ -321,6 +331,8 @@ pub(super) fn in_words(path: &Path<'_>, figure: Figure, reading: Reading) -> Str
 pub(super) fn value(path: &Path<'_>, figure: Figure, value: f32) -> String {
     match figure.unit() {
         "rad" => format!("{:.0}°", value.to_degrees()),
+        // The same at any size.
+        unit @ ("rad/s" | "rad/s²") => format!("{value:.2} {unit}"),
         unit => format!("{:.2} {unit}", path.metres(value)),
     }
 }

@@ -1,11 +1,12 @@
 use std::sync::Arc;
 
 use troupe_character::testing::toy_rig;
-use troupe_motion::Quat;
 use troupe_motion::feasibility::LimitsDoc;
 use troupe_motion::interpolate::smoothstep;
 use troupe_motion::model::{GLOBAL_ROOT, Motion};
+use troupe_motion::robot::{HingeDoc, RobotDoc};
 use troupe_motion::rotation::six_d;
+use troupe_motion::{Quat, Vec3};
 
 use super::*;
 use crate::inbetween::{RequestLimits, finish_judged, prepare};
@@ -234,6 +235,11 @@ fn frames_that_are_not_feasible_are_refused_with_the_frames_that_would_do() {
     let found = found.unwrap();
     assert!(!message.feasible && !found.is_feasible());
     assert_eq!(message.worst, "root_acceleration");
+    assert_eq!(
+        (message.hinge_speed, message.hinge_acceleration),
+        (None, None),
+        "no robot"
+    );
     let acceleration = message.root_acceleration.unwrap();
     assert!((acceleration.value / acceleration.limit - message.ratio).abs() < 1e-3);
     let error = refuse(0, &plan, &rig, &found, 34).unwrap_err().0;
@@ -252,6 +258,91 @@ fn frames_that_are_not_feasible_are_refused_with_the_frames_that_would_do() {
     assert!(result.feasibility.unwrap().feasible, "{found:?}");
     assert_eq!(refuse(0, &plan, &rig, &found.unwrap(), 34), Ok(()));
     assert_eq!(still.root.len(), 36 * GLOBAL_ROOT);
+}
+
+/// The rig as a robot, whose foot turns about its left axis.
+fn robot_rig() -> Rig {
+    let foot = HingeDoc {
+        joint: "Foot".to_owned(),
+        axis: Vec3::X,
+        rest: [1.0, 0.0, 0.0, 0.0],
+        lower_rad: -1.0,
+        upper_rad: 1.0,
+        max_speed_rad_per_s: 6.0,
+        max_acceleration_rad_per_s2: None,
+    };
+    let robot = RobotDoc {
+        name: "hopper".to_owned(),
+        hinges: vec![foot],
+        mimics: Vec::new(),
+    };
+    let rig = rig();
+    let skeleton = (*rig.skeleton).clone().with_robot(&robot).unwrap();
+    Rig {
+        skeleton: Arc::new(skeleton),
+        ..rig
+    }
+}
+
+/// Stands for 36 frames, and turns the foot.
+fn turning(angle: impl Fn(usize) -> f32) -> Motion {
+    let pose = |frame: usize| [six_d(Quat::IDENTITY), six_d(Quat::from_rotation_x(angle(frame)))];
+    Motion {
+        rotations: (0..36).flat_map(pose).flatten().collect(),
+        ..raw(36, |_| 0.0)
+    }
+}
+
+#[test]
+fn hinges_that_are_too_fast_are_reported_and_refused() {
+    let rig = robot_rig();
+    let plan = plan(standing(vec![key(2.0, 1.0, Quat::IDENTITY)], Some(34)), &rig).unwrap();
+    let mut judge = Judge::new(&rig).unwrap();
+    // Up in one frame and down in one frame: 27 rad/s of 6.
+    let jerk = turning(|frame| if (10..20).contains(&frame) { 0.9 } else { 0.0 });
+    let (result, found) = finish_judged(&jerk, &plan, &rig, Some(&mut judge)).unwrap();
+    let message = result.feasibility.unwrap();
+    assert_eq!((message.feasible, message.worst.as_str()), (false, "hinge_speed"));
+    let speed = message.hinge_speed.unwrap();
+    assert!((speed.value - 27.0).abs() < 0.01, "{speed:?}");
+    assert_eq!((speed.limit, speed.joint), (6.0, Some(1)));
+    assert!([10, 20].contains(&speed.frame), "{speed:?}");
+    assert_eq!(message.hinge_acceleration, None, "the robot has no such limit");
+
+    let frames = result.frames.unwrap();
+    let ratios = &frames.hinge_speed_ratios;
+    assert_eq!((ratios.len(), frames.fastest_hinges.len()), (34, 34));
+    for (frame, ratio) in ratios.iter().enumerate() {
+        let wanted = if [10, 20].contains(&frame) { 4.5 } else { 0.0 };
+        assert!((ratio - wanted).abs() < 1e-3, "{frame}: {ratio}");
+    }
+    // From rest to 27 rad/s in a frame.
+    assert!((frames.hinge_accelerations[10] - 810.0).abs() < 0.5);
+
+    let error = refuse(0, &plan, &rig, &found.unwrap(), 34).unwrap_err().0;
+    assert_eq!(error.field, "characters[0].targets");
+    assert!(error.message.contains("turns a hinge at 27.00 rad/s"), "{error}");
+    assert!(error.message.ends_with("(Foot)"), "{error}");
+    assert!(
+        error.allowed.starts_with("at most 6.00 rad/s, which no"),
+        "{error}"
+    );
+}
+
+#[test]
+fn hinges_within_their_speeds_are_feasible() {
+    let rig = robot_rig();
+    let plan = plan(standing(vec![key(2.0, 1.0, Quat::IDENTITY)], Some(34)), &rig).unwrap();
+    let mut judge = Judge::new(&rig).unwrap();
+    // 4.5 rad/s up, and down again.
+    let calm = turning(|frame| 0.15 * (frame as f32 - 5.0).min(25.0 - frame as f32).clamp(0.0, 4.0));
+    let (result, found) = finish_judged(&calm, &plan, &rig, Some(&mut judge)).unwrap();
+    let message = result.feasibility.unwrap();
+    assert!(message.feasible, "{message:?}");
+    assert!((message.hinge_speed.unwrap().value - 4.5).abs() < 0.01);
+    assert_eq!(refuse(0, &plan, &rig, &found.unwrap(), 34), Ok(()));
+    let ratios = result.frames.unwrap().hinge_speed_ratios;
+    assert!(ratios.iter().all(|&ratio| ratio < 0.76), "{ratios:?}");
 }
 
 #[test]

@@ -9,6 +9,7 @@ use troupe_motion::feasibility::{Feasibility, Judge, Key};
 use troupe_motion::fk::world_transforms;
 use troupe_motion::model::{Dims, GLOBAL_ROOT, Motion, Rig, SIX_D};
 use troupe_motion::pin::{PosePin, pin_poses};
+use troupe_motion::robot::HingeRates;
 use troupe_motion::root::heading_of;
 use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::segment::{RootPin, pin_targets};
@@ -51,7 +52,7 @@ pub fn finish_judged(
         .collect();
     to_world_rotations(&plan.frame, dims.joints, &mut rotations);
     // A robot's feet can be held only as far as its hinges allow, so its poses go onto the hinges
-    // first. The answer reports the error of that.
+    // first. The answer reports the error of that, and the speeds of hinges after it.
     let mut hinges = on_hinges(
         rig,
         &root_positions,
@@ -62,7 +63,8 @@ pub fn finish_judged(
         let contacts = contact_bits(&raw.contacts, dims.contacts, frames);
         let gap = plan.context.len()..frames - plan.targets.len();
         hold_between(rig, &mut root_positions, &mut rotations, &contacts, gap);
-        hinges.qpos = on_hinges(rig, &root_positions, &mut rotations, plan.extras.qpos).qpos;
+        let held = on_hinges(rig, &root_positions, &mut rotations, plan.extras.qpos);
+        (hinges.qpos, hinges.rates) = (held.qpos, held.rates);
     }
     // From here on, all values describe the same robot poses.
     let found = judge.map(|judge| judged(judge, plan, &root_positions, &rotations));
@@ -82,6 +84,9 @@ pub fn finish_judged(
             qpos: hinges.qpos,
             hinge_residuals: hinges.residuals,
             clamped_hinges: hinges.clamped,
+            hinge_speed_ratios: hinges.rates.speed_ratios,
+            fastest_hinges: hinges.rates.fastest,
+            hinge_accelerations: hinges.rates.accelerations,
         }),
         intermediates: plan
             .extras
@@ -112,7 +117,10 @@ fn judged(judge: &mut Judge, plan: &Plan, roots: &[Vec3], rotations: &[Quat]) ->
 /// Brings a robot's poses onto its hinges. Other rigs stay unchanged.
 fn on_hinges(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat], wants_qpos: bool) -> HingeColumns {
     match &rig.skeleton.robot {
-        Some(robot) => onto_hinges(robot, roots, rotations, wants_qpos),
+        Some(robot) => {
+            let clock = (&mut HingeRates::default(), rig.fps);
+            onto_hinges(robot, (roots, rotations), clock, wants_qpos)
+        }
         None => HingeColumns::default(),
     }
 }

@@ -9,6 +9,7 @@ use troupe_character::post::{
 use troupe_character::take::Track;
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Motion, Output, Rig, Sound, Telling};
+use troupe_motion::robot::HingeRates;
 use troupe_motion::rotation::{align_sign, to_wxyz};
 use troupe_motion::{Quat, SegmentFrame, Vec3};
 use troupe_proto::v1;
@@ -22,6 +23,8 @@ pub struct PartWriter {
     frame: SegmentFrame,
     /// Each character's pose at the end of its last part. Empty before the first part.
     last: Vec<Vec<Quat>>,
+    /// How fast each character's hinges turned so far.
+    rates: Vec<HingeRates>,
     /// Judges frames along a path, if the body has limits.
     judge: Option<Judge>,
     /// Number of judged frames.
@@ -35,6 +38,7 @@ impl PartWriter {
             rig,
             frame,
             last: Vec::new(),
+            rates: Vec::new(),
             judge: None,
             judged: 0,
         }
@@ -156,6 +160,7 @@ impl PartWriter {
         let (rig, joints) = (&self.rig, self.rig.dims.joints);
         if self.last.len() <= character {
             self.last.resize(character + 1, Vec::new());
+            self.rates.resize_with(character + 1, HingeRates::default);
         }
         let last = &mut self.last[character];
         // Keeps the quaternion hemispheres of the part before, as between frames of one part.
@@ -169,7 +174,9 @@ impl PartWriter {
             }
         }
         let hinges = rig.skeleton.robot.as_ref();
-        let hinges = hinges.map(|robot| onto_hinges(robot, &positions, &mut rotations, true));
+        let clock = (&mut self.rates[character], rig.fps);
+        let frames = (&*positions, &mut *rotations);
+        let hinges = hinges.map(|robot| onto_hinges(robot, frames, clock, true));
         let hinges = hinges.unwrap_or_default();
         if let Some(judge) = &mut self.judge {
             for (root, pose) in positions.iter().zip(rotations.chunks_exact(joints)) {
@@ -186,6 +193,9 @@ impl PartWriter {
             qpos: hinges.qpos,
             hinge_residuals: hinges.residuals,
             clamped_hinges: hinges.clamped,
+            hinge_speed_ratios: hinges.rates.speed_ratios,
+            fastest_hinges: hinges.rates.fastest,
+            hinge_accelerations: hinges.rates.accelerations,
             ..v1::Frames::default()
         }
     }

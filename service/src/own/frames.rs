@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use troupe_character::post::RateColumns;
 use troupe_live::skeleton::{Dress, Worn};
 use troupe_motion::fk::world_transforms;
 use troupe_motion::model::SIX_D;
-use troupe_motion::robot::Fitted;
+use troupe_motion::robot::{Fitted, HingeRates};
 use troupe_motion::rotation::{align_sign, from_wxyz, six_d, to_wxyz};
 use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
@@ -31,6 +32,7 @@ pub(super) struct Carrier {
     done: i64,
     /// The last frame's rotations. Empty before the first.
     last: Vec<Quat>,
+    rates: HingeRates,
 }
 
 /// Frames on the user's skeleton: roots, and rotations of all joints.
@@ -57,6 +59,7 @@ impl Carrier {
             columns,
             done: 0,
             last: Vec::new(),
+            rates: HingeRates::default(),
         }
     }
 
@@ -93,15 +96,16 @@ impl Carrier {
         carried
     }
 
-    /// Replaces frames by those that were carried over, put right by `pins`.
-    pub(super) fn write(&mut self, carried: Carried, pins: &Pins, frames: &mut v1::Frames) {
+    /// Replaces frames by those that were carried over, put right by `pins`. There are `fps` a
+    /// second.
+    pub(super) fn write(&mut self, carried: Carried, pins: &Pins, frames: &mut v1::Frames, fps: f32) {
         let Carried {
             mut roots,
             mut rotations,
         } = carried;
         let skeleton = self.worn.skeleton().clone();
         let joints = skeleton.joint_count();
-        let mut fitted = Fitted::default();
+        let (mut fitted, mut rates) = (Fitted::default(), RateColumns::default());
         frames.qpos.clear();
         frames.hinge_residuals.clear();
         frames.clamped_hinges.clear();
@@ -112,6 +116,7 @@ impl Carrier {
                 robot.fit(pose, &mut fitted);
                 frames.hinge_residuals.push(fitted.residual_rad);
                 frames.clamped_hinges.push(fitted.clamped as u32);
+                rates.push(self.rates.push(robot, &fitted.angles, fps.recip()));
                 if self.columns.qpos {
                     let start = frames.qpos.len();
                     frames.qpos.resize(start + robot.qpos_len(), 0.0);
@@ -124,6 +129,9 @@ impl Carrier {
             self.last.clear();
             self.last.extend_from_slice(pose);
         }
+        frames.hinge_speed_ratios = rates.speed_ratios;
+        frames.fastest_hinges = rates.fastest;
+        frames.hinge_accelerations = rates.accelerations;
         frames.root_positions = roots.iter().flat_map(Vec3::to_array).collect();
         frames.rotations = rotations.iter().copied().flat_map(to_wxyz).collect();
         self.write_world(&roots, &rotations, frames);

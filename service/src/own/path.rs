@@ -22,6 +22,8 @@ pub(crate) struct OwnAnswer {
     /// Frames at the end of the first character's motion, and whether they are its last frames.
     /// Otherwise they come after it.
     targets: (Keys, bool),
+    /// Frames a second.
+    fps: f32,
 }
 
 #[derive(Debug)]
@@ -102,6 +104,7 @@ pub(crate) fn take_generate(
         worn: worn.clone(),
         characters,
         targets,
+        fps,
     })
 }
 
@@ -176,6 +179,6 @@ impl OwnAnswer {
                 }
             }
         }
-        carrier.write(carried, pins, frames);
+        carrier.write(carried, pins, frames, self.fps);
     }
 }

@@ -92,8 +92,8 @@ fn root_key(key: &mut v1::RootKey, context: &Keys, (targets, first_target): (&Ke
 }
 
 impl OwnSegment {
-    /// Replaces the answer of the pack by that of the user.
-    pub(crate) fn finish(&self, worn: &Arc<Worn>, result: &mut v1::CharacterResult) {
+    /// Replaces the answer of the pack, which has `fps` frames a second, by that of the user.
+    pub(crate) fn finish(&self, worn: &Arc<Worn>, result: &mut v1::CharacterResult, fps: f32) {
         if let Some(found) = &mut result.feasibility {
             scaled(found, worn.scale());
         }
@@ -122,7 +122,7 @@ impl OwnSegment {
                 pins.add(worn, *frame as i64, given, made);
             }
         }
-        carrier.write(carried, &pins, frames);
+        carrier.write(carried, &pins, frames, fps);
     }
 
     /// Adds the places that the user gave by frames.

@@ -17,6 +17,7 @@ class HingeTable(TypedDict):
     lower_rad: float
     upper_rad: float
     max_speed_rad_per_s: float
+    max_acceleration_rad_per_s2: NotRequired[float]  # left out: no limit is known
 
 
 class MimicTable(TypedDict):

@@ -151,6 +151,9 @@ describe('a request', () => {
       qpos: [],
       hinge_residuals: [],
       clamped_hinges: [],
+      hinge_speed_ratios: [],
+      fastest_hinges: [],
+      hinge_accelerations: [],
     };
     const answer = {
       pack: 'human',

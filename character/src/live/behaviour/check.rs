@@ -55,6 +55,7 @@ impl Behaviour {
                 pack: definition.pack.clone(),
             });
         }
+        check_length(&definition)?;
         let variant = variant(&definition, names.0, seed)?;
         let approach = approach(&definition, names.1)?;
         self.check_free(id, instance, &definition, variant)?;
@@ -197,6 +198,21 @@ impl Checked {
             parts,
         )
     }
+}
+
+/// Checks that the pack can make all sets.
+pub(super) fn check_length(definition: &Definition) -> Result<(), CommandError> {
+    let Some(short) = &definition.too_short else {
+        return Ok(());
+    };
+    Err(CommandError::TooShort {
+        what: match definition.is_skill {
+            true => "skill",
+            false => "object definition",
+        },
+        name: definition.name.clone(),
+        short: Box::new(short.clone()),
+    })
 }
 
 /// Index of the variant of this name. Without a name: one by weight and seed.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::super::{CommandError, EventKind, Intent};
-use super::check::variant;
+use super::check::{check_length, variant};
 use super::using::Using;
 use super::{Behaviour, CharacterParts, Doing};
 use crate::object::Definition;
@@ -15,7 +15,8 @@ use crate::skill::Skills;
 /// and `seed`.
 ///
 /// # Errors
-/// [`CommandError::UnknownSkill`] or [`CommandError::UnknownSkillVariant`].
+/// [`CommandError::UnknownSkill`], [`CommandError::TooShort`] or
+/// [`CommandError::UnknownSkillVariant`].
 pub(in crate::live) fn find<'a>(
     skills: &'a Skills,
     pack: &str,
@@ -28,6 +29,7 @@ pub(in crate::live) fn find<'a>(
         name: Arc::clone(name),
         there_are: skills.names(),
     })?;
+    check_length(definition)?;
     Ok((definition, variant(definition, wanted, seed)?))
 }
 

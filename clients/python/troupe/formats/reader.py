@@ -62,6 +62,7 @@ def _tables(skeleton: Skeleton) -> tuple[dict[str, Any], dict[str, Any] | None]:
             "upper_rad": hinge.upper,
             "max_speed_rad_per_s": hinge.max_speed,
         }
+        | ({} if hinge.max_acceleration is None else {"max_acceleration_rad_per_s2": hinge.max_acceleration})
         for hinge in skeleton.robot.hinges
     ]
     mimics = [

@@ -144,7 +144,7 @@ class InBetweenRequest(_message.Message):
     def __init__(self, pack: _Optional[str] = ..., characters: _Optional[_Iterable[_Union[Character, _Mapping]]] = ..., skeleton: _Optional[str] = ...) -> None: ...
 
 class Frames(_message.Message):
-    __slots__ = ("frame_count", "root_positions", "rotations", "contacts", "positions", "six_d", "qpos", "hinge_residuals", "clamped_hinges")
+    __slots__ = ("frame_count", "root_positions", "rotations", "contacts", "positions", "six_d", "qpos", "hinge_residuals", "clamped_hinges", "hinge_speed_ratios", "fastest_hinges", "hinge_accelerations")
     FRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
     ROOT_POSITIONS_FIELD_NUMBER: _ClassVar[int]
     ROTATIONS_FIELD_NUMBER: _ClassVar[int]
@@ -154,6 +154,9 @@ class Frames(_message.Message):
     QPOS_FIELD_NUMBER: _ClassVar[int]
     HINGE_RESIDUALS_FIELD_NUMBER: _ClassVar[int]
     CLAMPED_HINGES_FIELD_NUMBER: _ClassVar[int]
+    HINGE_SPEED_RATIOS_FIELD_NUMBER: _ClassVar[int]
+    FASTEST_HINGES_FIELD_NUMBER: _ClassVar[int]
+    HINGE_ACCELERATIONS_FIELD_NUMBER: _ClassVar[int]
     frame_count: int
     root_positions: _containers.RepeatedScalarFieldContainer[float]
     rotations: _containers.RepeatedScalarFieldContainer[float]
@@ -163,7 +166,10 @@ class Frames(_message.Message):
     qpos: _containers.RepeatedScalarFieldContainer[float]
     hinge_residuals: _containers.RepeatedScalarFieldContainer[float]
     clamped_hinges: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, frame_count: _Optional[int] = ..., root_positions: _Optional[_Iterable[float]] = ..., rotations: _Optional[_Iterable[float]] = ..., contacts: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., six_d: _Optional[_Iterable[float]] = ..., qpos: _Optional[_Iterable[float]] = ..., hinge_residuals: _Optional[_Iterable[float]] = ..., clamped_hinges: _Optional[_Iterable[int]] = ...) -> None: ...
+    hinge_speed_ratios: _containers.RepeatedScalarFieldContainer[float]
+    fastest_hinges: _containers.RepeatedScalarFieldContainer[int]
+    hinge_accelerations: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, frame_count: _Optional[int] = ..., root_positions: _Optional[_Iterable[float]] = ..., rotations: _Optional[_Iterable[float]] = ..., contacts: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., six_d: _Optional[_Iterable[float]] = ..., qpos: _Optional[_Iterable[float]] = ..., hinge_residuals: _Optional[_Iterable[float]] = ..., clamped_hinges: _Optional[_Iterable[int]] = ..., hinge_speed_ratios: _Optional[_Iterable[float]] = ..., fastest_hinges: _Optional[_Iterable[int]] = ..., hinge_accelerations: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Intermediates(_message.Message):
     __slots__ = ("predicted_frame_count", "token_count_probabilities", "root_r_g3", "tokens", "root_r_g4")
@@ -192,7 +198,7 @@ class FeasibilityFigure(_message.Message):
     def __init__(self, value: _Optional[float] = ..., limit: _Optional[float] = ..., frame: _Optional[int] = ..., joint: _Optional[int] = ...) -> None: ...
 
 class Feasibility(_message.Message):
-    __slots__ = ("feasible", "worst", "ratio", "root_speed", "root_acceleration", "turning", "joint_speed", "joint_acceleration", "below_ground", "off_ground", "tilt", "bend", "root_reach", "turn_reach", "pose_reach")
+    __slots__ = ("feasible", "worst", "ratio", "root_speed", "root_acceleration", "turning", "joint_speed", "joint_acceleration", "below_ground", "off_ground", "tilt", "bend", "root_reach", "turn_reach", "pose_reach", "hinge_speed", "hinge_acceleration")
     FEASIBLE_FIELD_NUMBER: _ClassVar[int]
     WORST_FIELD_NUMBER: _ClassVar[int]
     RATIO_FIELD_NUMBER: _ClassVar[int]
@@ -208,6 +214,8 @@ class Feasibility(_message.Message):
     ROOT_REACH_FIELD_NUMBER: _ClassVar[int]
     TURN_REACH_FIELD_NUMBER: _ClassVar[int]
     POSE_REACH_FIELD_NUMBER: _ClassVar[int]
+    HINGE_SPEED_FIELD_NUMBER: _ClassVar[int]
+    HINGE_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
     feasible: bool
     worst: str
     ratio: float
@@ -223,7 +231,9 @@ class Feasibility(_message.Message):
     root_reach: FeasibilityFigure
     turn_reach: FeasibilityFigure
     pose_reach: FeasibilityFigure
-    def __init__(self, feasible: _Optional[bool] = ..., worst: _Optional[str] = ..., ratio: _Optional[float] = ..., root_speed: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., root_acceleration: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., turning: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., joint_speed: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., joint_acceleration: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., below_ground: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., off_ground: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., tilt: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., bend: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., root_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., turn_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., pose_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ...) -> None: ...
+    hinge_speed: FeasibilityFigure
+    hinge_acceleration: FeasibilityFigure
+    def __init__(self, feasible: _Optional[bool] = ..., worst: _Optional[str] = ..., ratio: _Optional[float] = ..., root_speed: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., root_acceleration: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., turning: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., joint_speed: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., joint_acceleration: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., below_ground: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., off_ground: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., tilt: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., bend: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., root_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., turn_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., pose_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., hinge_speed: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., hinge_acceleration: _Optional[_Union[FeasibilityFigure, _Mapping]] = ...) -> None: ...
 
 class CharacterResult(_message.Message):
     __slots__ = ("id", "frames", "intermediates", "feasibility")
@@ -490,20 +500,22 @@ class ContactRules(_message.Message):
     def __init__(self, max_height: _Optional[_Iterable[float]] = ..., max_speed: _Optional[float] = ..., clearance: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Hinge(_message.Message):
-    __slots__ = ("joint", "axis", "rest", "lower", "upper", "max_speed")
+    __slots__ = ("joint", "axis", "rest", "lower", "upper", "max_speed", "max_acceleration")
     JOINT_FIELD_NUMBER: _ClassVar[int]
     AXIS_FIELD_NUMBER: _ClassVar[int]
     REST_FIELD_NUMBER: _ClassVar[int]
     LOWER_FIELD_NUMBER: _ClassVar[int]
     UPPER_FIELD_NUMBER: _ClassVar[int]
     MAX_SPEED_FIELD_NUMBER: _ClassVar[int]
+    MAX_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
     joint: str
     axis: Vec3
     rest: Quat
     lower: float
     upper: float
     max_speed: float
-    def __init__(self, joint: _Optional[str] = ..., axis: _Optional[_Union[Vec3, _Mapping]] = ..., rest: _Optional[_Union[Quat, _Mapping]] = ..., lower: _Optional[float] = ..., upper: _Optional[float] = ..., max_speed: _Optional[float] = ...) -> None: ...
+    max_acceleration: float
+    def __init__(self, joint: _Optional[str] = ..., axis: _Optional[_Union[Vec3, _Mapping]] = ..., rest: _Optional[_Union[Quat, _Mapping]] = ..., lower: _Optional[float] = ..., upper: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ...) -> None: ...
 
 class Mimic(_message.Message):
     __slots__ = ("joint", "follows", "multiplier", "offset", "axis", "rest")

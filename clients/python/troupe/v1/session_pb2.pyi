@@ -368,7 +368,7 @@ class CommandResponse(_message.Message):
     def __init__(self, results: _Optional[_Iterable[_Union[CommandResult, _Mapping]]] = ...) -> None: ...
 
 class FrameBlock(_message.Message):
-    __slots__ = ("pack", "slots", "frame_count", "first_frames", "root_positions", "rotations", "packed_roots", "packed_rotations", "contacts", "positions", "six_d", "qpos", "hinge_residuals", "clamped_hinges", "body", "skeleton")
+    __slots__ = ("pack", "slots", "frame_count", "first_frames", "root_positions", "rotations", "packed_roots", "packed_rotations", "contacts", "positions", "six_d", "qpos", "hinge_residuals", "clamped_hinges", "body", "skeleton", "hinge_speed_ratios", "fastest_hinges", "hinge_accelerations")
     PACK_FIELD_NUMBER: _ClassVar[int]
     SLOTS_FIELD_NUMBER: _ClassVar[int]
     FRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
@@ -385,6 +385,9 @@ class FrameBlock(_message.Message):
     CLAMPED_HINGES_FIELD_NUMBER: _ClassVar[int]
     BODY_FIELD_NUMBER: _ClassVar[int]
     SKELETON_FIELD_NUMBER: _ClassVar[int]
+    HINGE_SPEED_RATIOS_FIELD_NUMBER: _ClassVar[int]
+    FASTEST_HINGES_FIELD_NUMBER: _ClassVar[int]
+    HINGE_ACCELERATIONS_FIELD_NUMBER: _ClassVar[int]
     pack: str
     slots: _containers.RepeatedScalarFieldContainer[int]
     frame_count: int
@@ -401,7 +404,10 @@ class FrameBlock(_message.Message):
     clamped_hinges: _containers.RepeatedScalarFieldContainer[int]
     body: str
     skeleton: str
-    def __init__(self, pack: _Optional[str] = ..., slots: _Optional[_Iterable[int]] = ..., frame_count: _Optional[int] = ..., first_frames: _Optional[_Iterable[int]] = ..., root_positions: _Optional[_Iterable[float]] = ..., rotations: _Optional[_Iterable[float]] = ..., packed_roots: _Optional[bytes] = ..., packed_rotations: _Optional[bytes] = ..., contacts: _Optional[bytes] = ..., positions: _Optional[_Iterable[float]] = ..., six_d: _Optional[_Iterable[float]] = ..., qpos: _Optional[_Iterable[float]] = ..., hinge_residuals: _Optional[_Iterable[float]] = ..., clamped_hinges: _Optional[_Iterable[int]] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ...) -> None: ...
+    hinge_speed_ratios: _containers.RepeatedScalarFieldContainer[float]
+    fastest_hinges: _containers.RepeatedScalarFieldContainer[int]
+    hinge_accelerations: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, pack: _Optional[str] = ..., slots: _Optional[_Iterable[int]] = ..., frame_count: _Optional[int] = ..., first_frames: _Optional[_Iterable[int]] = ..., root_positions: _Optional[_Iterable[float]] = ..., rotations: _Optional[_Iterable[float]] = ..., packed_roots: _Optional[bytes] = ..., packed_rotations: _Optional[bytes] = ..., contacts: _Optional[bytes] = ..., positions: _Optional[_Iterable[float]] = ..., six_d: _Optional[_Iterable[float]] = ..., qpos: _Optional[_Iterable[float]] = ..., hinge_residuals: _Optional[_Iterable[float]] = ..., clamped_hinges: _Optional[_Iterable[int]] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ..., hinge_speed_ratios: _Optional[_Iterable[float]] = ..., fastest_hinges: _Optional[_Iterable[int]] = ..., hinge_accelerations: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class SessionProblem(_message.Message):
     __slots__ = ("slot", "session_id", "problem")

@@ -99,6 +99,7 @@ fn only_hinges_may_be_at_one_place() {
             lower_rad: -1.0,
             upper_rad: 1.0,
             max_speed_rad_per_s: 9.0,
+            max_acceleration_rad_per_s2: None,
         }],
         mimics: Vec::new(),
     });

@@ -369,6 +369,7 @@ impl<'a> Tree<'a> {
                         speed if speed > 0.0 => speed as f32,
                         _ => UNLIMITED_RAD_PER_S as f32,
                     },
+                    max_acceleration_rad_per_s2: None,
                 }),
                 Some(follows) => doc.mimics.push(MimicDoc {
                     joint: of.clone(),

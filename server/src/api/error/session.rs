@@ -113,6 +113,10 @@ impl Tabled for CommandError {
                 true => "none: the pack has no skills".to_owned(),
                 false => there_are.join(", "),
             }),
+            Self::TooShort { short, .. } => INVALID.because("TOO_SHORT").allowed(format!(
+                "one whose sets have at least {} frames, or a pack that makes fewer at a time",
+                short.least
+            )),
             Self::UnknownVariant { there_are, .. } | Self::UnknownSkillVariant { there_are, .. } => {
                 INVALID.because("UNKNOWN_VARIANT").allowed(there_are.join(", "))
             }
