@@ -73,6 +73,8 @@ pub struct RefusedCall {
     pub violations: Vec<Violation>,
     /// The server's name for this kind of error, from `google.rpc.ErrorInfo`.
     pub reason: Option<String>,
+    /// When another try may succeed, from `google.rpc.RetryInfo`.
+    pub retry_after: Option<Duration>,
     /// The request's id, which the server's log lines show.
     pub request_id: Option<String>,
 }
@@ -322,6 +324,7 @@ impl RefusedCall {
             message: status.message().to_owned(),
             violations,
             reason: info.map(|i| i.reason.clone()),
+            retry_after: details.retry_info().and_then(|retry| retry.retry_delay),
             request_id: request_id(status),
         }
     }
@@ -448,6 +451,17 @@ mod tests {
         };
         assert_eq!((refusal.code, refusal.reason), (Code::InvalidArgument, None));
         assert!(refusal.violations.is_empty());
+    }
+
+    #[test]
+    fn when_to_try_again_is_read() {
+        let pause = Duration::from_millis(250);
+        let mut details = ErrorDetails::new();
+        details.set_retry_info(Some(pause));
+        let ClientError::Refused(refusal) = refused(details) else {
+            panic!("no refusal")
+        };
+        assert_eq!(refusal.retry_after, Some(pause));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 """Options of reading, as keyword arguments. Their names are those of the command line: `max_slide` is `--max-slide`."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Literal, TypedDict
 
 if TYPE_CHECKING:
     from troupe_reader._native import Agreement, Skeleton
@@ -53,19 +53,19 @@ class FileOptions(TypedDict, total=False):
     """What the other files of the folder show."""
 
 
-class LimbParts(TypedDict):
-    """A limb by the names of its joints."""
+class LimbParts(TypedDict, total=False):
+    """A limb by the names of its joints. What is left out stays as it is found."""
 
-    girdle: NotRequired[list[str]]
+    girdle: list[str]
     """Joints between the trunk and the limb: clavicles."""
     upper: list[str]
     """Shoulder or hip, and twists along the upper bone."""
     lower: list[str]
     """Elbow or knee, and twists along the lower bone."""
     end: str
-    """Wrist or ankle."""
-    toe: NotRequired[str]
-    """The joint that the toes turn about."""
+    """Wrist or ankle; "" for an arm that the body lacks, which then has none."""
+    toe: str
+    """The joint that the toes turn about; "" for a foot without one."""
 
 
 class Parts(TypedDict, total=False):

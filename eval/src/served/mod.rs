@@ -4,6 +4,7 @@ mod crowd;
 pub(crate) mod feasibility;
 pub(crate) mod gaps;
 pub(crate) mod live;
+mod patience;
 pub(crate) mod steps;
 pub(crate) mod wander;
 mod windows;

@@ -1,10 +1,12 @@
 //! The parts of a body as a document, with joints by name.
 
+#[cfg(feature = "files")]
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 use super::parts::{Limb, Parts};
+use crate::ik::is_below;
 use crate::skeleton::Skeleton;
 
 /// Parts of a body by the names of their joints. As a correction, what is left out stays as it was
@@ -51,7 +53,7 @@ pub struct LimbDoc {
     /// Elbow or knee, and twists along the lower bone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lower: Option<Vec<String>>,
-    /// Wrist or ankle.
+    /// Wrist or ankle; `""` for an arm that the body lacks, which then has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end: Option<String>,
     /// The joint that the toes turn about; `""` for a foot without one.
@@ -59,6 +61,7 @@ pub struct LimbDoc {
     pub toe: Option<String>,
 }
 
+#[cfg(feature = "files")]
 impl LimbDoc {
     /// This limb, and of another one what it leaves out.
     fn or(self, other: Self) -> Self {
@@ -88,7 +91,11 @@ impl PartsDoc {
             toe: Some(leg.toe.map(name).unwrap_or_default()),
             ..limb(leg)
         };
-        let arm = |side: usize| parts.arms.as_ref().map(|arms| limb(&arms[side]));
+        let none = || LimbDoc {
+            end: Some(String::new()),
+            ..LimbDoc::default()
+        };
+        let arm = |side: usize| Some(parts.arms.as_ref().map_or_else(none, |arms| limb(&arms[side])));
         Self {
             trunk: Some(names(&parts.trunk)),
             neck: Some(names(&parts.neck)),
@@ -103,6 +110,7 @@ impl PartsDoc {
 
     /// The document of a body whose bones are named as in VRM, such as `leftUpperLeg`, by the names
     /// of its joints. Bones that the skeleton lacks are left out; none without hips, legs and head.
+    #[cfg(feature = "files")]
     pub(crate) fn of_bones(bones: &BTreeMap<String, String>, skeleton: &Skeleton) -> Option<Self> {
         let name = |bone: &str| {
             let name = bones.get(bone)?;
@@ -135,6 +143,7 @@ impl PartsDoc {
     }
 
     /// This document, and of another one what it leaves out.
+    #[cfg(feature = "files")]
     pub(crate) fn or(self, other: Self) -> Self {
         let limb = |own: Option<LimbDoc>, other: Option<LimbDoc>| match (own, other) {
             (Some(own), Some(other)) => Some(own.or(other)),
@@ -229,9 +238,13 @@ impl PartsDoc {
             limb("right_leg", &self.right_leg, found.map(|parts| &parts.legs[1]))?,
         ];
         let own = found.and_then(|parts| parts.arms.as_ref());
+        let arm = |field: &str, doc: &Option<LimbDoc>, found: Option<&Limb>| match doc {
+            Some(doc) if doc.end.as_deref() == Some("") => Ok(None),
+            doc => limb(field, doc, found),
+        };
         let arms = [
-            limb("left_arm", &self.left_arm, own.map(|arms| &arms[0]))?,
-            limb("right_arm", &self.right_arm, own.map(|arms| &arms[1]))?,
+            arm("left_arm", &self.left_arm, own.map(|arms| &arms[0]))?,
+            arm("right_arm", &self.right_arm, own.map(|arms| &arms[1]))?,
         ];
         let trunk = list("trunk", &self.trunk, found.map(|parts| &parts.trunk), 1)?;
         let ([Some(left), Some(right)], false) = (legs, trunk.is_empty()) else {
@@ -253,12 +266,6 @@ impl PartsDoc {
 
 /// Refuses a limb whose bones do not hang on each other.
 fn descend(field: &str, limb: &Limb, skeleton: &Skeleton) -> Result<(), String> {
-    let joints = &skeleton.joints;
-    let hangs = |below: usize, above: usize| {
-        let line = std::iter::successors(joints[below].parent, |&joint| joints[joint].parent);
-        line.take_while(|&joint| joint >= above)
-            .any(|joint| joint == above)
-    };
     let [top, middle, end] = limb.chain();
     let mut bones = vec![("lower", middle, limb.upper[0]), ("end", end, middle)];
     bones.extend(limb.toe.map(|toe| ("toe", toe, end)));
@@ -266,8 +273,8 @@ fn descend(field: &str, limb: &Limb, skeleton: &Skeleton) -> Result<(), String> 
         bones.push(("upper", limb.upper[0], top));
     }
     for (part, below, above) in bones {
-        if !hangs(below, above) {
-            let [below, above] = [below, above].map(|joint| &*joints[joint].name);
+        if !is_below(skeleton, below, above) {
+            let [below, above] = [below, above].map(|joint| &*skeleton.joints[joint].name);
             return Err(format!(
                 "{field}.{part} names {below:?}, which does not hang on {above:?}; allowed: a joint below that one"
             ));

@@ -209,7 +209,8 @@ impl Node {
         match self.stretch() {
             None => Ok(()),
             Some(scale) => Err(wrong(format!(
-                "scale {scale}: it must be positive and the same in all directions within 1 %"
+                "scale {scale}: it must be positive and the same in all directions within 1 %; apply the scale in \
+                 your tool (Blender: Ctrl+A, Scale)"
             ))),
         }
     }

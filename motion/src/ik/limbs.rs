@@ -218,7 +218,7 @@ pub(super) fn spine(skeleton: &Skeleton) -> Vec<usize> {
 }
 
 /// Whether `joint` is a descendant of `other`.
-pub(super) fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool {
+pub(crate) fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool {
     upwards(skeleton, joint).skip(1).any(|j| j == other) || (other == 0 && joint != 0)
 }
 

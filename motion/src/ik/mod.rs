@@ -43,11 +43,11 @@ pub use plant::{Carried, FootPlant, Planted, plant_feet};
 pub use reach::{ReachOptions, Reached, pose_at, reach_pose};
 pub use two_bone::{place_end, two_bone, two_bone_soft};
 
-pub(crate) use limbs::LegTrack;
+pub(crate) use limbs::{LegTrack, is_below};
 pub(crate) use lock::excess_height;
 pub(crate) use smooth::{cover, smooth, spans};
 pub(crate) use trunk::Trunk;
-pub(crate) use two_bone::{bend_by, is_chain, side_of, turn_hinges, turn_limb};
+pub(crate) use two_bone::{bend_by, side_of, turn_hinges, turn_limb};
 
 /// One frame of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

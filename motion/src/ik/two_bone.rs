@@ -214,7 +214,7 @@ fn reach(distance: f32, now: f32, (folded, most): (f32, f32), soft: f32) -> f32 
 }
 
 /// Whether each joint is a descendant of the one before.
-pub(crate) fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
+fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
     chain[2] < skeleton.joint_count()
         && super::limbs::is_below(skeleton, chain[2], chain[1])
         && super::limbs::is_below(skeleton, chain[1], chain[0])

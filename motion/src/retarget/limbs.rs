@@ -5,7 +5,7 @@ use glam::{Quat, Vec3};
 use super::feet::Toes;
 use super::figure::Figure;
 use crate::anatomy::Limb;
-use crate::ik::{bend_by, is_chain, side_of};
+use crate::ik::{bend_by, side_of};
 use crate::rotation::align_sign;
 
 /// Least cosine between the side to which a limb bends and its pole that is left as it is.
@@ -18,8 +18,6 @@ pub(super) struct Chain {
     pub(super) chain: [usize; 3],
     /// Their parents.
     above: [Option<usize>; 3],
-    /// Whether each hangs on the one before. Wrong corrections of a body's parts break that.
-    pub(super) is_whole: bool,
 }
 
 /// A leg of the target and the places that it takes from the source.
@@ -60,7 +58,6 @@ impl Chain {
         Self {
             chain,
             above: chain.map(|joint| figure.skeleton.joints[joint].parent),
-            is_whole: is_chain(&figure.skeleton, chain),
         }
     }
 

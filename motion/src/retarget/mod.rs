@@ -299,18 +299,16 @@ impl Retargeter {
         out: &mut [Quat],
     ) -> Option<Vec3> {
         let mut place = None;
-        // A limb that cannot be bent stays as it is.
-        let away = self.to.0[limb.chain[2]].distance(goal + drop);
-        let short = match (limb.is_whole, &self.hinges) {
-            (false, _) => away,
-            (true, None) => match limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out) {
-                None => away,
+        let short = match &self.hinges {
+            None => match limb.bend(&self.to, (goal + drop, SOFT_SHARE), pole, out) {
+                // A limb that cannot be bent stays as it is.
+                None => self.to.0[limb.chain[2]].distance(goal + drop),
                 Some((short, end)) => {
                     place = Some(end - drop);
                     short
                 }
             },
-            (true, Some(_)) => {
+            Some(_) => {
                 let rotation = self.to.1[limb.chain[2]];
                 let skeleton = &self.target.skeleton;
                 place_end(

@@ -6,7 +6,7 @@ use glam::{Quat, Vec3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::anatomy::{LimbDoc, PartsDoc, world_of};
+use crate::anatomy::{LimbDoc, Parts, PartsDoc, world_of};
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 use crate::glb;
@@ -145,6 +145,36 @@ fn a_document_corrects_the_parts() {
     assert_eq!(
         error,
         "left_arm.lower names \"wing\"; allowed: a joint of the skeleton"
+    );
+}
+
+#[test]
+fn a_document_says_that_a_body_has_no_arms() {
+    let skeleton = person(0, 1.0, 1, RestPose::T).skeleton();
+    let rest = vec![Quat::IDENTITY; skeleton.joint_count()];
+    let none = || {
+        Some(LimbDoc {
+            end: Some(String::new()),
+            ..LimbDoc::default()
+        })
+    };
+    let doc = PartsDoc {
+        left_arm: none(),
+        right_arm: none(),
+        ..PartsDoc::default()
+    };
+    let parts = |doc: &PartsDoc| Parts::with(&skeleton, &world_of(&skeleton, &rest), doc);
+    let bare = parts(&doc).unwrap();
+    assert!(parts(&PartsDoc::default()).unwrap().arms.is_some());
+    assert_eq!(bare.arms, None);
+    assert_eq!(parts(&PartsDoc::of(&bare, &skeleton)).unwrap(), bare);
+    let legless = PartsDoc {
+        left_leg: none(),
+        ..PartsDoc::default()
+    };
+    assert_eq!(
+        parts(&legless).unwrap_err(),
+        "left_leg.end names \"\"; allowed: a joint of the skeleton"
     );
 }
 

@@ -13,6 +13,7 @@ use troupe_proto::v1;
 
 use self::kinds::Kind;
 use self::report::{Report, Row};
+use super::patience::patiently;
 use super::windows::{Window, check_gaps, cut, task, window_seed, windows};
 use super::{IN_FLIGHT, publish};
 use crate::clips::{NamedClip, clip_names, read_clips};
@@ -102,7 +103,7 @@ impl Bench<'_> {
         let name = &self.clips[window.clip].name;
         let chance = window_seed(self.command.seed, name, window.start);
         let asked = request(&clip, chance)?.seed(chance);
-        let answer = self.client.in_between(&self.pack, &asked).await?;
+        let answer = patiently(|| self.client.in_between(&self.pack, &asked)).await?;
         bar.inc(1);
         answer.feasibility.ok_or_else(|| {
             let pack = self.pack.name();

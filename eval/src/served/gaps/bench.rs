@@ -19,6 +19,7 @@ use crate::clips::NamedClip;
 use crate::evaluator::Evaluator;
 use crate::resampling::{DISTRIBUTION_SETS, SETS};
 use crate::served::IN_FLIGHT;
+use crate::served::patience::patiently;
 use crate::served::windows::{Window, cut, pieces_of, task, window_seed, windows};
 
 /// Windows that the evaluator takes at a time.
@@ -165,7 +166,7 @@ impl Bench<'_> {
             .pose_steps(self.command.sampling.pose_steps)
             .root(root)
             .hold_feet(!self.command.sampling.free_feet);
-        Ok(self.client.in_between(&self.pack, &gap).await?)
+        Ok(patiently(|| self.client.in_between(&self.pack, &gap)).await?)
     }
 
     pub(super) fn unmeasured(&self, window: Window, why: MetricError) -> Failure {

@@ -109,6 +109,7 @@ fn props_beside_the_body_are_left_out() {
     mirrored.json["nodes"][2]["scale"] = json!([1.0, -1.0, 1.0]);
     let error = parse(&mirrored.glb(), &at(4.0)).err().unwrap().to_string();
     assert!(error.contains("\"Leg_L\": scale"), "{error}");
+    assert!(error.contains("apply the scale in your tool"), "{error}");
 }
 
 #[test]
