@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use glam::{Vec2, Vec3};
 use serde_json::json;
 use troupe_client::{Client, FollowPath, Pack};
 use troupe_motion::clip::Clip;
+use troupe_proto::v1::PathPlanner;
 
 use crate::context::Context;
 use crate::failure::Failure;
@@ -31,6 +32,7 @@ const SAMPLING: &str = "Style and sampling";
 Examples:
   troupe generate --path examples/paths/square.toml --out walk.bvh
   troupe generate --skeleton g1 --path examples/paths/square.toml --style walk --out walk.csv
+  troupe generate --skeleton g1 --path examples/paths/square.toml --style walk --planner own --out own.csv
   troupe generate --skeleton human --path examples/paths/square.toml --style walk=0.6 --style old=0.4 --out old.glb
   troupe generate --pack g1 --path examples/paths/square.toml --style march --out march.csv
   troupe generate --skeleton my-character.fbx --path examples/paths/square.toml --out mine.glb --loop
@@ -80,6 +82,10 @@ pub(crate) struct Generate {
     #[arg(long)]
     pub(crate) strict: bool,
 
+    /// Whose network plans the path of a body on two legs. Notes say which pack it was.
+    #[arg(long, value_enum, default_value_t = Planner::Auto)]
+    pub(crate) planner: Planner,
+
     /// Write the network's own frames: standing feet are not held.
     #[arg(long)]
     pub(crate) raw: bool,
@@ -99,6 +105,28 @@ pub(crate) struct Generate {
     /// Print what was done as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Whose network plans a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Planner {
+    /// Another pack that walks, if one has the style and keeps up with the path; else that of the
+    /// body's own pack.
+    Auto,
+    /// The body's own pack.
+    Own,
+    /// Another pack that walks; refused if none can.
+    Carried,
+}
+
+impl From<Planner> for PathPlanner {
+    fn from(planner: Planner) -> Self {
+        match planner {
+            Planner::Auto => Self::Auto,
+            Planner::Own => Self::Own,
+            Planner::Carried => Self::Carried,
+        }
+    }
 }
 
 /// A word and its weight.
@@ -276,6 +304,7 @@ fn request(path: &Path, command: &Generate, scale: f32) -> FollowPath {
     let mut asked = FollowPath::through(points)
         .strict(command.strict)
         .raw(command.raw)
+        .planner(command.planner.into())
         .seed(command.seed);
     for Word { word, weight } in &command.style {
         asked = asked.style(word, *weight);
@@ -288,7 +317,29 @@ fn request(path: &Path, command: &Generate, scale: f32) -> FollowPath {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Command {
+        #[command(flatten)]
+        generate: Generate,
+    }
+
+    #[test]
+    fn the_planner_is_automatic_unless_another_is_named() {
+        let parse = |more: &[&str]| {
+            let given = ["generate", "--path", "p.toml", "--out", "o.bvh"];
+            Command::try_parse_from(given.iter().chain(more))
+        };
+        let planner = |more: &[&str]| PathPlanner::from(parse(more).unwrap().generate.planner);
+        assert_eq!(planner(&[]), PathPlanner::Auto);
+        assert_eq!(planner(&["--planner", "own"]), PathPlanner::Own);
+        assert_eq!(planner(&["--planner", "carried"]), PathPlanner::Carried);
+        let error = parse(&["--planner", "both"]).unwrap_err().to_string();
+        assert!(error.contains("auto, own, carried"), "{error}");
+    }
 
     #[test]
     fn a_word_may_have_a_weight() {

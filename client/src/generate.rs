@@ -154,6 +154,14 @@ impl FollowPath {
         self
     }
 
+    /// Sets whose network plans the path: that of the pack, or of another pack whose motion is
+    /// carried over. Only for packs with the capability `path`.
+    #[must_use]
+    pub fn planner(mut self, planner: v1::PathPlanner) -> Self {
+        self.goal.planner = planner.into();
+        self
+    }
+
     /// Gives the network's own frames: feet may slide, and windows may not lead over to each other.
     #[must_use]
     pub fn raw(mut self, yes: bool) -> Self {

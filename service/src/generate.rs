@@ -14,6 +14,7 @@ use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 
+use crate::carried::Planning;
 use crate::inbetween::{
     PartWriter, Prepared, count_generate, no_sampling, path_judge, prepare_path, prepare_prompt,
     prepare_walk, refuse_frames, refuse_path, refuse_walk, walk_judge,
@@ -25,6 +26,7 @@ use troupe_base::offload::offload;
 use troupe_batch::{Batcher, Piece};
 use troupe_live::packs::LoadedPack;
 use troupe_live::session::SessionError;
+use troupe_live::skeleton::Worn;
 
 /// A motion in progress.
 #[derive(Debug)]
@@ -68,6 +70,28 @@ enum Windows {
     Walk(Making),
 }
 
+/// A request as the task of a pack.
+pub(crate) struct Planned {
+    /// The queue of the pack.
+    batcher: Batcher,
+    wanted: Wanted,
+    own: Option<OwnAnswer>,
+    /// Whether standing feet are held in motion for words.
+    holds_feet: bool,
+}
+
+impl Planned {
+    /// Whether the motion cannot keep up with the path.
+    pub(crate) fn falls_behind(&self) -> bool {
+        self.wanted.falls_behind
+    }
+
+    /// Adds a note in front of the others.
+    pub(crate) fn add_note(&mut self, note: String) {
+        self.wanted.notes.insert(0, note);
+    }
+}
+
 /// What a request asks for.
 struct Wanted {
     task: Task,
@@ -77,6 +101,8 @@ struct Wanted {
     /// Judges the frames of a motion along a path, if the body has limits.
     judge: Option<Judge>,
     path: Option<PathWay>,
+    /// Whether the motion cannot keep up with the path.
+    falls_behind: bool,
 }
 
 impl Streamed for Generation {
@@ -200,17 +226,20 @@ impl Service {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
         require(&request, loaded)?;
-        let (request, own) = self.for_pack(request, loaded).await?;
-        let root = Path::root().sized(own.as_ref().map_or_else(Size::default, OwnAnswer::size));
-        let wanted = match &request.goal {
-            None => return Err(no_goal().into()),
-            Some(Goal::Prompt(prompt)) => words(&root, &request, prompt, loaded)?,
-            Some(Goal::Path(goal)) => self.path(&root, &request, goal, loaded)?,
+        let planned = match self.carried(&request, loaded).await? {
+            Planning::Carried(planned) => *planned,
+            Planning::Own(note) => self.by_itself(request, loaded, note).await?,
         };
+        let Planned {
+            batcher,
+            wanted,
+            own,
+            holds_feet,
+        } = planned;
         Ok(Generation {
-            pieces: Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?,
+            pieces: Pieces::ask(&batcher, wanted.task, arrived, self.common.timeout)?,
             writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
-            readers: (!request.raw && !ends_in_targets(&request)).then(Vec::new),
+            readers: holds_feet.then(Vec::new),
             path: wanted.path,
             notes: wanted.notes,
             own,
@@ -218,32 +247,60 @@ impl Service {
         })
     }
 
-    /// A request as the pack takes it, and what its answer needs if it is on a skeleton of the
-    /// user's own.
-    async fn for_pack(
+    /// Makes a request the task of the pack that it names.
+    async fn by_itself(
         &self,
-        mut request: v1::GenerateRequest,
+        request: v1::GenerateRequest,
         loaded: &LoadedPack,
-    ) -> Result<(v1::GenerateRequest, Option<OwnAnswer>), ServiceError> {
-        if request.skeleton.is_empty() {
-            return Ok((request, None));
-        }
+        note: Option<String>,
+    ) -> Result<Planned, ServiceError> {
         let place = match &request.goal {
-            Some(Goal::Path(goal)) => {
+            Some(Goal::Path(goal)) if !request.skeleton.is_empty() => {
                 (loaded.place_of("path.body", &goal.body)).map_err(SessionError::from)?
             }
             _ => 0,
         };
-        let (dims, fps) = (loaded.rig(place).dims, loaded.rig(place).fps);
-        count_generate(&request, &loaded.pack, &dims)?;
-        let Some(worn) = self.worn(&request.skeleton, (loaded, place)).await? else {
-            return Ok((request, None));
+        let worn = self.worn(&request.skeleton, (loaded, place)).await?;
+        let on = worn.map(|worn| (worn, None));
+        let mut planned = self.planned(request, (loaded, place), on).await?;
+        planned.wanted.notes.extend(note);
+        Ok(planned)
+    }
+
+    /// Makes a request the task of a pack, for the body with index `place`. With a skeleton the
+    /// request is `on` that one: a user's own, or the body of another pack with this rig.
+    ///
+    /// # Errors
+    /// [`ServiceError`] if a value is not accepted.
+    pub(crate) async fn planned(
+        &self,
+        mut request: v1::GenerateRequest,
+        (loaded, place): (&LoadedPack, usize),
+        on: Option<(Arc<Worn>, Option<Arc<Rig>>)>,
+    ) -> Result<Planned, ServiceError> {
+        let mut own = None;
+        if let Some((worn, body)) = on {
+            let (dims, fps) = (loaded.rig(place).dims, loaded.rig(place).fps);
+            count_generate(&request, &loaded.pack, &dims)?;
+            let taken = offload(usize::MAX, 0, move || {
+                let own = take_generate(&mut request, &worn, (fps, body.as_deref()))?;
+                Ok::<_, FieldError>((request, own))
+            });
+            let (taken, answer) = taken.await??;
+            (request, own) = (taken, Some(answer));
+        }
+        let root = Path::root().sized(own.as_ref().map_or_else(Size::default, OwnAnswer::size));
+        let wanted = match &request.goal {
+            None => return Err(no_goal().into()),
+            Some(Goal::Prompt(prompt)) => words(&root, &request, prompt, loaded)?,
+            Some(Goal::Path(goal)) => self.path(&root, &request, goal, loaded)?,
         };
-        let taken = offload(usize::MAX, 0, move || {
-            let own = take_generate(&mut request, &worn, fps)?;
-            Ok::<_, FieldError>((request, Some(own)))
-        });
-        Ok(taken.await??)
+        Ok(Planned {
+            batcher: loaded.batcher.clone(),
+            wanted,
+            own,
+            holds_feet: !request.raw && !ends_in_targets(&request),
+        })
     }
 
     fn path(
@@ -254,6 +311,7 @@ impl Service {
         loaded: &LoadedPack,
     ) -> Result<Wanted, ServiceError> {
         let takes_paths = loaded.pack.manifest.capabilities.has(Capability::Path);
+        let mut falls_behind = false;
         let (task, rig, notes, judge, windows) = match !takes_paths && loaded.walks(0) {
             true => {
                 let walking = prepare_walk(root, request, goal, &loaded.pack, &loaded.styles[0])?;
@@ -264,6 +322,7 @@ impl Service {
                 let mut making = Making::new(&walking.path.take, 0);
                 let task = making.next_task()?.ok_or(NonFinite)?;
                 let judge = walk_judge(&walking, &rig);
+                falls_behind = walking.path.too_fast.is_some();
                 (task, rig, walking.notes(root), judge, Windows::Walk(making))
             }
             false => {
@@ -303,6 +362,7 @@ impl Service {
                 timeout: self.common.timeout,
                 strict: goal.strict,
             }),
+            falls_behind,
         })
     }
 }
@@ -341,6 +401,7 @@ fn words(
         notes,
         judge: None,
         path: None,
+        falls_behind: false,
     })
 }
 

@@ -1,6 +1,7 @@
 //! The service behind all transports: finds the pack, checks the request, has it served, and makes
 //! the answer. [`inbetween`] does this for single requests, `troupe-live` for live characters.
 
+mod carried;
 mod describe;
 mod error;
 mod generate;

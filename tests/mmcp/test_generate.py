@@ -272,6 +272,48 @@ def test_styles(ours):
     assert "diffusion_steps" in ours.make(request(horse, [free(60)], options=options)).notes()
 
 
+@pytest.mark.parametrize(("name", "by"), [("human", "human"), ("g1", "g1"), ("h1", "g1")])
+def test_a_path_on_two_legs_is_planned_by_another_pack(ours, name, by):
+    model = ours.model(f"unimogen/{name}")
+    options = {option["name"]: option for option in model["model_options"]}
+    assert options["planner"]["values"] == ["auto", "own", "carried"]
+
+    def make(planner=None):
+        chosen = {} if planner is None else {"model_options": {"planner": planner}}
+        return ours.make(request(model, [free(120)], constraints=[root_path(STRAIGHT)], options=seeded(3, **chosen)))
+
+    def said(answer):
+        return [note["message"] for note in answer.extension.get("notes", []) if note["code"] == "planner"]
+
+    answer, own = make(), make("own")
+    (message,) = said(answer)
+    assert message.startswith(f"the path is planned by {by} in its style "), message
+    assert not said(own)
+    for made in (answer, own):
+        for frame, place in STRAIGHT.items():
+            np.testing.assert_allclose(made.roots()[0, frame, [0, 2]], place, atol=2e-3)
+    np.testing.assert_array_equal(answer.roots(), make("carried").roots())
+    assert not np.allclose(answer.quaternions(), own.quaternions(), atol=1e-3)
+    assert answer.positions()[0, :, :, 1].min() > -0.06, "feet stay on the ground"
+    contacts = set(answer.extension["samples"][0]["foot_contacts"])
+    assert contacts == set(own.extension["samples"][0]["foot_contacts"])
+
+
+def test_who_may_plan_is_checked(ours):
+    def refused(name, planner, constraints):
+        options = seeded(model_options={"planner": planner})
+        status, _, answer = ours.send(request(ours.model(name), [free(60)], constraints=constraints, options=options))
+        assert status == 400, answer
+        return str(answer)
+
+    path = [root_path({0: (0.0, 0.0), 59: (0.0, 2.0)})]
+    assert "auto, own, carried" in refused("unimogen/h1", "both", path)
+    assert "without a root_path" in refused("unimogen/h1", "carried", [])
+    assert "cannot be carried over" in refused("unimogen/horse", "carried", path)
+    horse = {option["name"] for option in ours.model("unimogen/horse")["model_options"]}
+    assert "planner" not in horse
+
+
 @pytest.mark.parametrize("name", ["human", "g1", "unimogen/horse"])
 def test_requests_of_the_client_for_blender(ours, name):
     separated = {"type": "separated", "weight": [2.0, 2.0]}

@@ -248,6 +248,24 @@ fn too_fast(style: &Style, way: &[[f32; 3]], fps: f32) -> Option<TooFast> {
     found.max_by(|a, b| (a.path_mps - a.style_mps).total_cmp(&(b.path_mps - b.style_mps)))
 }
 
+/// Whether a style cannot keep up with a path of knots in order. `scale` is the size of the body
+/// that follows it by that of the style's.
+pub fn falls_behind(style: &Style, knots: &[Knot], fps: f32, scale: f32) -> bool {
+    let mut way: Vec<[f32; 3]> = Vec::new();
+    for pair in knots.windows(2) {
+        let ([x, z], [to_x, to_z]) = (pair[0].place, pair[1].place);
+        let along = (to_x - x).atan2(to_z - z);
+        let heading = pair[0].heading.unwrap_or(along);
+        let (begin, end) = (pair[0].frame.ceil(), pair[1].frame.ceil());
+        for frame in begin as usize..end as usize {
+            let share = (frame as f32 - pair[0].frame) / (pair[1].frame - pair[0].frame);
+            let at = |from: f32, to: f32| (from + share * (to - from)) / scale;
+            way.push([at(x, to_x), at(z, to_z), heading]);
+        }
+    }
+    way.len() > 1 && too_fast(style, &way, fps).is_some()
+}
+
 #[cfg(test)]
 #[path = "along_tests.rs"]
 mod tests;

@@ -135,3 +135,21 @@ fn a_path_may_be_too_fast_for_its_style() {
         "the style runs at 3 m/s: {fast:?}"
     );
 }
+
+#[test]
+fn knots_may_be_too_fast_for_a_style_of_a_smaller_body() {
+    let knot = |frame: f32, z: f32| Knot {
+        frame,
+        place: [0.0, z],
+        heading: None,
+    };
+    let behind = |knots: &[Knot], scale: f32| falls_behind(&walker_style(), knots, 30.0, scale);
+    // 1 m/s, then 6 m/s.
+    let knots = [knot(0.0, 0.0), knot(45.5, 1.5), knot(120.0, 16.4)];
+    assert!(!behind(&knots[..2], 1.0) && behind(&knots, 1.0));
+    assert!(!behind(&knots, 6.0), "a giant's steps are as long as that");
+    assert!(
+        !behind(&knots[..1], 1.0) && !behind(&[], 1.0),
+        "no path is too fast"
+    );
+}

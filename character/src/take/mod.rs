@@ -29,7 +29,7 @@ mod trajectory;
 mod walk;
 mod way;
 
-pub use along::{TooFast, WalkPath, WalkRequest};
+pub use along::{TooFast, WalkPath, WalkRequest, falls_behind};
 pub use finish::Made;
 pub use ground::Ground;
 pub use making::Making;

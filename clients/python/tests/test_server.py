@@ -175,7 +175,8 @@ def test_a_horse_follows_a_path(client: troupe.Client) -> None:
 
 
 def test_feet_of_a_path_stand_unless_the_network_s_own_frames_are_wanted(client: troupe.Client) -> None:
-    path = troupe.FollowPath([[0, 0, 0], [0, 0, 5]], times=[0, 5], words={"walk": 1.0})
+    own = troupe.Planner.OWN
+    path = troupe.FollowPath([[0, 0, 0], [0, 0, 5]], times=[0, 5], words={"walk": 1.0}, planner=own)
 
     def slowest_toe(raw: bool) -> float:
         """Mean way of the slower toe over the ground, metres a frame. In a walk one foot always stands."""
@@ -185,6 +186,21 @@ def test_feet_of_a_path_stand_unless_the_network_s_own_frames_are_wanted(client:
         return float(np.linalg.norm(ways, axis=2).min(1).mean())
 
     assert slowest_toe(raw=True) > 0.008 and slowest_toe(raw=False) < 0.003
+
+
+def test_a_path_is_planned_by_another_pack_unless_its_own_is_wanted(client: troupe.Client) -> None:
+    def made(planner: troupe.Planner) -> troupe.Generated:
+        path = troupe.FollowPath([[0, 0, 0], [0, 0, 2]], times=[0, 2], words={"walk": 1.0}, planner=planner)
+        return client.generate(path, pack="unimogen", body="h1", seed=1)
+
+    carried, own = made(troupe.Planner.CARRIED), made(troupe.Planner.OWN)
+    assert carried.notes[0].startswith("planned by g1 ")
+    assert not any(note.startswith("planned by") for note in own.notes)
+    assert carried.clip.skeleton == own.clip.skeleton
+    assert np.abs(made(troupe.Planner.AUTO).clip.rotations - carried.clip.rotations).max() < 1e-5
+    path = troupe.FollowPath([[0, 0, 0], [0, 0, 2]], planner=troupe.Planner.CARRIED)
+    with pytest.raises(troupe.InvalidArgumentError, match="a body on two legs"):
+        client.generate(path, pack="unimogen", body="fox")
 
 
 @pytest.mark.parametrize("pack", ["human", "g1"])

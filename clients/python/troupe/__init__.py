@@ -38,7 +38,7 @@ from troupe.errors import (
 )
 from troupe.events import Attached, Event, Fault, Left, NotAttached, Refused, Resumed, StreamEvent
 from troupe.frames import Frames
-from troupe.generate import FollowPath, Generated, GeneratedPart
+from troupe.generate import FollowPath, Generated, GeneratedPart, Planner
 from troupe.inbetween import InBetween, InBetweenAnswer, RootKey
 from troupe.intent import Act, Locomotion, cancel, drop, end_interaction, follow_path, interact, skill
 from troupe.keyframe import Keyframe
@@ -91,6 +91,7 @@ __all__ = [
     "NotFoundError",
     "Pack",
     "PermissionDeniedError",
+    "Planner",
     "Prompt",
     "Refused",
     "ResourceExhaustedError",

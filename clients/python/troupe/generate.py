@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 
 import numpy.typing as npt
 
@@ -17,6 +18,17 @@ from troupe.pack import Pack
 from troupe.skeleton import Skeleton
 from troupe.v1 import motion_pb2
 from troupe.words import Prompt, Sampling
+
+
+class Planner(IntEnum):
+    """Whose network plans a path of a body on two legs. The answer's notes say which pack it was."""
+
+    AUTO = 0
+    """Another pack that walks, if one has the style and keeps up with the path; else the body's own pack."""
+    OWN = 1
+    """The body's own pack."""
+    CARRIED = 2
+    """Another pack that walks, whose motion is carried over to the body; refused if none can."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +59,8 @@ class FollowPath:
     """A body of the caller's own, upright in its rest pose. Nothing promises that a model moves it well."""
     strict: bool = False
     """Whether the server is to refuse a path that the body cannot follow as its data shows."""
+    planner: Planner = Planner.AUTO
+    """Whose network plans the path. For packs with the capability `path`."""
 
     def to_message(self, pack: Pack) -> motion_pb2.PathGoal:
         """The goal on the wire."""
@@ -65,6 +79,7 @@ class FollowPath:
                 motion_pb2.PathKeyframe(time=time, keyframe=key.to_message(f"goal.path.keyframes[{nth}].keyframe"))
                 for nth, (time, key) in enumerate(self.keyframes.items())
             ],
+            planner=motion_pb2.PathPlanner.Name(self.planner),
         )
 
 

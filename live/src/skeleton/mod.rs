@@ -8,12 +8,14 @@
 //! | [`dress`] | the way of one character onto a user's skeleton, frame by frame |
 //! | [`worn`] | the way from a pack's skeleton to another one, and back |
 //! | [`guest`] | a skeleton that comes with a request, and goes with it |
+//! | [`carrier`] | packs that plan paths for bodies of other packs |
 //! | [`store`] | the skeletons of a tenant, and the folder that keeps them |
 //! | [`message`] | skeletons and certificates as messages |
 //!
 //! A character lives on the skeleton of its pack, in the pack's size. Lengths of its client are
 //! divided by [`Worn::scale`] on the way in, and its frames are carried over on the way out.
 
+mod carrier;
 mod difference;
 mod doc;
 mod dress;
@@ -24,6 +26,7 @@ mod store;
 mod upload;
 mod worn;
 
+pub use carrier::{Carrier, NoCarrier, is_on_two_legs};
 pub use difference::Difference;
 pub use dress::Dress;
 pub(crate) use dress::Last;

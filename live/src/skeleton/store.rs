@@ -9,6 +9,7 @@ use troupe_character::document::{Document as _, DocumentError, Format, forget, i
 use troupe_character::{FieldError, Path};
 use troupe_motion::retarget::{Figure, RetargetError};
 
+use super::carrier::Ways;
 use super::doc::{BodyDoc, SkeletonDoc};
 use super::dress::Dress;
 use super::error::SkeletonError;
@@ -40,6 +41,7 @@ pub struct Skeletons {
     /// Held by the one writer.
     writing: Mutex<()>,
     pub(super) guests: Guests,
+    pub(super) ways: Ways,
 }
 
 /// A skeleton and the packs that it is worn on.
@@ -231,6 +233,7 @@ impl Skeletons {
             folder,
             writing: Mutex::default(),
             guests: Guests::default(),
+            ways: Ways::default(),
         })
     }
 

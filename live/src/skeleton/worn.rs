@@ -206,7 +206,7 @@ pub(super) fn figure_of(
 }
 
 /// Whether two rigs have the same joints.
-fn same(one: &Rig, other: &Rig) -> bool {
+pub(super) fn same(one: &Rig, other: &Rig) -> bool {
     let (one, other) = (&one.skeleton.joints, &other.skeleton.joints);
     let pairs = || one.iter().zip(other);
     one.len() == other.len()

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use troupe_character::take::{Note, Take};
+use troupe_live::packs::LoadedPack;
 
 use super::model::Model;
 use super::skeleton::Joints;
@@ -10,8 +11,10 @@ use super::skeleton::Joints;
 /// A checked request.
 #[derive(Debug, Clone)]
 pub struct Asked {
-    /// The model that makes the motion.
+    /// The model that the request names.
     pub model: Model,
+    /// The pack that makes the motion: the model's, or another one that plans its path.
+    pub by: Arc<LoadedPack>,
     /// The joints of the request.
     pub joints: Arc<Joints>,
     /// The motion to make.

@@ -3,20 +3,22 @@
 use std::sync::Arc;
 
 use serde_json::Value;
-use troupe_character::take::{Clock, Note, Prompt, Take, TakeSegment};
+use troupe_character::take::{Clock, Look, Note, Prompt, Take, TakeSegment};
 
 use super::asked::Asked;
+use super::carried::{Asking, Carried, carried};
 use super::constraints::{self, Scope};
 use super::fault::{Code, Fault};
 use super::limits::{FPS, MAX_SECONDS, MAX_SEGMENTS};
 use super::model::Model;
 use super::onto::onto;
-use super::options::{check_options, look, seed};
+use super::options::{Planner, TEMPERATURE, check_options, look, seed};
 use super::schema::{ENGLISH, MotionReference, Request, Text, Unconditioned, check_version, read, take_type};
 use super::skeleton::Joints;
 use super::{reference, skeleton};
 use troupe_base::echo::cut;
 use troupe_live::session::Space;
+use troupe_live::skeleton::Worn;
 use troupe_live::wire::MAX_PROMPT_CHARS;
 use troupe_service::inbetween::check_words;
 
@@ -58,7 +60,7 @@ pub fn check(value: Value, models: &[Model], space: &Space) -> Result<Asked, Fau
     let constraints = constraints::read_all(std::mem::take(&mut request.constraints))?;
     let model = models.iter().find(|model| model.id == request.model);
     let model = model.ok_or_else(|| unknown(&request.model, models))?;
-    let joints = skeleton::check(&request.skeleton, model, space)?;
+    let mut joints = skeleton::check(&request.skeleton, model, space)?;
     let lengths = lengths(&segments, request.duration_frames, constraints.is_empty())?;
     let clock = clock(&request, model, &lengths)?;
     let options = request.options.unwrap_or_default();
@@ -79,19 +81,28 @@ pub fn check(value: Value, models: &[Model], space: &Space) -> Result<Asked, Fau
             ),
         ));
     }
-    let look = look(&options, model, &mut notes)?;
+    let mut look = look(&options, model, &mut notes)?;
+    let planner = Planner::of(&options)?;
+    let path = Asking {
+        model,
+        joints: &joints,
+        wanted: &wanted,
+        word: look.word.as_deref(),
+    };
+    let carried = carried(planner, &path, space, &mut notes)?;
     let native = |frame: usize| clock.native(frame).round() as usize;
     let of = (model, &joints, space);
     let parts = parts(&segments, &lengths, (&clock, of), &mut notes)?;
-    let (wanted, onto) = match &joints.worn {
+    let (by, worn) = planned_by(carried, model, &mut joints, &mut look);
+    let (wanted, onto) = match worn {
         None => (wanted, None),
         Some(worn) => {
-            let (guide, onto) = onto(worn, wanted, &joints.still);
+            let (guide, onto) = onto(&worn, wanted, &joints.still);
             (guide, Some(onto))
         }
     };
     let take = Take {
-        subject: model.subject(),
+        subject: by.subject(),
         segments: parts,
         wanted,
         seed: seed(options.seed, &mut notes),
@@ -107,11 +118,33 @@ pub fn check(value: Value, models: &[Model], space: &Space) -> Result<Asked, Fau
     };
     Ok(Asked {
         model: model.clone(),
+        by: by.loaded,
         joints: Arc::new(joints),
         take: Arc::new(take),
         samples: options.num_samples.unwrap_or(1) as usize,
         notes,
     })
+}
+
+/// The model that makes the motion, and the way from its body to that of the answer.
+fn planned_by(
+    carried: Option<Carried>,
+    model: &Model,
+    joints: &mut Joints,
+    look: &mut Look,
+) -> (Model, Option<Arc<Worn>>) {
+    let Some(Carried { by, style, worn }) = carried else {
+        return (model.clone(), joints.worn.clone());
+    };
+    *look = Look {
+        style: Some(style),
+        temperature: TEMPERATURE,
+        ..Look::default()
+    };
+    if let Some(worn) = &worn {
+        joints.contacts = skeleton::contacts(worn);
+    }
+    (by, worn)
 }
 
 /// The model that a request names. None: no model has this id.

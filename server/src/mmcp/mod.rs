@@ -4,12 +4,13 @@
 //! decoded ([`schema`]), checked ([`check`], [`constraints`], [`options`]) and becomes a take
 //! ([`asked`]). The code in `character/src/take` makes takes. A skeleton that is not the model's is
 //! found a body ([`skeleton`]): the model's body is guided by what the request asks for ([`onto`]),
-//! and its motion is carried over. [`run`] makes all samples of all takes together, window by
-//! window. A reference motion ([`reference`]) is first described in words. [`answer`] writes the
-//! motions as glTF with the extension `MMCP_motion`.
+//! and its motion is carried over. Another pack may plan a path ([`carried`]). [`run`] makes all
+//! samples of all takes together, window by window. A reference motion ([`reference`]) is first
+//! described in words. [`answer`] writes the motions as glTF with the extension `MMCP_motion`.
 
 pub mod answer;
 pub mod asked;
+mod carried;
 pub mod check;
 pub mod constraints;
 pub mod fault;

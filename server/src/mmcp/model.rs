@@ -14,10 +14,11 @@ use super::limits::{
     MAX_BATCH, MAX_CONSTRAINTS, MAX_REFERENCE_FRAMES, MAX_SAMPLES, MAX_SECONDS, MAX_VALUES,
     RECOMMENDED_SECONDS, TEMPERATURES,
 };
+use super::options::Planner;
 use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
 use troupe_live::packs::{LoadedPack, PackTable};
-use troupe_live::skeleton::can_wear;
+use troupe_live::skeleton::{can_wear, is_on_two_legs};
 use troupe_live::wire::MAX_PROMPT_CHARS;
 use troupe_service::inbetween::fitting;
 
@@ -236,7 +237,7 @@ impl Model {
     }
 
     /// Options of this model, beside those of the protocol.
-    fn options(&self) -> Vec<Value> {
+    fn options(&self, table: &PackTable) -> Vec<Value> {
         let names = self.style_names();
         let mut options = Vec::new();
         if !names.is_empty() {
@@ -262,6 +263,16 @@ impl Model {
                 "maximum": high,
             }));
         }
+        if self.follows() && is_on_two_legs((&self.loaded, self.place), table) {
+            options.push(json!({
+                "name": "planner",
+                "type": "enum",
+                "title": "Planner",
+                "description": "Who plans a path: another pack that walks (carried), this one (own), or whichever can (auto)",
+                "default": Planner::NAMES[0],
+                "values": Planner::NAMES,
+            }));
+        }
         options
     }
 
@@ -278,7 +289,7 @@ impl Model {
             supports_segment_seed: true,
             supports_loop: moves,
             supports_keyframe_reduction: false,
-            model_options: self.options(),
+            model_options: self.options(table),
             supports_motion_reference_mixed: self.imitates(),
             supports_batch: true,
             supports_trajectory: true,

@@ -12,7 +12,9 @@ use super::schema::{Guidance, Options};
 use troupe_base::echo::cut;
 
 /// Temperature of a request that sets none.
-const TEMPERATURE: f32 = 1.0;
+pub(super) const TEMPERATURE: f32 = 1.0;
+/// The option that says who plans a path.
+pub(super) const PLANNER: &str = "options.model_options.planner";
 
 /// Checks the values of options for a request of `segments` segments.
 pub(super) fn check_options(options: &Options, model: &Model, segments: usize) -> Result<(), Fault> {
@@ -110,6 +112,7 @@ pub(super) fn look(options: &Options, model: &Model, notes: &mut Vec<Note>) -> R
     let mut known = Vec::new();
     known.extend((!names.is_empty()).then_some("style"));
     known.extend((model.walks() || model.speaks()).then_some("temperature"));
+    known.extend(model.follows().then_some("planner"));
     if let Some(name) = own.keys().find(|name| !known.contains(&name.as_str())) {
         let allowed = match known.is_empty() {
             true => "none: the model has no options".to_owned(),
@@ -136,6 +139,39 @@ pub(super) fn look(options: &Options, model: &Model, notes: &mut Vec<Note>) -> R
         };
     }
     Ok(look)
+}
+
+/// Who plans the path of a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Planner {
+    /// Another pack if one can, otherwise the model's.
+    Auto,
+    /// The model's pack.
+    Own,
+    /// Another pack.
+    Carried,
+}
+
+impl Planner {
+    /// The option's values.
+    pub(super) const NAMES: [&str; 3] = ["auto", "own", "carried"];
+
+    /// Who plans the path of a request with these options.
+    pub(super) fn of(options: &Options) -> Result<Self, Fault> {
+        let own = options.model_options.as_ref();
+        let Some(value) = own.and_then(|own| own.get("planner")) else {
+            return Ok(Self::Auto);
+        };
+        match value.as_str() {
+            Some("auto") => Ok(Self::Auto),
+            Some("own") => Ok(Self::Own),
+            Some("carried") => Ok(Self::Carried),
+            _ => {
+                let found = format!("is {}", cut(&value.to_string(), 64));
+                Err(Fault::option(PLANNER, found, Self::NAMES.join(", ")))
+            }
+        }
+    }
 }
 
 fn style_name(value: &Value, names: &[String]) -> Result<String, Fault> {
@@ -205,5 +241,35 @@ pub(super) fn seed(given: Option<i64>, notes: &mut Vec<Note>) -> u64 {
             notes.push(Note::info("seed", format!("the seed is {drawn}")));
             u64::from(drawn)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_planner_is_automatic_unless_another_is_named() {
+        let planner = |value: Option<Value>| {
+            let own = value.map(|value| BTreeMap::from([("planner".to_owned(), value)]));
+            Planner::of(&Options {
+                model_options: own,
+                ..Options::default()
+            })
+        };
+        assert_eq!(planner(None).unwrap(), Planner::Auto);
+        for (name, wanted) in Planner::NAMES
+            .into_iter()
+            .zip([Planner::Auto, Planner::Own, Planner::Carried])
+        {
+            assert_eq!(planner(Some(json!(name))).unwrap(), wanted);
+        }
+        let fault = planner(Some(json!("both"))).unwrap_err();
+        assert_eq!(
+            fault.place.to_string(),
+            "options.model_options.planner: is \"both\"; allowed: auto, own, carried"
+        );
     }
 }

@@ -203,7 +203,7 @@ async fn serve(
 ) -> Vec<Result<Vec<u8>, Failure>> {
     let mut packs: Vec<Arc<LoadedPack>> = Vec::new();
     for take in takes.iter().flatten() {
-        let loaded = &take.model.loaded;
+        let loaded = &take.by;
         if !packs.iter().any(|other| Arc::ptr_eq(other, loaded)) {
             packs.push(loaded.clone());
         }
@@ -232,7 +232,7 @@ async fn group(
     takes: &Arc<Vec<Result<Asked, Failure>>>,
     arrived: Instant,
 ) -> Vec<(usize, Result<Vec<u8>, Failure>)> {
-    let of_pack = |take: &Asked| Arc::ptr_eq(&take.model.loaded, loaded);
+    let of_pack = |take: &Asked| Arc::ptr_eq(&take.by, loaded);
     let own: Vec<usize> = (0..takes.len())
         .filter(|&index| takes[index].as_ref().is_ok_and(of_pack))
         .collect();

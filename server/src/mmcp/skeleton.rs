@@ -213,29 +213,43 @@ fn same(skeleton: &Skeleton, model: &Model) -> Result<Vec<usize>, Fault> {
     Ok(order)
 }
 
-/// The joints of a body that the model's motion is carried over to.
-fn carried(rest: Vec<GltfJoint>, model: &Model, space: &Space) -> Result<Joints, Fault> {
+/// The way from a model's skeleton to a body of the caller's own, with these joints.
+///
+/// # Errors
+/// [`Fault`] for a body that the model's motion cannot be carried over to.
+pub(super) fn worn(rest: &[GltfJoint], model: &Model, space: &Space) -> Result<Arc<Worn>, Fault> {
     let joint = |joint: &GltfJoint| troupe_motion::Joint {
         name: joint.name.clone(),
         parent: joint.parent,
         offset_m: joint.translation_m,
     };
-    let still: Vec<Quat> = rest.iter().map(|joint| joint.rotation).collect();
     let guest = Guest {
         joints: rest.iter().map(joint).collect(),
-        rest: still.clone(),
-        height_m: rest[0].translation_m.y,
+        rest: rest.iter().map(|joint| joint.rotation).collect(),
+        height_m: rest.first().map_or(0.0, |root| root.translation_m.y),
     };
     let of = (&*model.loaded, model.place);
     let skeletons = space.store.skeletons();
     let worn = skeletons.guest("skeleton", guest, of, space.packs.table());
-    let worn = worn.map_err(unfit)?;
-    let skeleton = worn.skeleton().clone();
+    worn.map_err(unfit)
+}
+
+/// The contact joints of the body that motion is carried over to, by the bits of its contacts.
+pub(super) fn contacts(worn: &Worn) -> Vec<(usize, String)> {
     let contacts = worn.onto().contacts().into_iter().flatten();
     let contacts: BTreeMap<usize, usize> = contacts.collect();
-    let named = |(bit, joint): (usize, usize)| (bit, skeleton.joints[joint].name.clone());
+    let joints = &worn.skeleton().joints;
+    let named = |(bit, joint): (usize, usize)| (bit, joints[joint].name.clone());
+    contacts.into_iter().map(named).collect()
+}
+
+/// The joints of a body that the model's motion is carried over to.
+fn carried(rest: Vec<GltfJoint>, model: &Model, space: &Space) -> Result<Joints, Fault> {
+    let still: Vec<Quat> = rest.iter().map(|joint| joint.rotation).collect();
+    let worn = worn(&rest, model, space)?;
+    let skeleton = worn.skeleton().clone();
     Ok(Joints {
-        contacts: contacts.into_iter().map(named).collect(),
+        contacts: contacts(&worn),
         axes: Axes::new(&skeleton, &vec![Quat::IDENTITY; still.len()]),
         order: (0..still.len()).collect(),
         skeleton,

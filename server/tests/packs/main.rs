@@ -8,6 +8,7 @@
 mod calls;
 mod virtual_time;
 
+mod carried;
 mod engines;
 mod live;
 mod objects;

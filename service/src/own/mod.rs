@@ -6,9 +6,11 @@
 //! | [`pins`] | poses that the user gave, which frames meet exactly |
 //! | [`keys`] | keyframes of the user for the pack |
 //! | [`frames`] | frames of the pack for the user |
+//! | [`body`] | columns of an answer on the body of another pack |
 //! | [`segment`], [`path`] | in-betweens; motions along paths and of words |
 //! | [`calls`] | `troupe.v1.Skeletons` |
 
+mod body;
 mod calls;
 mod frames;
 mod keys;

@@ -5,10 +5,12 @@ use std::sync::Arc;
 use troupe_character::{FieldError, Path, Size};
 use troupe_live::skeleton::Worn;
 use troupe_live::wire::keyframe::Role;
+use troupe_motion::model::Rig;
 use troupe_motion::{GlobalRoot, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 
+use super::body::OfBody;
 use super::frames::{Carrier, Columns, scaled};
 use super::keys::{Keys, key, keys};
 use super::pins::Pins;
@@ -19,6 +21,8 @@ pub(crate) struct OwnAnswer {
     worn: Arc<Worn>,
     /// One for each character, as they come.
     characters: Vec<OwnCharacter>,
+    /// Set for an answer on the body of a pack.
+    body: Option<OfBody>,
     /// Frames at the end of the first character's motion, and whether they are its last frames.
     /// Otherwise they come after it.
     targets: (Keys, bool),
@@ -34,8 +38,8 @@ struct OwnCharacter {
 
 impl OwnCharacter {
     /// A character that begins after `past`.
-    fn after(past: &Keys, worn: &Arc<Worn>) -> Self {
-        let mut carrier = Carrier::new(worn, Columns::default());
+    fn after(past: &Keys, worn: &Arc<Worn>, columns: Columns) -> Self {
+        let mut carrier = Carrier::new(worn, columns);
         let mut pins = Pins::default();
         let carried = past.carried.iter().flatten();
         let count = carried.clone().count();
@@ -49,18 +53,24 @@ impl OwnCharacter {
     }
 }
 
-/// Replaces a request by that of the pack.
+/// Replaces a request by that of the pack, whose motion has `fps` frames a second. `body` is the
+/// rig of the skeleton if that is the body of another pack.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub(crate) fn take_generate(
     request: &mut v1::GenerateRequest,
     worn: &Arc<Worn>,
-    fps: f32,
+    (fps, body): (f32, Option<&Rig>),
 ) -> Result<OwnAnswer, FieldError> {
     let root = Path::root();
     let past = keys(&root, "past", &mut request.past, Role::Context, worn)?;
-    let mut first = OwnCharacter::after(&past, worn);
+    let columns = Columns {
+        // Answers on a robot of a pack have it without being asked.
+        qpos: body.is_some(),
+        ..Columns::default()
+    };
+    let mut first = OwnCharacter::after(&past, worn, columns);
     let mut characters = Vec::new();
     let mut targets = (Keys::default(), true);
     match &mut request.goal {
@@ -73,7 +83,7 @@ pub(crate) fn take_generate(
             for (index, other) in prompt.others.iter_mut().enumerate() {
                 let path = path.element("others", index);
                 let past = keys(&path, "past", &mut other.past, Role::Context, worn)?;
-                characters.push(OwnCharacter::after(&past, worn));
+                characters.push(OwnCharacter::after(&past, worn, columns));
             }
         }
         Some(Goal::Path(goal)) => {
@@ -101,6 +111,7 @@ pub(crate) fn take_generate(
     }
     characters.insert(0, first);
     Ok(OwnAnswer {
+        body: body.map(|rig| OfBody::new(worn, rig)),
         worn: worn.clone(),
         characters,
         targets,
@@ -148,11 +159,17 @@ impl OwnAnswer {
     pub(crate) fn part(&mut self, part: &mut v1::GenerateResponse) {
         if let Some(found) = &mut part.feasibility {
             scaled(found, self.worn.scale());
+            if let Some(body) = &self.body {
+                body.name_joints(found);
+            }
         }
         let index = part.character as usize;
         while self.characters.len() <= index {
-            self.characters
-                .push(OwnCharacter::after(&Keys::default(), &self.worn));
+            self.characters.push(OwnCharacter::after(
+                &Keys::default(),
+                &self.worn,
+                Columns::default(),
+            ));
         }
         let Some(v1::generate_response::Part::Frames(frames)) = &mut part.part else {
             return;
@@ -180,5 +197,8 @@ impl OwnAnswer {
             }
         }
         carrier.write(carried, pins, frames, self.fps);
+        if let Some(body) = &self.body {
+            body.touch(frames);
+        }
     }
 }

@@ -12,6 +12,12 @@ class Sound(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     SOUND_MUSIC: _ClassVar[Sound]
     SOUND_SPEECH: _ClassVar[Sound]
 
+class PathPlanner(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PATH_PLANNER_AUTO: _ClassVar[PathPlanner]
+    PATH_PLANNER_OWN: _ClassVar[PathPlanner]
+    PATH_PLANNER_CARRIED: _ClassVar[PathPlanner]
+
 class Telling(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     TELLING_WORDS: _ClassVar[Telling]
@@ -19,6 +25,9 @@ class Telling(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     TELLING_SPEECH: _ClassVar[Telling]
 SOUND_MUSIC: Sound
 SOUND_SPEECH: Sound
+PATH_PLANNER_AUTO: PathPlanner
+PATH_PLANNER_OWN: PathPlanner
+PATH_PLANNER_CARRIED: PathPlanner
 TELLING_WORDS: Telling
 TELLING_MUSIC: Telling
 TELLING_SPEECH: Telling
@@ -314,7 +323,7 @@ class Audio(_message.Message):
     def __init__(self, sound: _Optional[_Union[Sound, str]] = ..., codes: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class PathGoal(_message.Message):
-    __slots__ = ("body", "skeleton", "points", "seconds", "speed", "style", "steps", "guidance", "targets", "strict", "keyframes")
+    __slots__ = ("body", "skeleton", "points", "seconds", "speed", "style", "steps", "guidance", "targets", "strict", "keyframes", "planner")
     BODY_FIELD_NUMBER: _ClassVar[int]
     SKELETON_FIELD_NUMBER: _ClassVar[int]
     POINTS_FIELD_NUMBER: _ClassVar[int]
@@ -326,6 +335,7 @@ class PathGoal(_message.Message):
     TARGETS_FIELD_NUMBER: _ClassVar[int]
     STRICT_FIELD_NUMBER: _ClassVar[int]
     KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
+    PLANNER_FIELD_NUMBER: _ClassVar[int]
     body: str
     skeleton: BodySkeleton
     points: _containers.RepeatedCompositeFieldContainer[PathPoint]
@@ -337,7 +347,8 @@ class PathGoal(_message.Message):
     targets: _containers.RepeatedCompositeFieldContainer[Keyframe]
     strict: bool
     keyframes: _containers.RepeatedCompositeFieldContainer[PathKeyframe]
-    def __init__(self, body: _Optional[str] = ..., skeleton: _Optional[_Union[BodySkeleton, _Mapping]] = ..., points: _Optional[_Iterable[_Union[PathPoint, _Mapping]]] = ..., seconds: _Optional[float] = ..., speed: _Optional[float] = ..., style: _Optional[_Iterable[_Union[StyleWord, _Mapping]]] = ..., steps: _Optional[int] = ..., guidance: _Optional[float] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., strict: _Optional[bool] = ..., keyframes: _Optional[_Iterable[_Union[PathKeyframe, _Mapping]]] = ...) -> None: ...
+    planner: PathPlanner
+    def __init__(self, body: _Optional[str] = ..., skeleton: _Optional[_Union[BodySkeleton, _Mapping]] = ..., points: _Optional[_Iterable[_Union[PathPoint, _Mapping]]] = ..., seconds: _Optional[float] = ..., speed: _Optional[float] = ..., style: _Optional[_Iterable[_Union[StyleWord, _Mapping]]] = ..., steps: _Optional[int] = ..., guidance: _Optional[float] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., strict: _Optional[bool] = ..., keyframes: _Optional[_Iterable[_Union[PathKeyframe, _Mapping]]] = ..., planner: _Optional[_Union[PathPlanner, str]] = ...) -> None: ...
 
 class PathKeyframe(_message.Message):
     __slots__ = ("time", "keyframe")
