@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use troupe_character::live::{PartReader, WordsPart};
 use troupe_character::post::{NonFinite, check_finite};
-use troupe_character::take::{Making, PathPlan, Steady};
+use troupe_character::take::{Ending, Making, PathPlan, Steady};
 use troupe_character::{FieldError, Path, Size};
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig, Task};
@@ -32,8 +32,7 @@ use troupe_live::session::SessionError;
 pub struct Generation {
     pieces: Pieces,
     writer: PartWriter,
-    /// Holds the feet of motion for words, a reader a character; none for the network's own frames.
-    readers: Option<Vec<PartReader>>,
+    words: Words,
     /// Windows still to make. Only for a motion along a path.
     path: Option<PathWay>,
     /// Notes about what the model may not do well. They go into the first part.
@@ -42,6 +41,17 @@ pub struct Generation {
     own: Option<OwnAnswer>,
     /// Parts of the last piece that are not sent yet.
     ready: VecDeque<v1::GenerateResponse>,
+}
+
+/// What becomes of the frames of motion for words.
+#[derive(Debug)]
+enum Words {
+    /// They stay as the network made them.
+    Raw,
+    /// Their feet are held, part by part. There is a reader for each character.
+    Held(Vec<PartReader>),
+    /// They end at a place or in given frames, and come in one part.
+    Ending(Box<Ending>),
 }
 
 /// A motion along a path. It is made window by window, and each window continues the one before.
@@ -73,6 +83,8 @@ struct Wanted {
     task: Task,
     rig: Arc<Rig>,
     frame: SegmentFrame,
+    /// Where motion for words ends, if the request says so.
+    ending: Option<Ending>,
     notes: Vec<String>,
     /// Judges the frames of a motion along a path, if the body has limits.
     judge: Option<Judge>,
@@ -108,9 +120,14 @@ impl Generation {
     /// The messages of a piece. For a path this also queues the next window.
     fn written(&mut self, piece: Piece) -> Result<Vec<v1::GenerateResponse>, ServiceError> {
         let Some(way) = &mut self.path else {
-            return match &mut self.readers {
-                Some(readers) => steady_words(readers, &mut self.writer, piece),
-                None => Ok(self.writer.write(piece.output, piece.is_last)?),
+            return match &mut self.words {
+                Words::Held(readers) => steady_words(readers, &mut self.writer, piece),
+                Words::Ending(ending) => {
+                    let (parts, notes) = ended(ending, &mut self.writer, &piece)?;
+                    self.notes.extend(notes);
+                    Ok(parts)
+                }
+                Words::Raw => Ok(self.writer.write(piece.output, piece.is_last)?),
             };
         };
         let (parts, next) = match &mut way.windows {
@@ -183,6 +200,23 @@ fn steady_words(
     Ok(writer.write_words(parts, piece.is_last))
 }
 
+/// The messages of motion that ends somewhere: none before its last piece. Also notes about it.
+fn ended(
+    ending: &mut Ending,
+    writer: &mut PartWriter,
+    piece: &Piece,
+) -> Result<(Vec<v1::GenerateResponse>, Vec<String>), ServiceError> {
+    let rig = writer.rig().clone();
+    if let Output::Motion(motion) = &piece.output {
+        ending.receive(motion, &rig)?;
+    }
+    if !piece.is_last {
+        return Ok((Vec::new(), Vec::new()));
+    }
+    let (track, notes) = ending.finish(&rig);
+    Ok((writer.write_track(track, true), notes))
+}
+
 fn walk(making: &mut Making, writer: &mut PartWriter, made: &Output) -> Result<Written, ServiceError> {
     making.receive(made)?;
     let part = making.part();
@@ -202,15 +236,31 @@ impl Service {
         require(&request, loaded)?;
         let (request, own) = self.for_pack(request, loaded).await?;
         let root = Path::root().sized(own.as_ref().map_or_else(Size::default, OwnAnswer::size));
-        let wanted = match &request.goal {
+        let mut wanted = match &request.goal {
             None => return Err(no_goal().into()),
             Some(Goal::Prompt(prompt)) => words(&root, &request, prompt, loaded)?,
             Some(Goal::Path(goal)) => self.path(&root, &request, goal, loaded)?,
         };
+        let frames = match &wanted.task {
+            Task::Prompt(task) => task.frames,
+            Task::Describe(_) | Task::Keyframes(_) | Task::Path(_) => None,
+        };
+        let pieces = Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?;
+        let words = match wanted.ending {
+            _ if request.raw => Words::Raw,
+            None => Words::Held(Vec::new()),
+            Some(mut ending) => {
+                if let Some(frames) = frames.filter(|_| ending.is_gap()) {
+                    let known = self.know_way(&request, (loaded, frames), &mut ending);
+                    wanted.notes.extend(known.await?);
+                }
+                Words::Ending(Box::new(ending))
+            }
+        };
         Ok(Generation {
-            pieces: Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?,
+            pieces,
             writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
-            readers: (!request.raw && !ends_in_targets(&request)).then(Vec::new),
+            words,
             path: wanted.path,
             notes: wanted.notes,
             own,
@@ -295,6 +345,7 @@ impl Service {
             task,
             rig,
             frame: SegmentFrame::from_root(GlobalRoot::new(Vec3::ZERO, 0.0)),
+            ending: None,
             notes,
             judge,
             path: Some(PathWay {
@@ -333,20 +384,21 @@ fn words(
     prompt: &v1::Prompt,
     loaded: &LoadedPack,
 ) -> Result<Wanted, ServiceError> {
-    let Prepared { task, frame, notes } = prepare_prompt(root, request, prompt, &loaded.pack)?;
+    let Prepared {
+        task,
+        frame,
+        ending,
+        notes,
+    } = prepare_prompt(root, request, prompt, &loaded.pack)?;
     Ok(Wanted {
         task,
         rig: loaded.pack.rig.clone(),
         frame,
+        ending,
         notes,
         judge: None,
         path: None,
     })
-}
-
-/// Whether motion for words ends in given frames, which held feet would change.
-fn ends_in_targets(request: &v1::GenerateRequest) -> bool {
-    matches!(&request.goal, Some(Goal::Prompt(prompt)) if !prompt.targets.is_empty())
 }
 
 fn no_goal() -> FieldError {

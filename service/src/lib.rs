@@ -3,6 +3,7 @@
 
 mod describe;
 mod error;
+mod gap;
 mod generate;
 pub mod inbetween;
 mod metrics;
