@@ -120,7 +120,9 @@ class Measured:
                     for name, filled in self.motionbricks(motions, windows).items():
                         figures[f"{task}, {split}: {name}"] = figures_of(windows, filled, encode)
                         if name == "motionbricks":
-                            placed = [[on_way(c, w) for c, w in zip(clips, filled[0], strict=True)] for clips in samples]
+                            placed = [
+                                [on_way(c, w) for c, w in zip(clips, filled[0], strict=True)] for clips in samples
+                            ]
                             figures[f"{task}, {split}: vermo, root of {name}"] = figures_of(windows, placed, encode)
         return figures, continuation_table(figures)
 
