@@ -16,7 +16,7 @@ use crate::hero::{OntoHero, Writer};
 use crate::output::print;
 use crate::reading::Reading;
 use crate::tokens::Tokens;
-use crate::values::Seconds;
+use crate::values::{Place, Seconds};
 
 /// Make motion from words.
 ///
@@ -29,6 +29,7 @@ Examples:
   troupe say \"an elderly man waves\" --out wave.glb
   troupe say \"a person walks in a circle\" --seconds 6 --seed 3 --out circle.bvh --picture circle.png
   troupe say \"he sits down\" --past walk.bvh --out sit.glb --temperature 0.8 --top-p 0.9
+  troupe say \"a person walks\" --seconds 4 --to 1.5,3,90 --out there.glb
   troupe say \"a person waves\" --beside \"a person bows\" --out meeting.glb
   troupe say \"a person waves\" --onto hero.vrm --out hero-waves.vrm")]
 pub(crate) struct Say {
@@ -57,6 +58,17 @@ pub(crate) struct Say {
     /// .npy. horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) past: Option<PathBuf>,
+
+    /// Place where the motion ends: x and z in metres, and the heading in degrees (0 faces +Z, 90
+    /// faces +X). Without --past the motion begins at 0,0,0. Its way is bent to the place, and
+    /// standing feet are held.
+    #[arg(
+        long,
+        value_name = "X,Z,DEGREES",
+        allow_hyphen_values = true,
+        conflicts_with_all = ["beside", "raw"]
+    )]
+    pub(crate) to: Option<Place>,
 
     /// A sentence for another character in the same motion. May be given again. Each character gets
     /// its own file: wave.glb, wave-2.glb. For packs with the capability `agents`.
@@ -162,6 +174,9 @@ fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failu
     }
     if let Some(seconds) = command.seconds {
         prompt = prompt.seconds(std::time::Duration::from(seconds).as_secs_f32());
+    }
+    if let Some(Place { ground, heading }) = command.to {
+        prompt = prompt.ending_at(ground, heading);
     }
     if let Some(file) = &command.past {
         let clip = read_clip(file, pack, &command.reading.of_input(file, pack), &context.term)?;

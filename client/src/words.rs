@@ -137,6 +137,21 @@ impl Prompt {
         self
     }
 
+    /// Ends at a place over the ground (x and z, metres), with this heading (radians). The motion's
+    /// way is bent to it. Replaces the frames of [`Self::ending_in`].
+    #[must_use]
+    pub fn ending_at(mut self, [x, z]: [f32; 2], heading: f32) -> Self {
+        let place = v1::Keyframe {
+            root: Some(v1::Root {
+                position: Some(v1::Vec3 { x, y: 0.0, z }),
+                heading: Some(heading),
+            }),
+            ..v1::Keyframe::default()
+        };
+        self.goal.targets = vec![place];
+        self
+    }
+
     /// Adds a character of the same motion with its past, which has as many frames as that of the
     /// first. For packs with the capability `agents`.
     #[must_use]

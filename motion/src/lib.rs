@@ -11,6 +11,7 @@
 
 pub mod anatomy;
 pub mod ballistic;
+pub mod bend;
 pub mod bones;
 pub mod bvh;
 pub mod clip;

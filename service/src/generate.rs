@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use troupe_character::live::{PartReader, WordsPart};
 use troupe_character::post::{NonFinite, check_finite};
-use troupe_character::take::{Making, PathPlan, Steady};
+use troupe_character::take::{Ending, Making, PathPlan, Steady};
 use troupe_character::{FieldError, Path, Size};
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig, Task};
@@ -34,8 +34,7 @@ use troupe_live::skeleton::Worn;
 pub struct Generation {
     pieces: Pieces,
     writer: PartWriter,
-    /// Holds the feet of motion for words, a reader a character; none for the network's own frames.
-    readers: Option<Vec<PartReader>>,
+    words: Words,
     /// Windows still to make. Only for a motion along a path.
     path: Option<PathWay>,
     /// Notes about what the model may not do well. They go into the first part.
@@ -44,6 +43,17 @@ pub struct Generation {
     own: Option<OwnAnswer>,
     /// Parts of the last piece that are not sent yet.
     ready: VecDeque<v1::GenerateResponse>,
+}
+
+/// What becomes of the frames of motion for words.
+#[derive(Debug)]
+enum Words {
+    /// They stay as the network made them.
+    Raw,
+    /// Their feet are held, part by part. There is a reader for each character.
+    Held(Vec<PartReader>),
+    /// They end at a place or in given frames, and come in one part.
+    Ending(Box<Ending>),
 }
 
 /// A motion along a path. It is made window by window, and each window continues the one before.
@@ -74,10 +84,10 @@ enum Windows {
 pub(crate) struct Planned {
     /// The queue of the pack.
     batcher: Batcher,
+    /// The request as the pack takes it.
+    request: v1::GenerateRequest,
     wanted: Wanted,
     own: Option<OwnAnswer>,
-    /// Whether standing feet are held in motion for words.
-    holds_feet: bool,
 }
 
 impl Planned {
@@ -97,6 +107,8 @@ struct Wanted {
     task: Task,
     rig: Arc<Rig>,
     frame: SegmentFrame,
+    /// Where motion for words ends, if the request says so.
+    ending: Option<Ending>,
     notes: Vec<String>,
     /// Judges the frames of a motion along a path, if the body has limits.
     judge: Option<Judge>,
@@ -134,9 +146,14 @@ impl Generation {
     /// The messages of a piece. For a path this also queues the next window.
     fn written(&mut self, piece: Piece) -> Result<Vec<v1::GenerateResponse>, ServiceError> {
         let Some(way) = &mut self.path else {
-            return match &mut self.readers {
-                Some(readers) => steady_words(readers, &mut self.writer, piece),
-                None => Ok(self.writer.write(piece.output, piece.is_last)?),
+            return match &mut self.words {
+                Words::Held(readers) => steady_words(readers, &mut self.writer, piece),
+                Words::Ending(ending) => {
+                    let (parts, notes) = ended(ending, &mut self.writer, &piece)?;
+                    self.notes.extend(notes);
+                    Ok(parts)
+                }
+                Words::Raw => Ok(self.writer.write(piece.output, piece.is_last)?),
             };
         };
         let (parts, next) = match &mut way.windows {
@@ -209,6 +226,23 @@ fn steady_words(
     Ok(writer.write_words(parts, piece.is_last))
 }
 
+/// The messages of motion that ends somewhere: none before its last piece. Also notes about it.
+fn ended(
+    ending: &mut Ending,
+    writer: &mut PartWriter,
+    piece: &Piece,
+) -> Result<(Vec<v1::GenerateResponse>, Vec<String>), ServiceError> {
+    let rig = writer.rig().clone();
+    if let Output::Motion(motion) = &piece.output {
+        ending.receive(motion, &rig)?;
+    }
+    if !piece.is_last {
+        return Ok((Vec::new(), Vec::new()));
+    }
+    let (track, notes) = ending.finish(&rig);
+    Ok((writer.write_track(track, true), notes))
+}
+
 fn walk(making: &mut Making, writer: &mut PartWriter, made: &Output) -> Result<Written, ServiceError> {
     making.receive(made)?;
     let part = making.part();
@@ -232,14 +266,30 @@ impl Service {
         };
         let Planned {
             batcher,
-            wanted,
+            request,
+            mut wanted,
             own,
-            holds_feet,
         } = planned;
+        let frames = match &wanted.task {
+            Task::Prompt(task) => task.frames,
+            Task::Describe(_) | Task::Keyframes(_) | Task::Path(_) => None,
+        };
+        let pieces = Pieces::ask(&batcher, wanted.task, arrived, self.common.timeout)?;
+        let words = match wanted.ending {
+            _ if request.raw => Words::Raw,
+            None => Words::Held(Vec::new()),
+            Some(mut ending) => {
+                if let Some(frames) = frames.filter(|_| ending.is_gap()) {
+                    let known = self.know_way(&request, (loaded, frames), &mut ending);
+                    wanted.notes.extend(known.await?);
+                }
+                Words::Ending(Box::new(ending))
+            }
+        };
         Ok(Generation {
-            pieces: Pieces::ask(&batcher, wanted.task, arrived, self.common.timeout)?,
+            pieces,
             writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
-            readers: holds_feet.then(Vec::new),
+            words,
             path: wanted.path,
             notes: wanted.notes,
             own,
@@ -297,9 +347,9 @@ impl Service {
         };
         Ok(Planned {
             batcher: loaded.batcher.clone(),
+            request,
             wanted,
             own,
-            holds_feet: !request.raw && !ends_in_targets(&request),
         })
     }
 
@@ -354,6 +404,7 @@ impl Service {
             task,
             rig,
             frame: SegmentFrame::from_root(GlobalRoot::new(Vec3::ZERO, 0.0)),
+            ending: None,
             notes,
             judge,
             path: Some(PathWay {
@@ -393,21 +444,22 @@ fn words(
     prompt: &v1::Prompt,
     loaded: &LoadedPack,
 ) -> Result<Wanted, ServiceError> {
-    let Prepared { task, frame, notes } = prepare_prompt(root, request, prompt, &loaded.pack)?;
+    let Prepared {
+        task,
+        frame,
+        ending,
+        notes,
+    } = prepare_prompt(root, request, prompt, &loaded.pack)?;
     Ok(Wanted {
         task,
         rig: loaded.pack.rig.clone(),
         frame,
+        ending,
         notes,
         judge: None,
         path: None,
         falls_behind: false,
     })
-}
-
-/// Whether motion for words ends in given frames, which held feet would change.
-fn ends_in_targets(request: &v1::GenerateRequest) -> bool {
-    matches!(&request.goal, Some(Goal::Prompt(prompt)) if !prompt.targets.is_empty())
 }
 
 fn no_goal() -> FieldError {

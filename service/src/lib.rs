@@ -4,6 +4,7 @@
 mod carried;
 mod describe;
 mod error;
+mod gap;
 mod generate;
 pub mod inbetween;
 mod metrics;

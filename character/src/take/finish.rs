@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use troupe_motion::bend::{Place, bend_through};
 use troupe_motion::fk::joint_transform;
 use troupe_motion::ik::{FootLock, Posed, ReachOptions, Reached, lock_feet, reach_pose};
 use troupe_motion::interpolate::smoothstep;
@@ -13,6 +14,7 @@ use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::terrain::{Terrain, lift_motion};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
+use super::ending::put;
 use super::met::{Body, Fixed, fixed};
 use super::note::Note;
 use super::request::{Effector, Take, Wanted};
@@ -21,6 +23,8 @@ use crate::post::{PIN_REACH_FRAMES, onto_hinges, plant};
 
 /// A root that moves farther than this gets a note, metres.
 const NOTED_M: f32 = 0.3;
+/// The way of words that misses a place by more than this is bent, metres.
+const BENT_M: f32 = 0.05;
 /// An effector that stays farther away than this gets a note, metres.
 const MISSED_M: f32 = 0.02;
 /// A robot's pose gets a note if its hinges differ by more than this, radians.
@@ -57,6 +61,7 @@ pub fn finish(take: &Take, mut track: Track, boundaries: Vec<usize>, notes: Vec<
         },
         notes,
         fixed: fixed(&body),
+        is_bent: false,
         body,
     };
     work.meet_roots();
@@ -110,6 +115,8 @@ struct Work<'a> {
     track: Track,
     notes: Vec<Note>,
     fixed: BTreeMap<usize, Fixed>,
+    /// Whether the way of motion for words was bent: then feet must step as it goes.
+    is_bent: bool,
 }
 
 impl Work<'_> {
@@ -139,7 +146,6 @@ impl Work<'_> {
     /// Moves roots to their fixed positions: the first one together with all frames, later ones by
     /// an offset that fades.
     fn meet_roots(&mut self) {
-        let last = self.last();
         if let Some(first) = self.fixed.get(&0).copied() {
             let (from, to) = (self.root(0), self.pinned(0, &first));
             self.track.carry(from, to);
@@ -148,6 +154,27 @@ impl Work<'_> {
                 root.y += up * (1.0 - smoothstep((frame as f32 / FADE_FRAMES).min(1.0)));
             }
         }
+        let pins = self.root_pins();
+        let off = |(frame, root): (&usize, &GlobalRoot)| {
+            (root.position - self.track.roots[*frame]).with_y(0.0).length()
+        };
+        let most = pins.iter().map(off).fold(0.0, f32::max);
+        if most > NOTED_M {
+            let message = format!(
+                "the model's motion was up to {most:.1} m away from a place that it must meet: feet may slide"
+            );
+            self.warn("root_moved", message);
+        }
+        if self.take.speaks() {
+            self.is_bent = most > BENT_M;
+            self.bend();
+        }
+        self.pin_roots(&self.root_pins());
+    }
+
+    /// The roots that frames after the first one must have.
+    fn root_pins(&self) -> BTreeMap<usize, GlobalRoot> {
+        let last = self.last();
         let mut pins: BTreeMap<usize, GlobalRoot> = self
             .fixed
             .range(1..)
@@ -160,17 +187,23 @@ impl Work<'_> {
             let position = end.position.with_y(first.position.y);
             pins.insert(last, GlobalRoot::new(position, first.heading));
         }
-        let off = |(frame, root): (&usize, &GlobalRoot)| {
-            (root.position - self.track.roots[*frame]).with_y(0.0).length()
+        pins
+    }
+
+    /// Bends the way of motion for words through its fixed places: a model of words knows none.
+    fn bend(&mut self) {
+        let place = |(&frame, fixed): (&usize, &Fixed)| {
+            Some(Place {
+                frame,
+                ground: fixed.place?.into(),
+                heading: fixed.heading,
+            })
         };
-        let most = pins.iter().map(off).fold(0.0, f32::max);
-        if most > NOTED_M {
-            let message = format!(
-                "the model's motion was up to {most:.1} m away from a place that it must meet: feet may slide"
-            );
-            self.warn("root_moved", message);
-        }
-        self.pin_roots(&pins);
+        let places: Vec<Place> = self.fixed.range(1..).filter_map(place).collect();
+        let frames = 0..self.track.len();
+        let roots: Vec<GlobalRoot> = frames.map(|frame| self.root(frame)).collect();
+        let bent = bend_through(&roots, &places);
+        put(&mut self.track, 0, &bent, self.body.skeleton);
     }
 
     fn pin_roots(&mut self, pins: &BTreeMap<usize, GlobalRoot>) {
@@ -297,7 +330,8 @@ impl Work<'_> {
         }
         ranges.push(from..count);
         let ranges = ranges.into_iter().filter(|range| !range.is_empty());
-        if self.take.subject.follower.is_some() && self.take.onto.is_none() {
+        let steps = self.take.subject.follower.is_some() || self.is_bent;
+        if steps && self.take.onto.is_none() {
             for range in ranges {
                 plant(&self.take.subject.rig, self.track.columns(), range, None);
             }

@@ -1,8 +1,9 @@
-use troupe_motion::rotation::yaw;
+use troupe_motion::model::Motion;
+use troupe_motion::rotation::{six_d, yaw};
 use troupe_motion::{Quat, Vec3};
 
 use super::super::testing::{knot, run, take};
-use super::super::{PoseKey, Severity};
+use super::super::{Knot, PoseKey, Severity};
 use super::*;
 
 fn place(made: &Made, frame: usize) -> [f32; 2] {
@@ -50,6 +51,40 @@ fn a_pose_on_the_way_is_met_and_the_motion_continues_from_it() {
     let steps = made.track.roots.windows(2).map(|pair| pair[0].distance(pair[1]));
     assert!(steps.fold(0.0, f32::max) < 0.15, "nothing jumps");
     assert!(made.boundaries.contains(&61), "a window ends with the pose");
+}
+
+#[test]
+fn the_way_of_words_is_bent_to_its_place() {
+    let mut take = take(90);
+    take.segments[0].prompt = Prompt::Words("someone walks".to_owned());
+    let ahead = Knot {
+        heading: Some(0.0),
+        ..knot(0.0, 0.0, 0.0)
+    };
+    take.wanted.path = vec![ahead, knot(89.0, 2.0, 2.0)];
+    let rig = take.subject.rig.clone();
+    let mut making = Making::new(&Arc::new(take), 0);
+    while let Some(task) = making.next_task().unwrap() {
+        let Task::Prompt(task) = task else {
+            panic!("{task:?}")
+        };
+        // It walks straight on, whatever the path.
+        let mut motion = Motion::default();
+        for frame in 0..task.frames.unwrap() {
+            motion.root.extend([0.0, 1.0, 0.035 * frame as f32, 1.0, 0.0]);
+            let pose = (0..rig.dims.joints).flat_map(|_| six_d(Quat::IDENTITY));
+            motion.rotations.extend(pose);
+            motion.contacts.extend(vec![0.0; rig.dims.contacts]);
+        }
+        making.receive(&Output::Motion(motion)).unwrap();
+    }
+    let made = making.finish().unwrap();
+    assert!(near(place(&made, 89), [2.0, 2.0], 1e-3), "{:?}", place(&made, 89));
+    // A quarter of a circle leads there, and the body turns with its way.
+    let heading = made.track.root(89, &rig.skeleton).heading;
+    assert!((heading - std::f32::consts::FRAC_PI_2).abs() < 0.05, "{heading}");
+    let middle = made.track.root(45, &rig.skeleton);
+    assert!((middle.heading - 0.8).abs() < 0.2 && middle.position.x < middle.position.z);
 }
 
 #[test]

@@ -6,9 +6,11 @@
 //! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must, perhaps
 //! on another body ([`Onto`]). A take in
 //! parts has each window meet it ([`settle`]), so that frames are final as they are made; [`along`]
-//! plans such a take for a path. [`steady`] does it for windows of a [`path_plan`].
+//! plans such a take for a path. [`steady`] does it for windows of a [`path_plan`], and [`ending`]
+//! for motion of words that must end at a place or in given frames.
 
 mod along;
+mod ending;
 mod finish;
 mod follow;
 mod ground;
@@ -30,6 +32,7 @@ mod walk;
 mod way;
 
 pub use along::{TooFast, WalkPath, WalkRequest, falls_behind};
+pub use ending::{Ending, top_speed_mps};
 pub use finish::Made;
 pub use ground::Ground;
 pub use making::Making;

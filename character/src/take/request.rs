@@ -86,6 +86,11 @@ pub struct Look {
 }
 
 impl Take {
+    /// Whether a segment is motion for words.
+    pub(super) fn speaks(&self) -> bool {
+        self.segments.iter().any(|segment| segment.prompt != Prompt::Free)
+    }
+
     /// The size of the answer's body, for errors and notes about the take's.
     pub(super) fn size(&self) -> Size {
         let scale = self.onto.as_ref().map(|onto| onto.retargeter().scale());

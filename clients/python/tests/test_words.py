@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -69,6 +70,33 @@ def test_motion_goes_on_from_a_past_and_leads_to_targets(words: troupe.Client) -
     with pytest.raises(troupe.InvalidArgumentError, match="is missing") as caught:
         words.generate(prompt=troupe.Prompt(targets=targets), past=past)
     assert caught.value.field == "prompt.frame_count"
+
+
+def test_motion_ends_at_a_place(words: troupe.Client) -> None:
+    made = words.generate(prompt=troupe.Prompt("someone walks", seconds=3.0, to=(0.6, 1.0, math.pi / 2)), seed=3)
+    assert len(made.clip) == 90
+    assert np.linalg.norm(made.clip.root[-1, [0, 2]] - (0.6, 1.0)) < 0.05
+    past = still(words, 16)
+    on = words.generate(prompt=troupe.Prompt("someone walks", seconds=3.0, to=(-0.5, 1.2, 0.0)), past=past).clip
+    assert np.linalg.norm(on.root[-1, [0, 2]] - (-0.5, 1.2)) < 0.05
+    assert np.linalg.norm(on.root[0] - past.root[-1]) < 0.3
+    with pytest.raises(troupe.InvalidArgumentError, match=r"frame_count \d+ or more") as caught:
+        words.generate(prompt=troupe.Prompt("someone walks", seconds=1.0, to=(0.0, 40.0, 0.0)))
+    assert caught.value.field == "prompt.targets[0].root.position"
+
+
+def test_a_place_on_the_wire_is_a_root_alone() -> None:
+    prompt = troupe.Prompt("someone walks", to=(0.5, -2.0, 1.5)).to_message()
+    (target,) = prompt.targets
+    assert not target.HasField("pose") and not prompt.HasField("frame_count")
+    assert (target.root.position.x, target.root.position.z, target.root.heading) == (0.5, -2.0, 1.5)
+    for wrong in ((1.0, 2.0), (1.0, math.nan, 0.0)):
+        with pytest.raises(troupe.InvalidArgumentError) as caught:
+            troupe.Prompt("someone walks", to=wrong).to_message()
+        assert caught.value.field == "to"
+    key = troupe.Keyframe(root=(0.0, 0.9, 1.0), heading=0.0)
+    with pytest.raises(troupe.InvalidArgumentError, match="one of the two"):
+        troupe.Prompt("someone walks", targets=[key], to=(0.0, 1.0, 0.0)).to_message()
 
 
 def test_two_characters_move_together(words: troupe.Client) -> None:

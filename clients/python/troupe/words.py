@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
+from troupe.arrays import floats
 from troupe.clip import Clip
-from troupe.errors import AnswerError
+from troupe.errors import AnswerError, InvalidArgumentError
 from troupe.inbetween import keyframes
 from troupe.keyframe import Keyframe
 from troupe.pack import Pack
@@ -79,6 +80,8 @@ class Prompt:
     """Length of the motion in frames of the pack, in the place of `seconds`."""
     targets: Clip | Sequence[Keyframe] = ()
     """Frames that come after: the motion leads from the past to them. Then its length must be given."""
+    to: Sequence[float] | None = None
+    """(3) x and z of the place where the motion ends, metres, and the heading there, radians; in the place of `targets`."""
     others: Sequence[Agent] = ()
     """Other characters of the same motion, for packs with the capability `agents`."""
     audio: Audio | None = None
@@ -93,11 +96,19 @@ class Prompt:
             for nth, other in enumerate(self.others)
         ]
         audio = None if self.audio is None else self.audio.to_message()
+        targets = keyframes(self.targets, "goal.prompt.targets", None)
+        if self.to is not None:
+            if targets:
+                message = "to: is given beside targets; allowed: one of the two"
+                raise InvalidArgumentError(message, field="to", allowed="one of the two")
+            x, z, heading = floats("to", self.to, (3,)).tolist()
+            place = Keyframe(root=(x, 0.0, z), heading=heading)
+            targets = [place.to_message("goal.prompt.targets[0]")]
         return motion_pb2.Prompt(
             text=self.text,
             seconds=self.seconds,
             frame_count=self.frames,
-            targets=keyframes(self.targets, "goal.prompt.targets", None),
+            targets=targets,
             others=others,
             audio=audio,
             flow_steps=self.flow_steps,

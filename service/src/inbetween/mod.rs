@@ -30,7 +30,8 @@ pub use path::{
     refuse_walk, walk_judge,
 };
 pub use prepare::{ExtraOutputs, Plan, RequestLimits, prepare};
-pub use prompt::{MAX_GENERATED_FRAMES, Prepared, prepare_prompt};
+pub(crate) use prompt::target_role;
+pub use prompt::{MAX_GENERATED_FRAMES, Prepared, leads_to_place, prepare_prompt};
 pub use root::GivenRoot;
 pub use sampling::no_sampling;
 pub use words::{check_description, check_words, fitting, most_past};

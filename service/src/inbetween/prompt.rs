@@ -1,6 +1,7 @@
 //! Requests to act out words: from a message to a task.
 
 use troupe_character::keyframe::{Checked, KeyWriter};
+use troupe_character::take::{Ending, top_speed_mps};
 use troupe_character::{FieldError, Path};
 use troupe_engine::pack::Pack;
 use troupe_motion::model::{AgentTask, Audio, PromptTask, Rig, Sound, Task};
@@ -23,6 +24,8 @@ pub struct Prepared {
     pub task: Task,
     /// Where the motion's segment lies in the world.
     pub frame: SegmentFrame,
+    /// Where the motion ends, if the request says so.
+    pub ending: Option<Ending>,
     /// Notes about what the model may not do well.
     pub notes: Vec<String>,
 }
@@ -50,12 +53,16 @@ pub fn prepare_prompt(
     let keys = Keys::check(root, request, prompt, pack)?;
 
     let frame = segment(keys.past.last());
+    let ending = keys.ending(&path, prompt, frames, &pack.rig)?;
     let mut writer = KeyWriter::new(&pack.rig.skeleton, pack.rig.fps);
     let others = texts.others.into_iter().zip(&keys.others);
     let task = Task::Prompt(PromptTask {
         text: texts.first,
         context: writer.write(&frame, &keys.past),
-        targets: writer.write(&frame, &keys.targets),
+        targets: match leads_to_place(prompt) {
+            true => Vec::new(),
+            false => writer.write(&frame, &keys.targets),
+        },
         audio,
         others: others
             .map(|(text, past)| AgentTask {
@@ -70,7 +77,29 @@ pub fn prepare_prompt(
         flow_steps: prompt.flow_steps.unwrap_or(0),
     });
     let notes = check_prompt(pack, prompt, &task)?;
-    Ok(Prepared { task, frame, notes })
+    Ok(Prepared {
+        task,
+        frame,
+        ending,
+        notes,
+    })
+}
+
+/// Whether the target of a prompt is a place: one root, without a pose. Other targets are frames
+/// behind a gap.
+pub fn leads_to_place(prompt: &v1::Prompt) -> bool {
+    match prompt.targets.as_slice() {
+        [target] => target.root.is_some() && target.pose.is_none() && target.qpos.is_empty(),
+        _ => false,
+    }
+}
+
+/// The parts that each of a prompt's targets must have.
+pub(crate) fn target_role(prompt: &v1::Prompt) -> Role {
+    match leads_to_place(prompt) {
+        true => Role::Target,
+        false => Role::Context,
+    }
 }
 
 /// The segment that starts at this keyframe. Without a keyframe: at the origin.
@@ -142,6 +171,10 @@ fn check_text(path: &Path<'_>, text: &str) -> Result<String, FieldError> {
     Ok(text.to_owned())
 }
 
+fn leads_to_frames(prompt: &v1::Prompt) -> bool {
+    !prompt.targets.is_empty() && !leads_to_place(prompt)
+}
+
 /// The wanted number of frames, from a count or from seconds.
 fn check_length(path: &Path<'_>, prompt: &v1::Prompt, rig: &Rig) -> Result<Option<usize>, FieldError> {
     match (prompt.frame_count, prompt.seconds) {
@@ -162,14 +195,14 @@ fn check_length(path: &Path<'_>, prompt: &v1::Prompt, rig: &Rig) -> Result<Optio
                 let allowed = format!("more than 0, and at most {longest_s:.1}");
                 return Err(path.field("seconds").error(format!("is {seconds}"), allowed));
             }
-            let unit = match prompt.targets.is_empty() {
-                true => 1,
-                false => rig.dims.frames_per_token,
+            let unit = match leads_to_frames(prompt) {
+                true => rig.dims.frames_per_token,
+                false => 1,
             };
             let units = (seconds * rig.fps / unit as f32).round() as usize;
             Ok(Some(units.max(1) * unit))
         }
-        (None, None) if !prompt.targets.is_empty() => Err(path
+        (None, None) if leads_to_frames(prompt) => Err(path
             .field("frame_count")
             .error("is missing", "frame_count or seconds beside targets")),
         (None, None) => Ok(None),
@@ -217,7 +250,7 @@ impl Keys {
         let rig = &pack.rig;
         let past = check_keyframes(root, "past", &request.past, Role::Context, rig)?;
         let anchor = past.last();
-        let targets = check_keyframes(&path, "targets", &prompt.targets, Role::Context, rig)?;
+        let targets = check_keyframes(&path, "targets", &prompt.targets, target_role(prompt), rig)?;
         check_near(root, "past", &past, anchor)?;
         check_near(&path, "targets", &targets, anchor)?;
         let mut others = Vec::with_capacity(prompt.others.len());
@@ -234,6 +267,67 @@ impl Keys {
             others,
         })
     }
+
+    /// Where a motion of `frames` frames ends, if the request says so.
+    fn ending(
+        &self,
+        path: &Path<'_>,
+        prompt: &v1::Prompt,
+        frames: Option<usize>,
+        rig: &Rig,
+    ) -> Result<Option<Ending>, FieldError> {
+        let frame = segment(self.past.last());
+        if !leads_to_place(prompt) {
+            let is_gap = !self.targets.is_empty();
+            return Ok(is_gap.then(|| Ending::between(frame, &self.past, &self.targets)));
+        }
+        let path = path.element("targets", 0);
+        if !prompt.others.is_empty() {
+            return Err(path.error("is given", "none beside other characters"));
+        }
+        if prompt.targets[0].velocity.is_some() {
+            return Err(path
+                .field("velocity")
+                .error("is given", "a root alone, or root and pose"));
+        }
+        let Some(place) = self.targets.first().and_then(|key| key.root) else {
+            return Ok(None);
+        };
+        if let Some(frames) = frames {
+            let past = self.past.last().and_then(|key| key.root);
+            check_speed(&path, place, (past, frames), rig)?;
+        }
+        Ok(Some(Ending::at(place, frame, &self.past)))
+    }
+}
+
+/// Checks that a body gets to a place in `frames` frames, after `past` or from the origin.
+fn check_speed(
+    path: &Path<'_>,
+    place: GlobalRoot,
+    (past, frames): (Option<GlobalRoot>, usize),
+    rig: &Rig,
+) -> Result<(), FieldError> {
+    let Some(top_mps) = top_speed_mps(rig) else {
+        return Ok(());
+    };
+    // Without a past, the first frame is at the origin itself.
+    let steps = frames - usize::from(past.is_none());
+    let from = past.map_or(Vec3::ZERO, |root| root.position);
+    let way_m = (place.position - from).with_y(0.0).length();
+    let most_m = top_mps * steps as f32 / rig.fps;
+    if way_m <= most_m {
+        return Ok(());
+    }
+    let enough = (way_m / top_mps * rig.fps).ceil() as usize + 1;
+    let path = path.field("root");
+    Err(path.field("position").error(
+        format!("is {:.2} m away", path.metres(way_m)),
+        format!(
+            "at most {:.2} m in {frames} frames; or frame_count {enough} or more",
+            path.metres(most_m)
+        ),
+    ))
 }
 
 /// Checks that the keyframes `name` of the message at `path` are within reach of `anchor`. Without

@@ -238,6 +238,63 @@ fn a_task_without_training_names_the_field_that_asks_for_it() {
     }
 }
 
+/// A place ahead, as a prompt's target.
+fn place(z: f32) -> Vec<v1::Keyframe> {
+    vec![v1::Keyframe {
+        root: Some(v1::Root {
+            position: Some(v1::Vec3 { x: 0.0, y: 0.0, z }),
+            heading: Some(0.5),
+        }),
+        ..v1::Keyframe::default()
+    }]
+}
+
+#[test]
+fn a_root_alone_is_the_place_to_end_at() {
+    // It needs neither a past nor a length, and the model does not see it.
+    let found = prepared(&pack(), |_, p| p.targets = place(3.0)).unwrap();
+    let Task::Prompt(task) = &found.task else {
+        panic!("{:?}", found.task)
+    };
+    assert!(task.targets.is_empty() && task.frames.is_none());
+    assert!(found.ending.is_some_and(|ending| !ending.is_gap()));
+    // Its frames are no tokens.
+    let found = prepared(&pack(), |_, p| (p.targets, p.seconds) = (place(1.0), Some(1.02))).unwrap();
+    assert!(matches!(&found.task, Task::Prompt(task) if task.frames == Some(31)));
+
+    let gap = prepared(&pack(), |r, p| {
+        (r.past, p.targets, p.frame_count) = (keyframes(16), keyframes(16), Some(16));
+    });
+    assert!(gap.unwrap().ending.is_some_and(|ending| ending.is_gap()));
+    assert!(prepared(&pack(), |_, _| ()).unwrap().ending.is_none());
+}
+
+#[test]
+fn a_place_that_no_body_reaches_is_refused_with_a_way_on() {
+    // Legs of 0.800665 m: 4.0033 m/s. Thirty frames from the origin are 29 steps, 3.87 m.
+    let far: Change = |_, p| (p.targets, p.frame_count) = (place(8.0), Some(30));
+    assert_eq!(
+        refusal(&pack(), far),
+        "prompt.targets[0].root.position: is 8.00 m away; \
+         allowed: at most 3.87 m in 30 frames; or frame_count 61 or more"
+    );
+    let enough: Change = |_, p| (p.targets, p.frame_count) = (place(8.0), Some(61));
+    assert!(prepared(&pack(), enough).is_ok());
+    // The past goes on from 0.45 m ahead.
+    let after: Change = |r, p| (r.past, p.targets, p.frame_count) = (keyframes(16), place(4.4), Some(30));
+    assert!(prepared(&pack(), after).is_ok());
+    let beside: Change = |_, p| (p.targets, p.others) = (place(1.0), vec![agent("wave", 0)]);
+    assert_eq!(
+        refusal(&pack(), beside),
+        "prompt.targets[0]: is given; allowed: none beside other characters"
+    );
+    let moving: Change = |_, p| {
+        p.targets = place(1.0);
+        p.targets[0].velocity = Some(v1::RootVelocity::default());
+    };
+    assert!(refusal(&pack(), moving).starts_with("prompt.targets[0].velocity"));
+}
+
 #[test]
 fn seconds_are_rounded_to_frames_and_beside_targets_to_tokens() {
     let frames = |change: Change| match prepared(&pack(), change).unwrap().task {

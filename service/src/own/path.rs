@@ -10,6 +10,8 @@ use troupe_motion::{GlobalRoot, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 
+use crate::inbetween::target_role;
+
 use super::body::OfBody;
 use super::frames::{Carrier, Columns, scaled};
 use super::keys::{Keys, key, keys};
@@ -76,10 +78,8 @@ pub(crate) fn take_generate(
     match &mut request.goal {
         Some(Goal::Prompt(prompt)) => {
             let path = root.field("prompt");
-            targets = (
-                keys(&path, "targets", &mut prompt.targets, Role::Context, worn)?,
-                false,
-            );
+            let role = target_role(prompt);
+            targets = (keys(&path, "targets", &mut prompt.targets, role, worn)?, false);
             for (index, other) in prompt.others.iter_mut().enumerate() {
                 let path = path.element("others", index);
                 let past = keys(&path, "past", &mut other.past, Role::Context, worn)?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
-use troupe_client::{ClientError, Describe, DescriptionPart, Key, Pack, Prompt, TokenSampling};
+use troupe_client::{ClientError, Describe, DescriptionPart, InBetween, Key, Pack, Prompt, TokenSampling};
 use troupe_motion::bvh::{self, BvhOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::{Quat, Vec3};
@@ -77,6 +77,21 @@ async fn words_become_motion_in_a_file() {
     let clip = file.to_clip_on(pack.skeleton(), &BvhOptions::default()).unwrap();
     assert_eq!(clip.frames(), 60);
     assert!(std::fs::read(&picture).unwrap().starts_with(b"\x89PNG"));
+
+    // The motion ends at its place, which may be to the side and behind.
+    for (place, ends) in [("0.6,1,90", [0.6, 1.0]), ("-0.4,-0.3,-170", [-0.4, -0.3])] {
+        let output = say(&["--seconds", "3", "--to", place]).await;
+        assert_eq!(printed(&output), "");
+        let file = bvh::parse(&std::fs::read_to_string(&out).unwrap()).unwrap();
+        let clip = file.to_clip_on(pack.skeleton(), &BvhOptions::default()).unwrap();
+        let last = clip.root_positions[89];
+        let missed_m = (last.x - ends[0]).hypot(last.z - ends[1]);
+        assert!(missed_m < 0.05, "{place}: {last}");
+    }
+    let output = say(&["--seconds", "1", "--to", "0,40,0"]).await;
+    failed(&output, 4, &["prompt.targets[0].root.position", "frame_count"]);
+    let output = say(&["--to", "0,40"]).await;
+    failed(&output, 2, &["--to", "a heading in degrees"]);
 
     // A continuation of the clip, with a summary as JSON.
     let output = say(&["--past", out.to_str().unwrap(), "--json", "--temperature", "0"]).await;
@@ -214,6 +229,72 @@ async fn the_client_takes_several_characters_and_audio() {
     let short = Describe::new(made.clip.resample(60.0).unwrap());
     let error = client.describe(&pack, &short).await.unwrap_err();
     assert!(matches!(error, ClientError::Request(_)), "{error}");
+    drop(client);
+    assert!(server.stop().await);
+}
+
+#[tokio::test]
+async fn words_fill_a_gap_on_the_way_of_a_pack_that_fills_gaps() {
+    let folder = Folder::new("way");
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
+    for name in ["human", "vermo"] {
+        let pack = models.join(name).canonicalize().unwrap();
+        std::os::unix::fs::symlink(pack, folder.file(name)).unwrap();
+    }
+    let packs = folder.file("");
+    let server = Server::start_with(move |config| config.packs = packs).await;
+    let (client, human) = server.client().await;
+    let vermo = client.pack("vermo").await.unwrap();
+    let walk = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/walk.bvh");
+    let file = bvh::parse(&std::fs::read_to_string(walk).unwrap()).unwrap();
+    let clip = file.to_clip_on(human.skeleton(), &BvhOptions::default()).unwrap();
+
+    let keys = Key::all(&clip);
+    let gap = Prompt::new("a person walks")
+        .after(&keys[20..36])
+        .ending_in(&keys[84..100])
+        .frames(48);
+    let filled = client.say(&vermo, &gap).await.unwrap().whole().await.unwrap();
+    assert_eq!(
+        (filled.clip.frames(), filled.notes.len()),
+        (48, 0),
+        "{:?}",
+        filled.notes
+    );
+    let plain = InBetween::from_clip(&clip, 35, 84).unwrap();
+    let plain = client.in_between(&human, &plain).await.unwrap();
+    let away_m = |frame: usize| {
+        let [one, other] = [
+            filled.clip.root_positions[frame],
+            plain.clip.root_positions[frame + 4],
+        ];
+        (one - other).with_y(0.0).length()
+    };
+    let most_m = (0..48).map(away_m).fold(0.0, f32::max);
+    assert!(most_m < 1e-3, "the root is {most_m} m off the way");
+    // The poses are those of the words.
+    let pose = |clip: &Clip, frame: usize| clip.rotations_at(frame).to_vec();
+    let differs = pose(&filled.clip, 24)
+        .iter()
+        .zip(pose(&plain.clip, 28))
+        .any(|(a, b)| a.angle_between(b) > 0.01);
+    assert!(differs);
+
+    // Beyond the gaps of the pack the words lead to the end themselves.
+    let long = Prompt::new("a person walks")
+        .after(&keys[0..16])
+        .ending_in(&keys[100..116])
+        .frames(84);
+    let long = client.say(&vermo, &long).await.unwrap().whole().await.unwrap();
+    let note = long.notes.join("; ");
+    assert!(
+        note.contains("the pack human fills gaps of 7 to 59 frames"),
+        "{note}"
+    );
+    let last = (long.clip.root_positions[83] - clip.root_positions[100])
+        .with_y(0.0)
+        .length();
+    assert!(last < 0.1, "{last} m");
     drop(client);
     assert!(server.stop().await);
 }
