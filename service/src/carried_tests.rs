@@ -40,11 +40,8 @@ fn another_pack_gets_its_own_style_and_no_body() {
         .map(|style| (&*style.word, style.weight))
         .collect();
     assert_eq!(styles, [("normal", Some(0.5)), ("old", Some(0.5))]);
-    assert_eq!(
-        for_carrier(&goal(&[]), "normal").style,
-        [],
-        "the default style has no name"
-    );
+    let usual = for_carrier(&goal(&[]), "normal");
+    assert!(usual.style.is_empty(), "the default style needs no name");
 }
 
 #[test]

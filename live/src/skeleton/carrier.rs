@@ -71,8 +71,8 @@ impl Ways {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The body with index `place` of a pack on the skeleton of `carrier`. The first call for a pair
-    /// takes milliseconds.
+    /// The body with index `place` of a pack on the skeleton of `carrier`. The first call for a
+    /// pair takes milliseconds.
     fn way(&self, (loaded, place): (&LoadedPack, usize), carrier: &LoadedPack, table: &PackTable) -> Way {
         let key = (
             loaded.pack.name().to_owned(),

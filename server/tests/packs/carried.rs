@@ -93,7 +93,8 @@ async fn body(client: &Client, name: &str) -> v1::PackBody {
     pack.bodies.into_iter().find(|body| body.name == name).unwrap()
 }
 
-/// Mean way over the ground of the toe that moves less, mm a frame, and whether one is in the ground.
+/// Mean way over the ground of the toe that moves less, mm a frame, and whether one is in the
+/// ground.
 fn toes(frames: &v1::Frames, body: &v1::PackBody) -> (f32, bool) {
     let joints = body.joints.iter().map(|joint| {
         let v1::Vec3 { x, y, z } = joint.offset.unwrap_or_default();
