@@ -14,7 +14,7 @@ from troupe_training.data.skeleton import Skeleton
 from troupe_training.data.store import ClipStore, Segments
 from troupe_training.evaluate.bench import Sampling
 from troupe_training.evaluate.vermo.answers import Clip, world
-from troupe_training.evaluate.vermo.continuation import Window, interpolated, joined, last_velocity, moved
+from troupe_training.evaluate.vermo.continuation import Window, interpolated, joined, last_velocity, moved, on_way
 from troupe_training.evaluate.vermo.continuation import windows_of as gaps_of
 from troupe_training.evaluate.vermo.motionbricks import filled, of_pack
 from troupe_training.evaluate.vermo.nearest import WINDOW, nearest, windows_of
@@ -71,6 +71,14 @@ def test_interpolation_ends_where_the_gap_does_and_a_joined_motion_too():
     assert torch.equal(closed.root[:7], slow.root[:7])
     steps = (closed.root[8:32] - slow.root[8:32] - closed.root[7:31] + slow.root[7:31])[:, [0, 2]]
     assert torch.allclose(steps, steps[:1].expand_as(steps), atol=1e-5)
+
+
+def test_poses_on_another_way_turn_with_it_and_take_its_height():
+    clip, slow = walk(40, 1.2, 0.8), walk(40, 0.6, -0.3)
+    way = Clip(clip.pose, clip.root + torch.tensor([0.0, 0.1, 0.0, 0.0, 0.0]))
+    placed = on_way(slow, way)
+    assert torch.allclose(world(placed), world(clip) + torch.tensor([0.0, 0.1, 0.0]), atol=1e-4)
+    assert torch.equal(placed.root, way.root)
 
 
 def test_a_gap_that_is_filled_with_the_captured_segment_is_the_captured_clip(cache: Path):
@@ -138,6 +146,7 @@ def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     gaps = figures["continuation"]
     assert gaps["prediction, train: vermo"]["diversity"] > 0.0
     assert "prediction, train: motionbricks" not in gaps
+    assert gaps["inbetween, train: vermo, root of motionbricks"]["windows"] == 3
     assert {row["windows"] for row in gaps.values()} == {3}
     # Its gaps end at the frame that it is given; the last velocity does not lead there.
     assert gaps["inbetween, train: motionbricks"]["fde"] < gaps["inbetween, train: last velocity"]["fde"]

@@ -64,6 +64,15 @@ def joined(clip: Clip, window: Window) -> Clip:
     return Clip(clip.pose, root)
 
 
+def on_way(clip: Clip, way: Clip) -> Clip:
+    """The poses of a motion on the root of another, as a server has words fill a gap: they turn with it, and take its height."""
+    own, to = clip.root, way.root
+    cosine, sine = to[:, 3] * own[:, 3] + to[:, 4] * own[:, 4], to[:, 4] * own[:, 3] - to[:, 3] * own[:, 4]
+    pose = turned(clip.pose.unflatten(-1, (-1, 3)), cosine[:, None], sine[:, None]).unflatten(1, (-1, 3))
+    pose[:, :, 0, 1] += (to[:, 1] - own[:, 1])[:, None]
+    return Clip(pose.flatten(1), to)
+
+
 def last_velocity(body: Body) -> Method:
     """Goes on with the last velocity and turn, in the last pose."""
 

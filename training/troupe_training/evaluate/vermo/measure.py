@@ -19,6 +19,7 @@ from troupe_training.evaluate.vermo.continuation import (
     interpolated,
     joined,
     last_velocity,
+    on_way,
     windows_of,
 )
 from troupe_training.evaluate.vermo.motionbricks import of_pack
@@ -118,6 +119,11 @@ class Measured:
                     figures[f"{task}, {split}: vermo, joined"] = figures_of(windows, closed, encode)
                     for name, filled in self.motionbricks(motions, windows).items():
                         figures[f"{task}, {split}: {name}"] = figures_of(windows, filled, encode)
+                        if name == "motionbricks":
+                            placed = [
+                                [on_way(c, w) for c, w in zip(clips, filled[0], strict=True)] for clips in samples
+                            ]
+                            figures[f"{task}, {split}: vermo, root of {name}"] = figures_of(windows, placed, encode)
         return figures, continuation_table(figures)
 
     def motionbricks(self, motions: Motions, windows: list[Window]) -> dict[str, list[list[Clip]]]:
