@@ -67,8 +67,7 @@ mod tests {
             let newest = |wanted: bool| orders.iter().rev().find(|(is_style, _)| *is_style == wanted);
             let taken = waiting.take();
             prop_assert_eq!(taken.len(), [true, false].into_iter().filter_map(newest).count());
-            let last = orders.last().map(order);
-            prop_assert_eq!(taken.last(), last.as_ref());
+            prop_assert_eq!(taken.last().cloned(), orders.last().map(order));
             for one in [true, false].into_iter().filter_map(newest) {
                 prop_assert!(taken.contains(&order(one)));
             }

@@ -78,7 +78,17 @@ def test_without_clips_it_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[
     monkeypatch.setattr(official, "write_pack", lambda *_: {})
     folder = write_release(tmp_path / "release", clips=False)
     assert main(["import-motionbricks", str(folder / "out"), "--out", str(tmp_path / "p"), "--like", str(G1)]) == 0
-    assert "G1-clip.ckpt is missing" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "G1-clip.ckpt is missing" in said
+    assert "sets of at least 20 frames" in said
+
+
+def test_skills_that_are_too_short_are_those_of_the_page(pack: Path):
+    manifest = tomllib.loads((pack / "pack.toml").read_text())
+    least = manifest["min_tokens"] * manifest["frames_per_token"] - manifest["context_frames"]
+    skills = {path.stem: tomllib.loads(path.read_text()) for path in (G1 / "skills").glob("*.toml")}
+    frames = {name: [s["frames"] for s in skill["sets"] if "frames" in s] for name, skill in skills.items()}
+    assert least == 20 and {name for name, sets in frames.items() if min(sets) >= least} == {"lie-down"}
 
 
 def test_a_pointer_of_git_lfs_names_the_way_on(tmp_path: Path):

@@ -73,7 +73,16 @@ def import_release(folder: Path, out: Path, like: Path, version: str) -> dict[st
         print(
             f"{release.out / CLIPS} is missing: live characters need styles, `troupe style build` makes some from motion"
         )
+    print(
+        f"skills and objects need sets of at least {least_set(release.sizes)} frames; "
+        "commands for others are refused (TOO_SHORT), and pack g1 can do them"
+    )
     return parameters
+
+
+def least_set(sizes: Sizes) -> int:
+    """Fewest frames of a set of a skill or an object: those of the shortest segment after its context."""
+    return (sizes.min_tokens - 1) * sizes.frames_per_token
 
 
 def write_pack(
