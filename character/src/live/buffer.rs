@@ -102,6 +102,16 @@ impl<'a> Frames<'a> {
     }
 }
 
+/// Frames by column as [`Frames`], to be changed.
+#[derive(Debug)]
+pub(super) struct FramesMut<'a> {
+    pub(super) roots: &'a mut [Vec3],
+    pub(super) rotations: &'a mut [Quat],
+    pub(super) contacts: &'a mut [u8],
+    /// The first one that may be changed.
+    pub(super) start: usize,
+}
+
 /// How a new plan takes over from the old one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Fade {
@@ -196,10 +206,14 @@ impl MotionBuffer {
         &self.rotations[self.index(frame) * self.joints..][..self.joints]
     }
 
-    /// Roots and rotations of the frames after number `frame`, to be changed.
-    pub(super) fn behind_mut(&mut self, frame: i64) -> (&[Vec3], &mut [Quat]) {
-        let start = (frame + 1 - self.first).clamp(0, self.roots.len() as i64) as usize;
-        (&self.roots[start..], &mut self.rotations[start * self.joints..])
+    /// The frames after number `frame`, to be changed, and all that are before them.
+    pub(super) fn behind_mut(&mut self, frame: i64) -> FramesMut<'_> {
+        FramesMut {
+            start: (frame + 1 - self.first).clamp(0, self.roots.len() as i64) as usize,
+            roots: &mut self.roots,
+            rotations: &mut self.rotations,
+            contacts: &mut self.contacts,
+        }
     }
 
     /// The frames `from..=to`, as far as the buffer has them.

@@ -16,6 +16,7 @@ use super::behaviour::{self, Behaviour, CharacterParts, Next, PostProcess, SetPl
 use super::buffer::{Frames, MotionBuffer};
 use super::event::EventLog;
 use super::inbox::Inbox;
+use super::legs::finish_legs;
 use super::performance::Performance;
 use super::planning::{Planned, Planning};
 use super::request::Context;
@@ -25,7 +26,6 @@ use super::{
     CommandOutcome, EventKind, HeldObject, Intent, LivePlan, PerformanceEnd, PlanFailed, PlanRequest, Start,
     Stats, Strain, WaitingCommand, World,
 };
-use crate::post::part_legs;
 use crate::primitives::path::MAX_LEAD_M;
 use crate::primitives::{Locomotion, LocomotionCommand};
 use crate::skill::Skills;
@@ -280,8 +280,7 @@ impl Character {
             return arrival;
         }
         if !self.planning.is_for_object(number) {
-            let (roots, rotations) = self.timeline.last_plan_mut();
-            part_legs(&self.rig, roots, rotations);
+            finish_legs(&self.rig, plan.feet_glide, self.timeline.last_plan_mut());
         }
         if let Some((behaviour, mut parts)) = self.acting() {
             behaviour.landed(number, &plan.trace.off, &mut parts);

@@ -100,6 +100,7 @@ fn answer(request: &PlanRequest) -> LivePlan {
     let mut rotations = shape.context_rotations.clone();
     rotations.extend(shape.context_rotations[3 * joints..].repeat(frames - 4));
     LivePlan {
+        feet_glide: false,
         contacts: vec![1; frames],
         roots,
         rotations,

@@ -243,6 +243,7 @@ impl Crowd {
             self.load.answered();
             let timeline = &mut self.people[plan.who].timeline;
             let live = LivePlan {
+                feet_glide: false,
                 roots: vec![Vec3::ZERO; plan.frames],
                 rotations: vec![Quat::IDENTITY; plan.frames],
                 contacts: vec![0; plan.frames],

@@ -9,6 +9,7 @@ mod character;
 mod event;
 mod inbox;
 mod intent;
+mod legs;
 pub mod load;
 mod performance;
 mod pin;
@@ -33,7 +34,7 @@ pub use performance::{
     PerformanceEnd, WordsPart, WordsRequest,
 };
 pub use pin::Pins;
-pub use plan::finish_live;
+pub use plan::{finish_live, hold_plan};
 pub use rejoin::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 pub use shown::REACH_LEAD_FRAMES;
 pub use types::{

@@ -11,6 +11,7 @@ use super::*;
 fn walk(frames: usize) -> LivePlan {
     let idle = doll_style().idle().clone();
     LivePlan {
+        feet_glide: false,
         roots: (0..frames)
             .map(|f| Vec3::new(0.0, 0.9, 0.03 * f as f32))
             .collect(),

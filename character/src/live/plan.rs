@@ -12,7 +12,7 @@ use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
 use super::{CONTEXT_FRAMES, LivePlan, LiveShape, PlanTrace};
 use crate::post::{
-    NonFinite, PIN_REACH_FRAMES, bits_of, check_finite, contact_bits, parent_relative, roots,
+    NonFinite, PIN_REACH_FRAMES, bits_of, check_finite, contact_bits, hold_live, parent_relative, roots,
     to_world_rotations,
 };
 use crate::primitives::Follow;
@@ -52,6 +52,7 @@ pub fn finish_live(raw: &Motion, shape: &LiveShape, rig: &Rig) -> Result<LivePla
         roots: positions,
         rotations,
         contacts,
+        feet_glide: false,
         trace: PlanTrace {
             r_g3: world_roots(&trace.root_r_g3, frames, &shape.frame),
             r_g4,
@@ -60,6 +61,18 @@ pub fn finish_live(raw: &Motion, shape: &LiveShape, rig: &Rig) -> Result<LivePla
             off: Vec::new(),
         },
     })
+}
+
+/// Holds the standing feet of a plan without targets to meet. The ground is at height 0.
+///
+/// A body that follows paths needs the frames before the plan: which foot stands there, and where.
+/// So its character has its feet stand, as the plan takes over.
+pub fn hold_plan(rig: &Rig, plan: &mut LivePlan) {
+    plan.feet_glide = rig.by_path.is_some();
+    if !plan.feet_glide {
+        let (rotations, contacts) = (&mut plan.rotations, &mut plan.contacts);
+        hold_live(rig, &mut plan.roots, rotations, contacts, CONTEXT_FRAMES);
+    }
 }
 
 fn world_roots(values: &[f32], frames: usize, frame: &SegmentFrame) -> Vec<GlobalRoot> {

@@ -186,6 +186,8 @@ pub struct LivePlan {
     pub rotations: Vec<Quat>,
     /// Contacts, one a frame: bit i for contact joint i.
     pub contacts: Vec<u8>,
+    /// The character has feet stand once the plan took over: see [`super::hold_plan`].
+    pub feet_glide: bool,
     /// What the stages made on the way.
     pub trace: PlanTrace,
 }

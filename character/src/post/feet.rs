@@ -51,10 +51,16 @@ pub fn hold_between(
     hold(rig, roots, rotations, contacts, gap, (FARTHEST_M, floor_m));
 }
 
-/// Holds the standing feet of a live plan after its context, which ends at frame `start`. The
-/// ground is at height 0. The feet of bodies that follow paths are [planted](plant), and their
-/// contacts become those of the feet that stand.
-pub fn hold_live(rig: &Rig, roots: &mut [Vec3], rotations: &mut [Quat], contacts: &mut [u8], start: usize) {
+/// Holds the standing feet of live motion from frame `start` on. The ground is at height 0. Feet of
+/// bodies that follow paths are [planted](plant), and their contacts become those of the feet that
+/// stand.
+pub(crate) fn hold_live(
+    rig: &Rig,
+    roots: &mut [Vec3],
+    rotations: &mut [Quat],
+    contacts: &mut [u8],
+    start: usize,
+) {
     if rig.by_path.is_some() {
         let range = start..roots.len();
         plant(rig, (roots, rotations, contacts), range, None);

@@ -5,8 +5,8 @@ mod frames;
 mod hinges;
 mod legs;
 
-pub(crate) use feet::{bits_of, plant};
-pub use feet::{contact_bits, hold_between, hold_live};
+pub(crate) use feet::{bits_of, hold_live, plant};
+pub use feet::{contact_bits, hold_between};
 pub use frames::{NonFinite, check_finite, parent_relative, roots, to_world_rotations};
 pub use hinges::{HingeColumns, RateColumns, onto_hinges};
 pub(crate) use legs::part_legs;

@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use troupe_character::Path;
 use troupe_character::live::{
     Character, CharacterEvent, CharacterOptions, EventKind, FrameOut, Intent, LivePlan, PlanItem,
-    PlanRequest, Start, finish_live,
+    PlanRequest, Start, finish_live, hold_plan,
 };
 use troupe_character::primitives::path::AskedPoint;
 use troupe_character::primitives::{LocomotionCommand, PathCommand};
@@ -26,7 +26,7 @@ use troupe_motion::fk::world_transforms;
 use troupe_motion::model::{Body, PathTask};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::clock::{HasCharacter, Planned, Planner, hold_feet, tick};
+use super::clock::{HasCharacter, Planned, Planner, tick};
 use super::{one_thread, paths};
 use crate::figures::{mean, percentile};
 
@@ -160,7 +160,7 @@ impl PathPlanner<'_> {
         let rig = &self.body.rig;
         let mut plan = finish_live(&raw, &request.shape, rig)?;
         if self.holds_feet {
-            hold_feet(rig, &mut plan);
+            hold_plan(rig, &mut plan);
         }
         Ok(Ok(plan))
     }

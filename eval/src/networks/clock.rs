@@ -3,9 +3,8 @@
 
 use anyhow::{Context as _, ensure};
 use troupe_character::live::{
-    Advance, CONTEXT_FRAMES, Character, Clock, LivePlan, PlanFailed, PlanRequest, SUB_FRAMES, finish_live,
+    Advance, Character, Clock, LivePlan, PlanFailed, PlanRequest, SUB_FRAMES, finish_live, hold_plan,
 };
-use troupe_character::post::hold_live;
 use troupe_engine::Pipeline;
 use troupe_motion::model::Rig;
 
@@ -94,20 +93,9 @@ impl KeyframePlanner<'_> {
     fn finish(&self, request: &PlanRequest, mut plan: LivePlan) -> LivePlan {
         match &request.pins {
             Some(pins) => pins.pin_to_targets(&mut plan, &self.rig.skeleton),
-            None if self.holds_feet => hold_feet(self.rig, &mut plan),
+            None if self.holds_feet => hold_plan(self.rig, &mut plan),
             None => {}
         }
         plan
     }
-}
-
-/// Holds feet that stand.
-pub(super) fn hold_feet(rig: &Rig, plan: &mut LivePlan) {
-    let LivePlan {
-        roots,
-        rotations,
-        contacts,
-        ..
-    } = plan;
-    hold_live(rig, roots, rotations, contacts, CONTEXT_FRAMES);
 }

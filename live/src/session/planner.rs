@@ -17,10 +17,8 @@ use troupe_base::turns::Turns;
 use troupe_batch::{Order, Served, SubmitError};
 use troupe_character::live::load::ClientLoad;
 use troupe_character::live::{
-    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, PathItem, Pins, PlanFailed, PlanItem, PlanRequest,
-    finish_live,
+    Arrival, LivePlan, LiveShape, PathItem, Pins, PlanFailed, PlanItem, PlanRequest, finish_live, hold_plan,
 };
-use troupe_character::post::hold_live;
 use troupe_engine::EngineError;
 use troupe_engine::pack::Pack;
 use troupe_motion::model::{Body, Motion, PathTask, Task};
@@ -195,15 +193,7 @@ fn finish(
     })?;
     match pins {
         Some(pins) => pins.pin_to_targets(&mut plan, &pack.rig().skeleton),
-        None => {
-            let LivePlan {
-                roots,
-                rotations,
-                contacts,
-                ..
-            } = &mut plan;
-            hold_live(pack.rig(), roots, rotations, contacts, CONTEXT_FRAMES);
-        }
+        None => hold_plan(pack.rig(), &mut plan),
     }
     pack.loaded.metrics.planned(plan.roots.len());
     Ok(plan)

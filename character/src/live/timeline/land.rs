@@ -1,8 +1,6 @@
 //! How a timeline's plans end: they arrive in time or late, fail, or make way for a command.
 
-use troupe_motion::{Quat, Vec3};
-
-use super::super::buffer::{CROSSFADE_FRAMES, Fade, Frames};
+use super::super::buffer::{CROSSFADE_FRAMES, Fade, Frames, FramesMut};
 use super::super::{Arrival, CONTEXT_FRAMES, LivePlan, PlanCause};
 use super::flight::{Before, Newest, Ticket};
 use super::{HISTORY_FRAMES, Timeline};
@@ -58,8 +56,8 @@ impl Timeline {
         }
     }
 
-    /// Roots and rotations of the newest plan as it is in the buffer, to be changed.
-    pub(in crate::live) fn last_plan_mut(&mut self) -> (&[Vec3], &mut [Quat]) {
+    /// The newest plan as it is in the buffer, to be changed, behind the frames before it.
+    pub(in crate::live) fn last_plan_mut(&mut self) -> FramesMut<'_> {
         let at = self.newest.splice.unwrap_or_else(|| self.buffer.last());
         self.buffer.behind_mut(at)
     }

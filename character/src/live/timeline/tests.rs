@@ -71,6 +71,7 @@ impl Harness {
             .map(|frame| start + Vec3::new(0.0, TURN, 1.0) * (speed(ticket.number) * frame as f32));
         let roots: Vec<Vec3> = context.chain(ahead).collect();
         LivePlan {
+            feet_glide: false,
             rotations: roots.iter().map(|root| Quat::from_rotation_x(root.y)).collect(),
             contacts: vec![0; roots.len()],
             roots,

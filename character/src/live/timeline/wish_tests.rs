@@ -21,6 +21,7 @@ fn columns(start: f32, step: f32, count: usize) -> (Vec<Vec3>, Vec<Quat>, Vec<u8
 fn plan(start: f32, frames: usize) -> LivePlan {
     let (roots, rotations, contacts) = columns(start - 0.2, 0.05, frames);
     LivePlan {
+        feet_glide: false,
         roots,
         rotations,
         contacts,

@@ -18,7 +18,7 @@ use crate::skeleton::Skeleton;
 use super::lock::excess_height;
 use super::two_bone::STRAIGHTEST;
 use super::{Leg, LegTrack, cover, forward, place_end, two_bone_soft};
-use schedule::{Walker, schedule};
+use schedule::{Walker, schedule, way_m};
 use way::{Foot, Knot};
 
 /// Share of a leg's length over which it eases towards full reach.
@@ -83,6 +83,32 @@ struct CarriedLeg {
     knot: Knot,
     held: Option<Vec3>,
     gone_m: f32,
+    /// Frames since a foot in the air left the ground, if that is known.
+    aloft: Option<usize>,
+}
+
+impl CarriedLeg {
+    /// Of frames that stay as they are, with a byte of contacts each.
+    fn as_shown(leg: &Leg, track: &LegTrack, contacts: &[u8]) -> Self {
+        let Some((&bits, last)) = contacts.last().zip(contacts.len().checked_sub(1)) else {
+            return Self::default();
+        };
+        let stands = leg.stands(bits);
+        let same = |&&bits: &&u8| leg.stands(bits) == stands;
+        let since = contacts.len() - contacts.iter().rev().take_while(same).count();
+        match stands {
+            true => Self {
+                held: Some(track.toes[last]),
+                gone_m: way_m(&track.hips[since..=last]),
+                ..Self::default()
+            },
+            false => Self {
+                // One that never stood may do so at once.
+                aloft: (since > 0).then_some(contacts.len() - since),
+                ..Self::default()
+            },
+        }
+    }
 }
 
 impl Planted {
@@ -97,7 +123,7 @@ impl Planted {
             let span = leg.stands.iter().find(|span| span.contains(&frame));
             let gone_m = |span: &Range<usize>| {
                 let before_m = if span.start < self.first { leg.gone_m } else { 0.0 };
-                before_m + schedule::way_m(&leg.hips[span.start..=frame])
+                before_m + way_m(&leg.hips[span.start..=frame])
             };
             CarriedLeg {
                 knot: Knot {
@@ -106,6 +132,7 @@ impl Planted {
                 },
                 held: span.map(|_| leg.toes[frame] + at(frame)),
                 gone_m: span.map_or(0.0, gone_m),
+                aloft: None,
             }
         };
         Carried {
@@ -158,10 +185,7 @@ pub fn plant_feet(
             let before = range.start.checked_sub(1);
             let state = match (carried, before) {
                 (Some(carried), Some(_)) => carried.legs.get(nth).copied().unwrap_or_default(),
-                (_, Some(before)) => CarriedLeg {
-                    held: leg.stands(contacts[before]).then_some(track.toes[before]),
-                    ..CarriedLeg::default()
-                },
+                (_, Some(before)) => CarriedLeg::as_shown(leg, &track, &contacts[..=before]),
                 (_, None) => CarriedLeg::default(),
             };
             let low_m = (track.feet.iter().zip(&track.toes))
@@ -196,6 +220,7 @@ pub fn plant_feet(
                     length_m: track.length_m,
                     stood: track.state.held.is_some(),
                     gone_m: track.state.gone_m,
+                    aloft: track.state.aloft,
                 }
             })
             .collect();

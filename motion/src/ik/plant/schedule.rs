@@ -30,6 +30,9 @@ const UPRIGHT: f32 = 0.6;
 const CHANGE_COST: f32 = 0.035;
 /// Cost of a frame in which nothing carries a body that goes.
 const NONE_COST: f32 = 1.0;
+/// Cost of a frame in which a foot stands that left the ground fewer than [`LEAST_SWING`] frames
+/// before.
+const SOON_COST: f32 = 0.5;
 /// Feet that swing for fewer frames than this stand all the time.
 const SHORTEST_SWING: usize = 4;
 /// Frames that a swing takes at least, if the other foot can stand for as long.
@@ -52,6 +55,8 @@ pub(super) struct Walker<'a> {
     pub(super) stood: bool,
     /// How far the body has gone over it since then, metres.
     pub(super) gone_m: f32,
+    /// Frames since it left the ground.
+    pub(super) aloft: Option<usize>,
 }
 
 /// The frames in which the feet of one leg or of a pair stand, by leg. `first` is the first free
@@ -89,7 +94,10 @@ pub(super) fn schedule(
             .filter(|(leg, _)| state & (1 << leg) != 0)
             .map(|(_, (walker, steps))| {
                 let high_m = (walker.low_m[frame] - LOW * length_m).max(0.0);
-                steps[frame] - still_m + HEIGHT_COST * high_m
+                let is_soon = (frame.checked_sub(first).zip(walker.aloft))
+                    .is_some_and(|(free, aloft)| free + aloft < LEAST_SWING);
+                let soon = if is_soon { SOON_COST } else { 0.0 };
+                steps[frame] - still_m + HEIGHT_COST * high_m + soon
             });
         costs.sum()
     };

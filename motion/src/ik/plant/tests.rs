@@ -172,6 +172,30 @@ fn fixed_frames_keep_their_feet_and_hold_those_beside_them() {
 }
 
 #[test]
+fn frames_that_are_shown_say_what_feet_do() {
+    let (skeleton, speed_mps) = (person(), 1.2);
+    let (roots, rotations, _) = glide(10, speed_mps);
+    let leg = legs(&skeleton)[0];
+    let track = LegTrack::of(&skeleton, &leg, &(0..10), &roots, &rotations);
+    let shown = |text: &str| {
+        let bits = |c: u8| if c == b'x' { leg.contact_bits() } else { 0 };
+        let contacts: Vec<u8> = text.bytes().map(bits).collect();
+        CarriedLeg::as_shown(&leg, &track, &contacts)
+    };
+    let stands = shown("...xxxxxxx");
+    assert_eq!((stands.held, stands.aloft), (Some(track.toes[9]), None));
+    // Hips sway a little on their way.
+    assert!(
+        (stands.gone_m - 6.0 * speed_mps / FPS).abs() < 0.02,
+        "{}",
+        stands.gone_m
+    );
+    let left = shown("xxxx...");
+    assert_eq!((left.held, left.aloft, left.gone_m), (None, Some(3), 0.0));
+    assert_eq!(shown("......").aloft, None, "it never stood");
+}
+
+#[test]
 fn what_is_made_in_parts_is_as_smooth_as_in_one_piece() {
     let before = glide(160, 1.2);
     let (whole, _) = plant(&before, 0..160, None);

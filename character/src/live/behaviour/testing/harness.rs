@@ -474,6 +474,7 @@ pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
         (true, None) => roots.iter().map(steps).collect(),
     };
     let mut plan = LivePlan {
+        feet_glide: false,
         contacts,
         roots,
         rotations,
