@@ -41,7 +41,10 @@ fn walked(from: usize, to: usize) -> Motion {
         let (mut places, mut world) = (vec![Vec3::ZERO; local.len()], local.clone());
         world_transforms(&rig.skeleton, root.position, &local, &mut places, &mut world);
         motion.rotations.extend(world.into_iter().flat_map(six_d));
-        motion.contacts.extend(vec![1.0; rig.dims.contacts]);
+        // A foot touches the ground while it is not lifted.
+        let lifts = [0.0, std::f32::consts::PI].map(|phase| (0.2 * frame as f32 + phase).cos() > 0.0);
+        let touches = |joint: &usize| f32::from(!lifts[usize::from(*joint > FEET[0])]);
+        motion.contacts.extend(rig.skeleton.contact_joints.iter().map(touches));
     }
     motion
 }
