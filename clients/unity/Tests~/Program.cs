@@ -116,9 +116,10 @@ internal static class Program
             crowd.Move(1, new Locomotion { Velocity = new Vec3(0, 0, 1.4f) });
             var last = -1L;
             var place = default(Vec3);
-            for (int ticks = 0, tries = 0; ticks < 120; tries++)
+            // A busy server is slow, and characters with it.
+            for (int ticks = 0, tries = 0; ticks < 60 || place.Z < 0.8; tries++)
             {
-                Check(tries < 1000, "ticks come");
+                Check(tries < 3000, "ticks come, and it walks: " + place);
                 Frames frames;
                 if (!crowd.TryRead(out frames, 1000) || !frames.IsPresent(1)) continue;
                 Check(frames.Tick > last, "ticks count up");
@@ -126,7 +127,6 @@ internal static class Program
                 place = frames.Root(1);
                 ticks++;
             }
-            Check(place.Z > 0.8, "it walks: " + place);
         }
     }
 
