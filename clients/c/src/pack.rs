@@ -157,7 +157,7 @@ async fn on_skeleton(
     let mut pack = client.pack(name).await?;
     // The list of packs, from which the default comes, has no bodies' joints.
     if name.is_empty() && !pack.description().bodies.is_empty() {
-        pack = client.pack(&pack.name().to_owned()).await?;
+        pack = client.pack(pack.name()).await?;
     }
     let pack = pack.of_body(body)?;
     if !worn.is_empty() {

@@ -64,12 +64,15 @@ struct Reader {
 /// What advances the characters.
 enum Engine {
     Driven(JoinHandle<()>),
-    Stepped {
-        crowd: troupe_client::Crowd,
-        members: Vec<MemberId>,
-        characters: HashMap<MemberId, u32>,
-        steps: u64,
-    },
+    Stepped(Box<Stepped>),
+}
+
+/// Characters on the caller's clock.
+struct Stepped {
+    crowd: troupe_client::Crowd,
+    members: Vec<MemberId>,
+    characters: HashMap<MemberId, u32>,
+    steps: u64,
 }
 
 impl Crowd {
@@ -128,15 +131,15 @@ impl Crowd {
     fn step(&self, frames: u32) -> Result<TroupeFrames, Failure> {
         let mut reader = self.reader()?;
         let Reader { engine, columns, .. } = &mut *reader;
-        let Engine::Stepped {
+        let Engine::Stepped(stepped) = engine else {
+            return Err(Failure::NotSteppable);
+        };
+        let Stepped {
             crowd,
             members,
             characters,
             steps,
-        } = engine
-        else {
-            return Err(Failure::NotSteppable);
-        };
+        } = &mut **stepped;
         self.shared.orders.give(|character, order| {
             if let Some(&member) = members.get(character as usize) {
                 orders::to_crowd(crowd, member, order);
@@ -169,7 +172,7 @@ impl Crowd {
 
     fn read(&self, limit: Duration) -> Result<(TroupeFrames, TroupeStatus), Failure> {
         let mut reader = self.reader()?;
-        if matches!(reader.engine, Engine::Stepped { .. }) {
+        if matches!(reader.engine, Engine::Stepped(_)) {
             return Ok((reader.columns.view(), TroupeStatus::Empty));
         }
         let status = match self.shared.exchange.take(&mut reader.columns, limit) {
@@ -216,12 +219,12 @@ fn stepped(connection: &Connection, pack: &OpenPack, sessions: Vec<Session>, wan
     let mut crowd = troupe_client::Crowd::new(&connection.client, &pack.pack, options);
     let members: Vec<MemberId> = sessions.into_iter().map(|session| crowd.adopt(session)).collect();
     let characters = members.iter().copied().zip(0..).collect();
-    Engine::Stepped {
+    Engine::Stepped(Box::new(Stepped {
         crowd,
         members,
         characters,
         steps: 0,
-    }
+    }))
 }
 
 /// Opens a crowd of a pack, all characters or none. On the server's clock it begins to move at
