@@ -1,0 +1,5 @@
+#include "AnimGraphNode_Troupe.h"
+
+#include "Modules/ModuleManager.h"
+
+IMPLEMENT_MODULE(FDefaultModuleImpl, TroupeEditor)
