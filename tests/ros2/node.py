@@ -183,15 +183,16 @@ class Watch:
 
     def __init__(self, url: str, session: str):
         self.rows: list[tuple[float, list[float]]] = []
-        self.socket = connect(f"{url.replace('http', 'ws')}/v1/drive")
-        self.socket.send(json.dumps({"open": {"watch": session}}))
-        threading.Thread(target=self.take, daemon=True).start()
+        self.address = f"{url.replace('http', 'ws')}/v1/drive"
+        threading.Thread(target=self.take, args=(session,), daemon=True).start()
 
-    def take(self):
+    def take(self, session: str):
         """Keeps the `qpos` of each frame, with the time at which it came."""
-        for text in self.socket:
-            for block in json.loads(text).get("frames", {}).get("blocks", []):
-                self.rows.append((time.time(), block["qpos"]))
+        with connect(self.address) as socket:
+            socket.send(json.dumps({"open": {"watch": session}}))
+            for text in socket:
+                for block in json.loads(text).get("frames", {}).get("blocks", []):
+                    self.rows.append((time.time(), block["qpos"]))
 
 
 class Simulator:

@@ -3,6 +3,8 @@
 import math
 import threading
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -75,14 +77,14 @@ def test_poses_are_those_of_the_session(server: Server, scene: Scene):
     # The rate, and how long a pose is under way.
     stamps = np.array([state.header.stamp.seconds for _, state in states])
     rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
-    assert 45 < rate < 51
+    assert 40 < rate < 52
     late_s = np.array([came for came, _ in states]) - stamps
-    assert np.median(late_s) < 0.02
+    assert np.median(late_s) < 0.05
 
     names = states[0][1].name
     assert len(names) == JOINTS
     assert names[:2] == ["left_hip_pitch_joint", "left_hip_roll_joint"]
-    # Every pose is one that the server sent, to the bit. The stream has both robots' frames apart.
+    # Every pose is one that the server sent, to the bit. Each robot has a stream of its own.
     sent = {tuple(np.float32(row[7:])): row for _, row in rows}
     known = [sent.get(tuple(np.float32(state.position))) for _, state in states]
     found = [row for row in known if row is not None]
@@ -199,17 +201,22 @@ def test_a_lost_server_has_the_robot_hold_until_it_is_back(tmp_path: Path):
         servers[-1].kill()
 
 
+def is_there(server: Server, session: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{server.url}/v1/sessions/{session}"):
+            return True
+    except urllib.error.HTTPError as error:
+        return error.code not in (404, 410)
+
+
 def test_ctrl_c_ends_the_node_and_its_sessions(server: Server):
-    domain = free_domain() + 3
-    scene = Scene(server.url, domain, ["g1"])
+    scene = Scene(server.url, free_domain() + 3, ["g1"])
     session = session_of(scene.node, "g1")
-    Watch(server.url, session)
+    assert is_there(server, session)
     since = time.monotonic()
     assert scene.node.end() == 0
     assert time.monotonic() - since < 3
-    gone = Watch(server.url, session)
-    time.sleep(0.5)
-    assert not gone.rows
+    assert not is_there(server, session)
 
 
 @pytest.mark.parametrize(
