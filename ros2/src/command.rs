@@ -1,6 +1,7 @@
 //! The command: arguments, signals, and where notes go.
 
 use std::error::Error;
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -12,8 +13,11 @@ use troupe_client::{ApiKey, ConnectOptions, Rate};
 use crate::robots::{Fleet, Robot, check};
 use crate::{Options, run};
 
-/// Notes of this node, and warnings of the libraries. RUST_LOG decides otherwise.
-const NOTES: &str = "warn,troupe_ros2=info,ros2_client::rosout=info";
+/// Notes of this node, and warnings of the libraries; RUST_LOG decides otherwise. RustDDS warns of
+/// each packet that it cannot send yet, and of the library's type for `/clock`. What goes to
+/// `/rosout` is written once.
+const NOTES: &str = "warn,troupe_ros2=info,ros2_client=error,ros2_client::rosout=off,rustdds=error,\
+    rustdds::discovery::discovery_db=off";
 /// Threads of the runtime. DDS has its own.
 const THREADS: usize = 2;
 
@@ -119,6 +123,8 @@ pub fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
+        .with_target(false)
+        .with_ansi(std::io::stderr().is_terminal())
         .init();
     match node(Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,

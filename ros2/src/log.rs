@@ -13,8 +13,7 @@ const AGAIN: Duration = Duration::from_secs(5);
 /// The log of one robot. Clones share it.
 #[derive(Clone)]
 pub(crate) struct Log {
-    /// Name of the logger, such as `g1.troupe`.
-    name: Arc<str>,
+    robot: Arc<str>,
     handle: Arc<NodeLoggingHandle>,
     last: Arc<Mutex<Option<(String, Instant)>>>,
 }
@@ -22,13 +21,14 @@ pub(crate) struct Log {
 impl Log {
     pub(crate) fn new(robot: &str, handle: NodeLoggingHandle) -> Self {
         Self {
-            name: format!("{robot}.troupe").into(),
+            robot: robot.into(),
             handle: Arc::new(handle),
             last: Arc::default(),
         }
     }
 
     pub(crate) fn info(&self, text: &str) {
+        tracing::info!("{}: {text}", self.robot);
         self.write(LogLevel::Info, text);
     }
 
@@ -37,14 +37,15 @@ impl Log {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if is_news(last.as_ref(), text, Instant::now()) {
             *last = Some((text.to_owned(), Instant::now()));
+            tracing::warn!("{}: {text}", self.robot);
             self.write(LogLevel::Warn, text);
         }
     }
 
     fn write(&self, level: LogLevel, text: &str) {
-        let (file, line) = (file!(), line!());
+        let (name, file, line) = (format!("{}.troupe", self.robot), file!(), line!());
         self.handle
-            .rosout_raw(Time::now(), level, &self.name, text, file, "", line);
+            .rosout_raw(Time::now(), level, &name, text, file, "", line);
     }
 }
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path as File
 
 from cyclonedds.core import Policy, Qos
@@ -33,6 +34,7 @@ from messages import (
     Twist,
     Vector3,
 )
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 sys.path.append(str(File(__file__).parents[1] / "sonic"))
@@ -50,7 +52,7 @@ LOOPBACK = """<CycloneDDS><Domain Id="any">
 
 def free_domain() -> int:
     """A domain that other tests on this machine hardly use."""
-    return 100 + os.getpid() % 100
+    return 1 + os.getpid() % 90
 
 
 class Node:
@@ -188,7 +190,8 @@ class Watch:
 
     def take(self, session: str):
         """Keeps the `qpos` of each frame, with the time at which it came."""
-        with connect(self.address) as socket:
+        # The server may end first.
+        with suppress(ConnectionClosed), connect(self.address) as socket:
             socket.send(json.dumps({"open": {"watch": session}}))
             for text in socket:
                 for block in json.loads(text).get("frames", {}).get("blocks", []):
@@ -209,7 +212,7 @@ class Simulator:
 
 def session_of(node: Node, robot: str) -> str:
     """Id of a robot's session, as the node noted it last."""
-    found = [re.search(rf"{robot}\.troupe\W+session (\S+) on", line) for line in node.said]
+    found = [re.search(rf" {robot}: session (\S+) on", line) for line in node.said]
     return next(match[1] for match in reversed(found) if match)
 
 
