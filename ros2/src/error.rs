@@ -13,7 +13,7 @@ pub(crate) enum Ros2Error {
     NoRobot {
         /// Name of the robot.
         robot: String,
-        /// Its pack.
+        /// The pack in its entry or argument.
         pack: String,
         /// `/` and its body, or nothing.
         body: String,
@@ -38,7 +38,7 @@ pub(crate) enum Ros2Error {
     /// ROS refused a name.
     #[error("cannot join ROS: {name:?} is no name there: {reason}")]
     Name {
-        /// The name.
+        /// A namespace or topic.
         name: String,
         /// The library's reason.
         reason: String,
