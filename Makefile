@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -26,7 +26,7 @@ docs:
 	scripts/docs.sh $(or $(ARGS),build)
 
 # The site is built before the tests, which look at it.
-test: docs-check lint rust-test python-test python-client web-test mmcp-test sonic-test c-client
+test: docs-check lint rust-test python-test python-client web-test mmcp-test sonic-test ros2-test c-client
 
 .PHONY: docs-check
 docs-check:
@@ -92,6 +92,18 @@ sonic-figure: runtime
 # The C interface and what stands on it: C with sanitizers, a CMake package, C# under Mono. Without cmake or mono parts are left out, aloud.
 c-client: runtime
 	scripts/c-client.sh
+
+# The ROS 2 node, with another DDS as the other side
+ros2-test: runtime
+	tests/ros2/setup.sh
+	cargo test --workspace --locked --no-run --test e2e --test packs
+	target/ros2/venv/bin/python -m pytest --quiet tests/ros2
+
+# Two robots that walk for a minute: rate, time of a pose under way, cores (ARGS="--seconds 10" for a short look)
+ros2-figure: runtime
+	tests/ros2/setup.sh
+	cargo build --release --package troupe-server --package troupe-ros2
+	TROUPE_BUILD=release TROUPE_ROS2=troupe-ros2 target/ros2/venv/bin/python tests/ros2/figure.py $(ARGS)
 
 # Every figure of budgets.toml beside its limit. Those of the image are measured by `make image`.
 budgets:

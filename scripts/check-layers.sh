@@ -28,6 +28,7 @@ keeps_out troupe-character tokio tonic axum ort troupe-engine
 keeps_out troupe-client ort troupe-engine troupe-character troupe-server
 keeps_out troupe-sonic ort troupe-engine troupe-character troupe-server
 keeps_out troupe-c ort troupe-engine troupe-character troupe-server
+keeps_out troupe-ros2 ort troupe-engine troupe-character troupe-server
 
 keeps_out troupe-base tonic axum ort prost troupe-motion
 keeps_out troupe-batch tonic axum prost troupe-character
