@@ -41,8 +41,7 @@ pub struct Prompt {
 }
 
 /// A message beside the prompt: the model reads the reply behind it as well. The logits of a token
-/// are the weighted sum over all messages. The prompt has the rest of the weight, so that the sum of
-/// weights is 1.
+/// are the weighted sum over all messages. The prompt has the rest of the weight, up to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guide {
     /// The message's tokens, at most as many as the prompt has.

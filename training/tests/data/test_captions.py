@@ -57,7 +57,7 @@ def test_a_caption_without_its_style_is_one_that_names_none(content: str):
     }
     assert not words & {phrase for phrase in phrases if " " not in phrase}
     for style in STYLES:
-        for seed in range(40):
+        for seed in range(4):
             left = unstyled(caption(Facts(content, style, 3.0, 1.2, 0.0), seed), phrases)
             assert left is not None and unstyled(left, phrases) is None
             assert not any(f" {phrase} " in f" {left} " for phrase in phrases)

@@ -222,7 +222,7 @@ def test_replies_are_the_same_alone_and_in_company():
 
 @torch.no_grad()
 def test_guidance_adds_what_the_content_and_the_style_change():
-    model = language()
+    model = language(4)
     styled, plain = (Message("text_to_motion", [pieces], length=6) for pieces in ([1, 2, 3], [1, 3]))
     nothing = Message("unconditional", length=6)
     guides = Sampling(content_guidance=2.0, style_guidance=3.5).guides(styled, [1, 3])
