@@ -9,8 +9,8 @@ use crate::EngineError;
 use crate::pack::MessageTask;
 
 impl Planner {
-    /// Text pieces of the caption without its style, if the reply is to be guided. Only motion of one
-    /// character from a caption alone is.
+    /// Text pieces of the caption without its style, if the reply is to be guided. Only motion of
+    /// one character from a caption alone is.
     pub(super) fn unstyled(
         &self,
         task: &PromptTask,
