@@ -17,8 +17,8 @@ pub mod vermo {
     pub use crate::pack::Lexicon;
     pub use crate::pack::vermo::VerMoDoc;
     pub use crate::vermo::{
-        Allowed, Condition, FlowCall, Frames, Kind, LanguageAnswer, LanguageCall, Message, Networks, Prompt,
-        Reply, Rules, SLOTS, Said, Sampling, Sequences, Shape, VerMo, Vocabulary, check,
+        Allowed, Condition, FlowCall, Frames, Guide, Kind, LanguageAnswer, LanguageCall, Message, Networks,
+        Prompt, Reply, Rules, SLOTS, Said, Sampling, Sequences, Shape, VerMo, Vocabulary, check,
     };
 
     /// The language model's table in a pack's manifest.

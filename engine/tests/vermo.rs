@@ -162,6 +162,7 @@ fn replies_equal_those_of_the_reference() {
         };
         let prompt = Prompt {
             tokens: message.prompt.clone(),
+            guides: Vec::new(),
             rules: Rules {
                 kind,
                 agents: message.agents,

@@ -6,7 +6,7 @@ use std::path::Path;
 use tokenizers::{NormalizedString, Normalizer as _, Tokenizer};
 
 use super::manifest::field;
-use super::vermo::{TOKENIZER_FILE, VerMoDoc, WORDS_FILE};
+use super::vermo::{STYLES_FILE, TOKENIZER_FILE, VerMoDoc, WORDS_FILE};
 use super::{PackProblem, read_text};
 
 /// The text pieces and known words of a pack.
@@ -14,6 +14,8 @@ use super::{PackProblem, read_text};
 pub struct Lexicon {
     tokenizer: Tokenizer,
     words: BTreeSet<String>,
+    /// The words of each wording of a style, those of most words first.
+    styles: Vec<Vec<String>>,
 }
 
 impl Lexicon {
@@ -25,7 +27,61 @@ impl Lexicon {
     /// pieces differs from the manifest.
     pub(super) fn load(folder: &Path, table: &VerMoDoc) -> Result<Self, PackProblem> {
         let [pieces, words] = [TOKENIZER_FILE, WORDS_FILE].map(|file| read_text(&folder.join(file)));
-        Self::parse(&pieces?, &words?, table.text_pieces)
+        let lexicon = Self::parse(&pieces?, &words?, table.text_pieces)?;
+        match table.is_guided() {
+            true => Ok(lexicon.with_styles(&read_text(&folder.join(STYLES_FILE))?)),
+            false => Ok(lexicon),
+        }
+    }
+
+    /// Adds a list of the wordings of styles, one a line.
+    pub(crate) fn with_styles(mut self, styles: &str) -> Self {
+        let wording = |line: &str| -> Vec<String> {
+            let normal = self.normal(line);
+            normal.split_whitespace().map(str::to_owned).collect()
+        };
+        let mut wordings: Vec<Vec<String>> = styles.lines().map(wording).collect();
+        wordings.retain(|words| !words.is_empty());
+        wordings.sort_by(|a, b| b.len().cmp(&a.len()).then_with(|| a.cmp(b)));
+        self.styles = wordings;
+        self
+    }
+
+    /// The text, normalised, without the wordings of styles in it. None if it has none of them, or
+    /// nothing else.
+    pub(crate) fn unstyled(&self, text: &str) -> Option<String> {
+        let normal = self.normal(text);
+        let words: Vec<&str> = normal.split_whitespace().collect();
+        let mut kept: Vec<&str> = Vec::new();
+        let mut rest = &words[..];
+        while let Some((first, after)) = rest.split_first() {
+            let found = (self.styles.iter()).find(|wording| {
+                rest.len() >= wording.len() && rest.iter().zip(*wording).all(|(a, b)| a == b)
+            });
+            rest = match found {
+                Some(wording) => &rest[wording.len()..],
+                None => {
+                    kept.push(first);
+                    after
+                }
+            };
+        }
+        if kept.len() == words.len() || kept.is_empty() {
+            return None;
+        }
+        // "an angry person" without its style is "a person".
+        for place in 1..kept.len() {
+            if matches!(kept[place - 1], "a" | "an") {
+                let is_open = kept[place].starts_with(['a', 'e', 'i', 'o', 'u']);
+                kept[place - 1] = if is_open { "an" } else { "a" };
+            }
+        }
+        Some(kept.join(" "))
+    }
+
+    /// A short wording of a style; none for a pack without guidance.
+    pub(crate) fn style(&self) -> Option<String> {
+        self.styles.last().map(|words| words.join(" "))
     }
 
     /// Parses a `tokenizer.json` that must have `pieces` pieces, and a list of words, one a line.
@@ -48,6 +104,7 @@ impl Lexicon {
         let mut lexicon = Self {
             tokenizer,
             words: BTreeSet::new(),
+            styles: Vec::new(),
         };
         lexicon.words = words.lines().map(|word| lexicon.normal(word)).collect();
         Ok(lexicon)

@@ -22,6 +22,8 @@ pub const FLOW_FILE: &str = "flow.onnx";
 pub const TOKENIZER_FILE: &str = "tokenizer.json";
 /// File name of the list of words in captions of the training.
 pub const WORDS_FILE: &str = "words.txt";
+/// File name of the list of wordings of styles. A pack without guidance may lack it.
+pub const STYLES_FILE: &str = "styles.txt";
 
 /// Frames that one motion token stands for.
 pub(crate) const FRAMES_PER_TOKEN: usize = 4;
@@ -40,6 +42,8 @@ pub const MAX_FLOW_STEPS: usize = 256;
 pub const MAX_TEMPERATURE: f32 = 2.0;
 /// Strongest penalty for repetition.
 pub const MAX_REPETITION: f32 = 10.0;
+/// Strongest guidance.
+const MAX_GUIDANCE: f32 = 16.0;
 
 /// The tasks that a message can name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -147,9 +151,25 @@ pub struct VerMoDoc {
     pub top_p: f32,
     /// Divisor of the logits of the latest tokens, against repetition; 1 changes nothing.
     pub repetition: f32,
+    /// How strongly a caption's content counts in a reply whose caption names a style; 1 is as
+    /// trained.
+    #[serde(default = "unguided")]
+    pub content_guidance: f32,
+    /// How strongly its style counts; 1 is as trained.
+    #[serde(default = "unguided")]
+    pub style_guidance: f32,
+}
+
+fn unguided() -> f32 {
+    1.0
 }
 
 impl VerMoDoc {
+    /// Whether replies to captions that name a style are guided.
+    pub fn is_guided(&self) -> bool {
+        (self.content_guidance, self.style_guidance) != (1.0, 1.0)
+    }
+
     /// Checks all values.
     ///
     /// # Errors
@@ -194,6 +214,8 @@ impl VerMoDoc {
             ("vermo.temperature", self.temperature, 0.0, MAX_TEMPERATURE),
             ("vermo.top_p", self.top_p, f32::MIN_POSITIVE, 1.0),
             ("vermo.repetition", self.repetition, 1.0, MAX_REPETITION),
+            ("vermo.content_guidance", self.content_guidance, 1.0, MAX_GUIDANCE),
+            ("vermo.style_guidance", self.style_guidance, 1.0, MAX_GUIDANCE),
         ];
         for (name, value, low, high) in shares {
             if !(low..=high).contains(&value) {

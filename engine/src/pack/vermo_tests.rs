@@ -83,6 +83,44 @@ fn pieces_equal_those_of_the_tokenizer_library() {
 }
 
 #[test]
+fn the_longest_wording_of_a_style_is_taken_out_of_a_text() {
+    let lexicon = lexicon().with_styles("Angry\nold\nlike an old man\n\nold man\nin anger\n");
+    for (text, left) in [
+        ("An ANGRY person walks!", "a person walks"),
+        ("walk like an old man for a while", "walk for a while"),
+        ("an old angry ox waves", "an ox waves"),
+        ("a walk in anger", "a walk"),
+    ] {
+        assert_eq!(lexicon.unstyled(text).as_deref(), Some(left));
+    }
+    for text in ["a person walks", "walk in a golden anger", "angry", ""] {
+        assert_eq!(lexicon.unstyled(text), None, "{text}");
+    }
+    assert_eq!(lexicon.style().as_deref(), Some("old"));
+}
+
+#[test]
+fn a_pack_with_guidance_needs_its_list_of_styles() {
+    let folder = std::env::temp_dir().join(format!("troupe-pack-guided-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    for file in std::fs::read_dir(tiny()).unwrap() {
+        let file = file.unwrap();
+        std::fs::copy(file.path(), folder.join(file.file_name())).unwrap();
+    }
+    let text = std::fs::read_to_string(tiny().join(MANIFEST_FILE)).unwrap();
+    let guided = text.replace("repetition = 1.1", "repetition = 1.1\nstyle_guidance = 4.0");
+    std::fs::write(folder.join(MANIFEST_FILE), guided).unwrap();
+    let problem = Pack::load(&folder).unwrap_err().problem.to_string();
+    assert!(problem.contains("styles.txt"), "{problem}");
+    std::fs::write(folder.join("styles.txt"), "angry\n").unwrap();
+    let pack = Pack::load(&folder).unwrap();
+    assert_eq!(pack.manifest.vermo.unwrap().content_guidance, 1.0);
+    let lexicon = pack.lexicon.unwrap();
+    assert_eq!(lexicon.unstyled("an angry walk").as_deref(), Some("a walk"));
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
 fn every_mistake_in_the_table_is_named() {
     for (from, to, said) in [
         (
@@ -101,6 +139,11 @@ fn every_mistake_in_the_table_is_named() {
             "vermo.layers is 0; allowed: 1 to 65536",
         ),
         ("layers = 2", "layer = 2", "unknown field `layer`"),
+        (
+            "repetition = 1.0",
+            "repetition = 1.0\nstyle_guidance = 0.5",
+            "vermo.style_guidance is 0.5; allowed: 1 to 16",
+        ),
         (
             "positions = 80",
             "positions = 53",

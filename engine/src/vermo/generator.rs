@@ -17,9 +17,11 @@ use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::{DECODER_FILE, LANGUAGE_FILE, MessageTask, Pack};
 use crate::{EngineError, TrialRun};
 
-/// Most replies that are written at a time. With more, the cache does not fit into a core's own
-/// memory: 32 write 7,400 tokens a second in total on two cores, and 64 write no more.
+/// Most rows of a call of the language model. With more, the cache does not fit into a core's own
+/// memory: 32 replies write 7,400 tokens a second in total on two cores, and 64 write no more.
 pub const SLOTS: usize = 32;
+/// Rows of a guided reply: its message, the message without the style, and no caption.
+const GUIDED_ROWS: usize = 3;
 /// Number of replies of the trial, and the tokens of each.
 const TRIAL: (usize, usize) = (8, 16);
 
@@ -38,8 +40,8 @@ pub struct VerMo {
 }
 
 impl VerMo {
-    /// A generator for a pack. It holds up to `max_jobs` jobs and writes up to [`SLOTS`] of their
-    /// replies at a time.
+    /// A generator for a pack. It holds up to `max_jobs` jobs, and writes their replies in up to
+    /// [`SLOTS`] rows at a time.
     ///
     /// # Errors
     /// [`EngineError::WrongTask`] if the pack belongs to another family.
@@ -50,7 +52,7 @@ impl VerMo {
         Ok(Self {
             rig: pack.rig.clone(),
             networks: Timed::new(networks),
-            sequences: Sequences::new(shape, planner.vocabulary, max_jobs.min(SLOTS)),
+            sequences: Sequences::new(shape, planner.vocabulary, rows(&planner, max_jobs)),
             max_jobs,
             jobs: Vec::new(),
             refused: Vec::new(),
@@ -124,8 +126,13 @@ impl VerMo {
         let word = self.planner.lexicon.words().next();
         let word = word.filter(|_| tasks.contains(&MessageTask::TextToMotion));
         if word.is_some() || tasks.contains(&MessageTask::Unconditional) {
+            // A style makes the trial's replies as dear as guided ones are.
+            let words = word
+                .map(str::to_owned)
+                .into_iter()
+                .chain(self.planner.lexicon.style());
             return Ok(Some(Task::Prompt(PromptTask {
-                text: word.unwrap_or_default().to_owned(),
+                text: words.collect::<Vec<_>>().join(" "),
                 frames: Some(frames),
                 ..PromptTask::default()
             })));
@@ -299,6 +306,12 @@ impl Generator for VerMo {
     fn trial(&self) -> Option<TrialRun> {
         self.trial
     }
+}
+
+/// Most rows of the language model for `jobs` jobs of a pack.
+fn rows(planner: &Planner, jobs: usize) -> usize {
+    let each = if planner.table.is_guided() { GUIDED_ROWS } else { 1 };
+    jobs.saturating_mul(each).min(SLOTS)
 }
 
 fn trial_id(request: usize) -> JobId {

@@ -191,6 +191,7 @@ impl Job {
         self.phase = Phase::Reply;
         Ok(Prompt {
             tokens: message.tokens(&planner.vocabulary),
+            guides: planner.guides(&self.speech, length),
             rules,
             sampling: self.speech.sampling,
             seed: self.seed,

@@ -7,6 +7,7 @@
 mod arena;
 mod flow;
 mod generator;
+mod guidance;
 mod job;
 mod message;
 mod motion;
@@ -27,11 +28,13 @@ pub use network::{FlowCall, LanguageAnswer, LanguageCall, Networks};
 pub use plan::check;
 pub use reply::{Allowed, Reply, Rules};
 pub use sampler::Sampling;
-pub use sequences::{Prompt, Said, Sequences};
+pub use sequences::{Guide, Prompt, Said, Sequences};
 pub use vocabulary::{Kind, Vocabulary};
 
 #[cfg(test)]
 mod generator_tests;
+#[cfg(test)]
+mod guidance_tests;
 #[cfg(test)]
 mod refusal_tests;
 #[cfg(test)]

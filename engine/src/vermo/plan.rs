@@ -34,6 +34,8 @@ pub(super) struct Speech {
     pub(super) task: MessageTask,
     /// Text pieces of each agent's caption; empty for no instruction.
     pub(super) captions: Vec<Vec<u32>>,
+    /// Text pieces of the caption without its style, if the reply is guided.
+    pub(super) unstyled: Option<Vec<u32>>,
     /// Frames of each agent that precede the reply or are described, in whole tokens; empty for
     /// none.
     pub(super) given: Vec<Frames>,
@@ -105,6 +107,7 @@ impl Planner {
         }
         let speech = Speech {
             task: self.choose(&wanted_tasks(task, !given.is_empty(), !captions.is_empty()))?,
+            unstyled: self.unstyled(task, &captions)?,
             captions,
             given,
             behind,
@@ -150,6 +153,7 @@ impl Planner {
         let speech = Speech {
             task: self.choose(&[wanted])?,
             captions: Vec::new(),
+            unstyled: None,
             given: given.collect::<Result<_, _>>()?,
             behind: None,
             audio: None,
@@ -281,6 +285,7 @@ impl Planner {
         Ok(Speech {
             task: self.choose(wanted)?,
             given,
+            unstyled: None,
             ..speech.clone()
         })
     }
@@ -294,7 +299,10 @@ impl Planner {
     }
 
     /// Text pieces of each agent's caption; empty if no agent has text.
-    fn captions<'a>(&self, texts: impl Iterator<Item = &'a String>) -> Result<Vec<Vec<u32>>, EngineError> {
+    pub(super) fn captions<'a>(
+        &self,
+        texts: impl Iterator<Item = &'a String>,
+    ) -> Result<Vec<Vec<u32>>, EngineError> {
         let most = self.table.max_prompt_pieces;
         let pieces = |text: &String| {
             let pieces = self

@@ -24,6 +24,27 @@ pub struct Sampling {
     pub repetition: f32,
 }
 
+/// The logits of the whole vocabulary for one token.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Logits<'a> {
+    /// Those of the reply's own message.
+    pub(super) own: &'a [f32],
+    /// Those of its guides, with their weights. The own logits have the rest of the weight.
+    pub(super) guides: &'a [(&'a [f32], f32)],
+}
+
+impl Logits<'_> {
+    /// The logit of a token. None if it is not finite.
+    fn of(&self, id: u32) -> Option<f32> {
+        let own = *self.own.get(id as usize)?;
+        let mut logit = own;
+        for (guide, weight) in self.guides {
+            logit += weight * (guide.get(id as usize)? - own);
+        }
+        logit.is_finite().then_some(logit)
+    }
+}
+
 /// Chooses tokens. It reuses its memory between choices.
 #[derive(Debug, Default)]
 pub(super) struct Sampler {
@@ -32,11 +53,11 @@ pub(super) struct Sampler {
 }
 
 impl Sampler {
-    /// The next token after `reply`, from the logits of the whole vocabulary. `index` counts all
-    /// tokens that were drawn with the seed. None if a logit is not finite, or no token is allowed.
+    /// The next token after `reply`. `index` counts all tokens that were drawn with the seed. None
+    /// if a logit is not finite, or no token is allowed.
     pub(super) fn choose(
         &mut self,
-        logits: &[f32],
+        logits: Logits<'_>,
         allowed: &Allowed,
         reply: &[u32],
         sampling: &Sampling,
@@ -46,8 +67,7 @@ impl Sampler {
         let candidates = &mut self.candidates;
         candidates.clear();
         for id in allowed.ids() {
-            let logit = *logits.get(id as usize).filter(|logit| logit.is_finite())?;
-            candidates.push((logit, id));
+            candidates.push((logits.of(id)?, id));
         }
         if sampling.repetition != 1.0 {
             let recent = &reply[reply.len().saturating_sub(RECENT)..];

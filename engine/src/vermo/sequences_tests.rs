@@ -45,11 +45,24 @@ fn prompt(seed: u64, pieces: usize, (least, most): (usize, usize), sampling: Sam
     };
     Prompt {
         tokens: message.tokens(&vocabulary),
+        guides: Vec::new(),
         rules,
         sampling,
         seed,
         drawn: 0,
     }
+}
+
+/// The prompt with two guides, whose messages are shorter: two text pieces less, and no caption.
+fn guided(mut prompt: Prompt, [plain, nothing]: [f32; 2]) -> Prompt {
+    let shorter = [&prompt.tokens[..prompt.tokens.len() - 2], &prompt.tokens[..2]];
+    prompt.guides = (shorter.into_iter().zip([plain, nothing]))
+        .map(|(tokens, weight)| Guide {
+            tokens: tokens.to_vec(),
+            weight,
+        })
+        .collect();
+    prompt
 }
 
 fn any_prompt(seed: u64) -> Prompt {
@@ -60,12 +73,16 @@ fn any_prompt(seed: u64) -> Prompt {
         top_p: if rng.random_bool(0.5) { 0.9 } else { 1.0 },
         repetition: if rng.random_bool(0.5) { 1.3 } else { 1.0 },
     };
-    prompt(
+    let prompt = prompt(
         seed,
-        rng.random_range(1..30),
+        rng.random_range(3..30),
         (1, rng.random_range(1..17)),
         sampling,
-    )
+    );
+    match seed % 3 {
+        0 => guided(prompt, [-2.0, -1.0]),
+        _ => prompt,
+    }
 }
 
 /// Takes steps until all sequences have ended. `between` may admit and cancel sequences before each
@@ -167,6 +184,85 @@ fn sequences_that_join_and_leave_have_the_same_replies_as_alone() {
                 .all(|(rows, ..)| (2..=8).contains(rows))
         );
     }
+}
+
+#[test]
+fn a_guided_reply_takes_the_largest_of_the_weighted_logits() {
+    let weights = [-2.5, -0.5];
+    let prompt = guided(prompt(4, 6, (5, 5), GREEDY), weights);
+    let mut written: Vec<u32> = Vec::new();
+    for said in alone(&prompt) {
+        let Said::Token(token) = said else { break };
+        // The logits of each message with the reply so far, read at once.
+        let logits: Vec<Vec<f32>> = std::iter::once(&prompt.tokens)
+            .chain(prompt.guides.iter().map(|guide| &guide.tokens))
+            .map(|message| logits_after(&[&message[..], &written].concat()))
+            .collect();
+        let [own, plain, nothing] = &logits[..] else {
+            panic!("{} messages", logits.len());
+        };
+        let sum = |id: usize| 4.0 * own[id] - 2.5 * plain[id] - 0.5 * nothing[id];
+        let codes = toy(&pack()).vocabulary.range(Kind::Motion);
+        let best = codes.map(|id| sum(id as usize)).fold(f32::MIN, f32::max);
+        assert!((sum(token as usize) - best).abs() < 1e-3);
+        written.push(token);
+    }
+    assert_eq!(written.len(), 5);
+    let unguided = alone(&Prompt {
+        guides: Vec::new(),
+        ..prompt
+    });
+    assert_ne!(
+        unguided[..5],
+        written
+            .iter()
+            .map(|&token| Said::Token(token))
+            .collect::<Vec<_>>()
+    );
+}
+
+/// The toy's logits after tokens that it reads in one call.
+fn logits_after(tokens: &[u32]) -> Vec<f32> {
+    let mut toy = toy(&pack());
+    let (shape, vocabulary) = (toy.shape, toy.vocabulary);
+    let tokens: Vec<i64> = tokens.iter().map(|&token| token.into()).collect();
+    let call = LanguageCall {
+        sequences: 1,
+        columns: tokens.len(),
+        cached: 1,
+        tokens: &tokens,
+        count: &[tokens.len() as i64],
+        start: &[0],
+        cache: &vec![0.0; shape.numbers(1)],
+    };
+    let mut answer = LanguageAnswer {
+        logits: vec![0.0; vocabulary.len()],
+        columns: vec![0.0; shape.numbers(tokens.len())],
+    };
+    toy.language(&call, &mut answer).unwrap();
+    answer.logits
+}
+
+#[test]
+fn guided_sequences_share_the_rows_of_a_call() {
+    let (mut sequences, mut toy, calls) = sequences(7);
+    toy.end = -100.0;
+    for seed in 1..=3 {
+        sequences.admit(id(seed), guided(prompt(seed, 4, (4, 4), GREEDY), [-2.0, -1.0]));
+    }
+    sequences.admit(id(4), prompt(4, 4, (4, 4), GREEDY));
+    let said = run(&mut sequences, &mut toy, |_, _| false);
+    assert_eq!(said.len(), 4);
+    // Two guided sequences have six rows. The third needs three more, and the last waits behind it.
+    let decodes: Vec<usize> = (calls.lock().unwrap().iter())
+        .filter(|(_, columns, _)| *columns == 1)
+        .map(|(rows, ..)| *rows)
+        .collect();
+    assert_eq!(decodes, [6, 6, 6, 4, 4, 4]);
+    assert_eq!(
+        said[&1],
+        alone(&guided(prompt(1, 4, (4, 4), GREEDY), [-2.0, -1.0]))
+    );
 }
 
 #[test]

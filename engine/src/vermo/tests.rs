@@ -5,7 +5,7 @@ use troupe_motion::root::wrap_angle;
 
 use super::motion::{Frames, Stitcher, first_body};
 use super::reply::{Allowed, Reply, Rules};
-use super::sampler::{Sampler, Sampling};
+use super::sampler::{Logits, Sampler, Sampling};
 use super::toy::{pack, toy};
 use super::vocabulary::{AGENT_SEP, BOS, CONDITION, EOS, GAP, INSTRUCTION, REPLY};
 use super::*;
@@ -139,6 +139,10 @@ fn choose(logits: &[f32], reply: &[u32], sampling: Sampling, index: u64) -> Opti
     let allowed = Allowed {
         codes: 3..8,
         mark: Some(EOS),
+    };
+    let logits = Logits {
+        own: logits,
+        guides: &[],
     };
     Sampler::default().choose(logits, &allowed, reply, &sampling, (7, index))
 }

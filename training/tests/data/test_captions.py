@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from troupe_training.data.captions import CONTENTS, STYLES, caption, gerund, plain_captions, third
+from troupe_training.data.captions import (
+    CONTENTS,
+    STYLES,
+    caption,
+    gerund,
+    plain_captions,
+    style_phrases,
+    third,
+    unstyled,
+)
 from troupe_training.data.facts import Facts, measured, named
 
 WALK = Facts("walk", "angry", 3.0, 1.2, 0.0)
@@ -38,6 +47,30 @@ def test_every_caption_names_the_content_and_the_style():
         words = set(caption(WALK, seed).split())
         assert words & {"walk", "walks", "walking", "stroll", "strolls", "strolling"}
         assert words & styles
+
+
+@pytest.mark.parametrize("content", CONTENTS)
+def test_a_caption_without_its_style_is_one_that_names_none(content: str):
+    phrases = style_phrases()
+    words = {
+        word for said in (CONTENTS[content].verbs, CONTENTS[content].nouns) for text in said for word in text.split()
+    }
+    assert not words & {phrase for phrase in phrases if " " not in phrase}
+    for style in STYLES:
+        for seed in range(4):
+            left = unstyled(caption(Facts(content, style, 3.0, 1.2, 0.0), seed), phrases)
+            assert left is not None and unstyled(left, phrases) is None
+            assert not any(f" {phrase} " in f" {left} " for phrase in phrases)
+
+
+def test_a_style_is_taken_out_of_a_sentence():
+    phrases = style_phrases()
+    assert unstyled("an angry person walks", phrases) == "a person walks"
+    assert (
+        unstyled("a person waves like an elderly person for two seconds", phrases) == "a person waves for two seconds"
+    )
+    assert unstyled("worn out", phrases) == ""
+    assert unstyled("a person walks", phrases) is None
 
 
 def test_what_was_measured_is_said_and_nothing_else():

@@ -136,6 +136,9 @@ def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     pack = tmp_path / "pack"
     where = ["--run", str(vermo_run), "--cache", str(cache), "--out", str(pack)]
     assert main(["vermo", "export", *where, "--licence", "CC0-1.0", "--name", "tiny"]) == 0
+    table = tomllib.loads((pack / "pack.toml").read_text())["vermo"]
+    assert (table["content_guidance"], table["style_guidance"]) == (2.0, 3.0)
+    assert "like an old person" in (pack / "styles.txt").read_text().splitlines()
     bricks = tmp_path / "bricks"
     assert main(["random-pack", "--preset", "test", "--out", str(bricks), "--like", str(pack)]) == 0
     sizes = ["--max-windows", "3", "--samples", "2", "--json", str(out), "--markdown", str(tmp_path / "figures.md")]
@@ -155,6 +158,18 @@ def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     assert 0.0 <= figures["description"]["train"]["content"] <= 1.0
     assert figures["nearest"]["train: captured"]["mean"] >= 0.0
     assert "R@1, pool 32" in (tmp_path / "figures.md").read_text()
+
+    again = tmp_path / "pack.json"
+    packed = ["--run", str(vermo_run), "--cache", str(cache), "--parts", "train", "--max-windows", "3"]
+    packed += ["--pack", str(pack), "--json", str(again)]
+    assert main(["vermo", "evaluate", *packed, "--measured", "text"]) == 0
+    report = json.loads(again.read_text())
+    assert report["steps"] == json.loads(out.read_text())["steps"]
+    texts = report["figures"]["text"]
+    assert texts["train: captured"] == pytest.approx(figures["text"]["train: captured"])
+    assert 0.0 <= texts["train: vermo"]["both"] <= min(texts["train: vermo"][key] for key in ("content", "style"))
+    with pytest.raises(SystemExit, match="only the part text can be measured of a pack"):
+        main(["vermo", "evaluate", *packed, "--measured", "description"])
 
     assert main(["vermo", "card", "--pack", str(pack), "--evaluations", str(out)]) == 0
     card = (pack / "README.md").read_text()

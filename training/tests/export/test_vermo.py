@@ -43,6 +43,8 @@ def test_the_manifest_says_what_a_server_goes_by(pack: Path):
     width = session(pack, "language").get_outputs()[0].shape[1]
     assert width == 18 + 64 + expected["text_pieces"] + expected["motion_codes"] + expected["audio_codes"]
     assert "walks" in (pack / "words.txt").read_text().split()
+    # Its replies are compared with unguided ones.
+    assert "style_guidance" not in expected and not (pack / "styles.txt").exists()
 
 
 def test_a_cache_of_any_size_answers_as_pytorch_without_one(pack: Path):

@@ -220,6 +220,29 @@ def test_replies_are_the_same_alone_and_in_company():
     assert greedy[0] == int(model(torch.tensor([prompt]))[0, -1].masked_fill(~mask, -1e9).argmax())
 
 
+@torch.no_grad()
+def test_guidance_adds_what_the_content_and_the_style_change():
+    model = language(4)
+    styled, plain = (Message("text_to_motion", [pieces], length=6) for pieces in ([1, 2, 3], [1, 3]))
+    nothing = Message("unconditional", length=6)
+    guides = Sampling(content_guidance=2.0, style_guidance=3.5).guides(styled, [1, 3])
+    assert [(guide.message, guide.weight) for guide in guides] == [(plain, -1.5), (nothing, -1.0)]
+    assert Sampling().guides(styled, [1, 3]) == []
+    alone = Asked(Message("text_to_motion", [[4]], length=5), 8)
+    together = replies(model, [Asked(styled, 5, guides=guides), alone, Asked(styled, 6)], Sampling(0.0), most=8)
+    expected: list[int] = []
+    first, end = VOCABULARY.span("motion")
+    for _ in range(6):
+        both, content, none = (
+            model(torch.tensor([m.prompt(VOCABULARY) + expected]))[0, -1] for m in (styled, plain, nothing)
+        )
+        mixed = none + 2.0 * (content - none) + 3.5 * (both - content)
+        expected.append(first + int(mixed[first:end].argmax()))
+    assert together[0] == expected
+    unguided = replies(model, [alone, Asked(styled, 6)], Sampling(0.0), most=8)
+    assert together[1:] == unguided and together[0] != unguided[1]
+
+
 def test_drawing_follows_top_k_top_p_and_repetition():
     logits = torch.tensor([2.0, 1.9, 0.0, -1.0])
     drawn = {Sampling(1.0, 2).draw(logits, [], seed, 0) for seed in range(60)}

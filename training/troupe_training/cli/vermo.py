@@ -72,6 +72,16 @@ OPTIONS["--repetition"] = {
     "default": SAMPLING.repetition,
     "help": "how much codes of the last tokens are held back",
 }
+OPTIONS["--content-guidance"] = {
+    "type": float,
+    "default": SAMPLING.content_guidance,
+    "help": "how strongly the content counts in texts that name a style; 1: as trained",
+}
+OPTIONS["--style-guidance"] = {
+    "type": float,
+    "default": SAMPLING.style_guidance,
+    "help": "how strongly the style counts there; 1: as trained",
+}
 OPTIONS["--samples"] = {"type": int, "default": 4, "help": "answers to each window, for diversity"}
 OPTIONS["--flow-steps"] = {"type": int, "default": 0, "help": "of the flow decoder; 0: the first stage's decoder"}
 OPTIONS["--motionbricks"] = {
@@ -150,21 +160,38 @@ def export(args: argparse.Namespace) -> int:
 
 @command(
     *("--run", "--cache", "--task", "--measured", "--parts", "--max-windows", "--samples", "--flow-steps"),
-    *(*SAMPLED, "--evaluator", "--motionbricks", "--seed", "--threads", "--json", "--markdown"),
+    *(
+        *SAMPLED,
+        "--content-guidance",
+        "--style-guidance",
+        "--pack",
+        "--evaluator",
+        "--motionbricks",
+        "--seed",
+        "--threads",
+    ),
+    *("--json", "--markdown"),
     group=GROUP,
     run=RUN,
+    pack=None,
     seed=1,
     temperature=SAMPLING.temperature,
 )
 def evaluate(args: argparse.Namespace) -> int:
-    """Reconstruction, continuations, texts, descriptions and the distance to training clips, each beside its baselines."""
+    """Reconstruction, continuations, texts, descriptions and the distance to training clips, each beside its baselines.
+
+    With ``--pack`` the part text alone is measured, of a pack; the judge is then all that the run needs to have.
+    """
     torch.set_num_threads(args.threads)
-    sampling = Sampling(args.temperature, args.top_k, args.top_p, args.repetition)
+    sampling = Sampling(
+        args.temperature, args.top_k, args.top_p, args.repetition, args.content_guidance, args.style_guidance
+    )
     setting = Setting(
         *(args.run, args.cache, args.parts, sampling, args.max_windows, args.samples, args.flow_steps, args.seed),
         args.evaluator,
         args.task,
         args.motionbricks,
+        args.pack,
     )
     measured, text = measure(setting, args.measured)
     if args.markdown:

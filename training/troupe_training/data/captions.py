@@ -151,6 +151,32 @@ def manner(style: str) -> Manner:
     return STYLES.get(style) or Manner((f"in a {plain} way",), (plain,))
 
 
+def style_phrases() -> list[str]:
+    """Every wording of a style, the longest first."""
+    phrases = {phrase for style in STYLES.values() for phrase in (*style.adverbs, *style.adjectives)}
+    return sorted(phrases, key=lambda phrase: (-len(phrase.split()), phrase))
+
+
+def unstyled(text: str, phrases: list[str]) -> str | None:
+    """A caption without the style that it names; none if it names no style.
+
+    ``phrases`` are wordings of styles, the longest first. "an angry person walks" becomes "a person walks".
+    """
+    left, kept = text.split(), []
+    while left:
+        ends = (len(phrase.split()) for phrase in phrases if left[: len(phrase.split())] == phrase.split())
+        length = next(ends, 0)
+        if length == 0:
+            kept.append(left[0])
+        left = left[max(1, length) :]
+    if len(kept) == len(text.split()):
+        return None
+    for place, after in enumerate(kept[1:]):
+        if kept[place] in ("a", "an"):
+            kept[place] = article(after).split()[0]
+    return " ".join(kept)
+
+
 def _tail(facts: Facts, rng: random.Random) -> str:
     """Something that was measured."""
     tails = []

@@ -1,5 +1,7 @@
 """A run's networks at work: messages to motions and texts, and motions to what figures are made of."""
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from troupe_training.models.vermo.flow import FlowDecoder, flow_sample
 from troupe_training.models.vermo.frames import seen_from_first, world_joints
 from troupe_training.models.vermo.messages import AGENT_SEP, Message
 from troupe_training.models.vermo.pieces import Pieces
-from troupe_training.models.vermo.sampler import Asked, Sampling, replies
+from troupe_training.models.vermo.sampler import Asked, Guide, Language, Sampling, replies
 from troupe_training.models.vermo.tokenizer import Tokenizer
 from troupe_training.train.vermo.corpus import Crop, Motions
 from troupe_training.train.vermo.language import PIECES
@@ -38,36 +40,50 @@ class Clip:
         return Clip(self.pose[start:end], self.root[start:end])
 
 
-class Model:
-    """Networks of a run with their pieces, and how they are sampled."""
+class Answering(ABC):
+    """A language model with its pieces, how it is sampled, and a decoder of its codes."""
+
+    def __init__(self, language: Language, pieces: Pieces, sampling: Sampling):
+        self.language, self.pieces, self.sampling = language, pieces, sampling
+
+    @abstractmethod
+    def motions(self, codes: list[list[int]], flow_steps: int, seed: int) -> list[Clip]:
+        """Motions of codes."""
+
+    def replies(
+        self, messages: list[Message], seed: int, greedy: bool = False, guides: Sequence[list[Guide]] = ()
+    ) -> list[list[int]]:
+        """Codes or pieces of replies, counted from 0; agents one after the other. ``guides`` are those of each message."""
+        made: list[list[int]] = []
+        sampling = Sampling(0.0) if greedy else self.sampling
+        vocabulary = self.language.vocabulary
+        asked = [Asked(message, seed * 100_003 + n) for n, message in enumerate(messages)]
+        for one, own in zip(asked, guides, strict=False):
+            one.guides = own
+        for first in range(0, len(asked), BATCH):
+            some = asked[first : first + BATCH]
+            for one, ids in zip(some, replies(self.language, some, sampling), strict=True):
+                start = vocabulary.first_text if one.message.task == "motion_to_text" else vocabulary.first_motion
+                made.append([token - start for token in ids if token != AGENT_SEP])
+        return made
+
+    def texts(self, messages: list[Message]) -> list[str]:
+        """Replies of `motion_to_text`, by the largest logit."""
+        return [self.pieces.text(pieces) for pieces in self.replies(messages, 0, greedy=True)]
+
+
+class Model(Answering):
+    """Networks of a run."""
 
     def __init__(
         self, run: Path, store: ClipStore, sampling: Sampling, task: str | None = None, stage: str | None = None
     ):
         self.networks, self.stage = load_networks(run, store, task, stage)
-        self.pieces = Pieces.read(run / PIECES)
-        self.sampling = sampling
-
-    def replies(self, messages: list[Message], seed: int, greedy: bool = False) -> list[list[int]]:
-        """Codes or pieces of replies, counted from 0; agents one after the other."""
-        made: list[list[int]] = []
-        sampling = Sampling(0.0) if greedy else self.sampling
-        vocabulary = self.networks.language.vocabulary
-        for first in range(0, len(messages), BATCH):
-            some = messages[first : first + BATCH]
-            asked = [Asked(message, seed * 100_003 + first + n) for n, message in enumerate(some)]
-            for message, ids in zip(some, replies(self.networks.language, asked, sampling), strict=True):
-                start = vocabulary.first_text if message.task == "motion_to_text" else vocabulary.first_motion
-                made.append([token - start for token in ids if token != AGENT_SEP])
-        return made
+        super().__init__(self.networks.language, Pieces.read(run / PIECES), sampling)
 
     def motions(self, codes: list[list[int]], flow_steps: int, seed: int) -> list[Clip]:
         """Motions of codes."""
         return decoded(self.networks.tokenizer, self.networks.flow, codes, flow_steps, seed)
-
-    def texts(self, messages: list[Message]) -> list[str]:
-        """Replies of `motion_to_text`, by the largest logit."""
-        return [self.pieces.text(pieces) for pieces in self.replies(messages, 0, greedy=True)]
 
 
 @torch.no_grad()

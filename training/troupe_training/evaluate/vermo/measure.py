@@ -8,7 +8,7 @@ import torch
 
 from troupe_training.evaluate import bench
 from troupe_training.evaluate.bench import Latents
-from troupe_training.evaluate.vermo.answers import Clip, Model, captured
+from troupe_training.evaluate.vermo.answers import Answering, Clip, Model, captured
 from troupe_training.evaluate.vermo.continuation import (
     SPLITS,
     Method,
@@ -25,6 +25,7 @@ from troupe_training.evaluate.vermo.continuation import (
 from troupe_training.evaluate.vermo.motionbricks import of_pack
 from troupe_training.evaluate.vermo.nearest import nearest, nearest_table, training_windows
 from troupe_training.evaluate.vermo.nearest import windows_of as motion_windows
+from troupe_training.evaluate.vermo.packed import PackModel
 from troupe_training.evaluate.vermo.reconstruction import reconstruction, reconstruction_table, whole_crops
 from troupe_training.evaluate.vermo.text import (
     asked_of,
@@ -37,6 +38,7 @@ from troupe_training.evaluate.vermo.text import (
     text_figures,
     text_table,
 )
+from troupe_training.export.vermo.graphs import Networks
 from troupe_training.export.vermo.run import steps_of
 from troupe_training.models.vermo.config import RATE
 from troupe_training.models.vermo.judge import Judge
@@ -65,6 +67,7 @@ class Setting:
     evaluator: Path | None = None  # evaluator.onnx, for the FID of continuations
     task: str | None = None  # the specialist to measure
     motionbricks: Path | None = None  # pack that fills the same gaps
+    pack: Path | None = None  # to measure instead of the run's networks; the judge is the run's
 
 
 class Measured:
@@ -72,14 +75,30 @@ class Measured:
 
     def __init__(self, setting: Setting):
         self.setting = setting
-        train = motions_of(setting.run, setting.cache, "train")
-        self.model = Model(setting.run, train.store, setting.sampling, setting.task)
-        self.steps = steps_of(setting.run, latest_stage(setting.run, setting.task))
-        self.train = Motions(train.store, self.model.networks.tokenizer, train.clips)
+        run = None if setting.pack else setting.run
+        train = motions_of(run, setting.cache, "train")
+        self.model: Answering
+        if setting.pack is None:
+            self.model = Model(setting.run, train.store, setting.sampling, setting.task)
+            self.steps = steps_of(setting.run, latest_stage(setting.run, setting.task))
+        else:
+            packed = PackModel(setting.pack, setting.sampling, torch.get_num_threads())
+            self.model, self.steps = packed, packed.steps
+        tokenizer = self.model.networks.tokenizer if isinstance(self.model, Model) else None
+        self.train = Motions(train.store, tokenizer, train.clips)
         self.splits = {
-            name: Motions(train.store, self.model.networks.tokenizer, motions_of(None, setting.cache, name).clips)
+            name: Motions(train.store, tokenizer, motions_of(None, setting.cache, name).clips)
             for name in setting.splits
         }
+
+    @property
+    def trained(self) -> tuple[Model, Networks]:
+        """The run's model and its networks; ends the command if a pack is measured."""
+        if not isinstance(self.model, Model):
+            raise SystemExit(
+                "--pack: only the part text can be measured of a pack; the others need the checkpoints of --run"
+            )
+        return self.model, self.model.networks
 
     def judge(self) -> Judge:
         """The run's judge."""
@@ -88,7 +107,8 @@ class Measured:
     def reconstruction(self) -> tuple[dict[str, Any], str]:
         """Captured motion to tokens and back, by both decoders."""
         figures = {}
-        networks, steps = self.model.networks, [0] + ([4, 28] if self.model.networks.flow is not None else [])
+        _, networks = self.trained
+        steps = [0] + ([4, 28] if networks.flow is not None else [])
         for split, motions in self.splits.items():
             crops = whole_crops(motions, self.setting.most)
             for count in steps:
@@ -98,7 +118,9 @@ class Measured:
 
     def continuation(self) -> tuple[dict[str, Any], str]:
         """Prediction and in-between beside simple baselines."""
-        setting, body = self.setting, self.model.networks.tokenizer.body
+        setting = self.setting
+        model, networks = self.trained
+        body = networks.tokenizer.body
         encode = Latents(setting.evaluator, 1).of if setting.evaluator else None
         figures = {}
         for split, motions in self.splits.items():
@@ -112,7 +134,7 @@ class Measured:
                 for name, method in simple.items():
                     figures[f"{task}, {split}: {name}"] = figures_of(windows, [[method(w, 0) for w in windows]], encode)
                 seeds = range(setting.seed, setting.seed + setting.samples)
-                samples = [answered(self.model, motions, task, windows, seed, setting.flow_steps) for seed in seeds]
+                samples = [answered(model, motions, task, windows, seed, setting.flow_steps) for seed in seeds]
                 figures[f"{task}, {split}: vermo"] = figures_of(windows, samples, encode)
                 if task == "inbetween":
                     closed = [[joined(c, w) for c, w in zip(clips, windows, strict=True)] for clips in samples]
@@ -145,15 +167,16 @@ class Measured:
             asked = asked_of(motions, whole_crops(motions, setting.most), setting.seed)
             ids = [pieces.ids(one.text) for one in asked]
             real = judged(judge, [captured(motions, one.crop) for one in asked])
-            made = judged(judge, generated(self.model, asked, setting.seed, setting.flow_steps))
             found = judged(judge, retrieved(judge, ids, self.train, seen))
-            for name, hidden in (("captured", real), ("vermo", made), ("nearest seen caption", found)):
-                figures[f"{split}: {name}"] = text_figures(judge, hidden, real, asked, ids)
+            figures[f"{split}: captured"] = text_figures(judge, real, real, asked, ids)
             captions, each = MULTIMODAL
             some = asked[:: max(1, len(asked) // captions)][:captions]
+            made = judged(judge, generated(self.model, asked, setting.seed, setting.flow_steps))
+            figures[f"{split}: vermo"] = text_figures(judge, made, real, asked, ids)
             figures[f"{split}: vermo"]["multimodality"] = multimodality(
                 judge, self.model, some, each, setting.flow_steps
             )
+            figures[f"{split}: nearest seen caption"] = text_figures(judge, found, real, asked, ids)
         return figures, text_table(figures)
 
     def description(self) -> tuple[dict[str, Any], str]:
@@ -162,7 +185,7 @@ class Measured:
         names = sorted({*self.train.names, *(n for m in self.splits.values() for n in m.names)}, key=str)
         for split, motions in self.splits.items():
             crops = whole_crops(motions, self.setting.most)
-            figures[split], _ = description_figures(self.model, motions, crops, names)
+            figures[split], _ = description_figures(self.trained[0], motions, crops, names)
         return figures, description_table(figures)
 
     def nearest(self) -> tuple[dict[str, Any], str]:

@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from troupe_training.data.captions import caption, plain_captions
+from troupe_training.data.captions import caption, plain_captions, style_phrases, unstyled
 from troupe_training.evaluate.distribution import Gaussian, frechet
-from troupe_training.evaluate.vermo.answers import Clip, Model, captured, markdown
+from troupe_training.evaluate.vermo.answers import Answering, Clip, Model, captured, markdown
 from troupe_training.models.vermo.config import RATE
 from troupe_training.models.vermo.judge import Judge
 from troupe_training.models.vermo.messages import Message
@@ -65,12 +65,15 @@ def text_figures(judge: Judge, hidden: Tensor, real: Tensor, asked: list[Asked],
             rank = (distance[chosen][:, chosen] < distance[chosen, chosen][:, None]).sum(-1)
             hits += [float((rank < top).float().mean()) for top in TOPS]
         figures |= {f"r{top}_{pool}": hit / REPEATS for top, hit in zip(TOPS, hits, strict=True)}
+    shown: dict[str, np.ndarray] = {}
     for name, scores, known, wanted in (
         ("content", judge.content(hidden), judge.config.contents, [a.name[0] for a in asked]),
         ("style", judge.style(hidden), judge.config.styles, [a.name[1] or NO_STYLE for a in asked]),
     ):
         found = [known[int(n)] for n in scores.argmax(-1)]
-        figures[name] = float(np.mean([a == b for a, b in zip(found, wanted, strict=True)]))
+        shown[name] = np.array([a == b for a, b in zip(found, wanted, strict=True)])
+        figures[name] = float(shown[name].mean())
+    figures["both"] = float((shown["content"] & shown["style"]).mean())
     vectors, true_vectors = motions.numpy(), judge.motions(real).numpy()
     figures["fid"] = frechet(Gaussian(vectors), Gaussian(true_vectors))
     first, second = rng.integers(0, len(asked), (2, PAIRS))
@@ -78,13 +81,18 @@ def text_figures(judge: Judge, hidden: Tensor, real: Tensor, asked: list[Asked],
     return figures
 
 
-def generated(model: Model, asked: list[Asked], seed: int, flow_steps: int = 0) -> list[Clip]:
+def generated(model: Answering, asked: list[Asked], seed: int, flow_steps: int = 0) -> list[Clip]:
     """Motions for captions, as long as the captured ones."""
-    messages = [Message("text_to_motion", [model.pieces.ids(a.text)], length=a.crop.tokens) for a in asked]
-    return model.motions(model.replies(messages, seed), flow_steps, seed)
+    messages, guides = [], []
+    for one in asked:
+        message = Message("text_to_motion", [model.pieces.ids(one.text)], length=one.crop.tokens)
+        plain = unstyled(one.text, style_phrases())
+        messages.append(message)
+        guides.append(model.sampling.guides(message, model.pieces.ids(plain)) if plain else [])
+    return model.motions(model.replies(messages, seed, guides=guides), flow_steps, seed)
 
 
-def multimodality(judge: Judge, model: Model, asked: list[Asked], samples: int, flow_steps: int = 0) -> float:
+def multimodality(judge: Judge, model: Answering, asked: list[Asked], samples: int, flow_steps: int = 0) -> float:
     """Mean distance between the vectors of several motions for one caption."""
     hidden = [judged(judge, generated(model, asked, 100 + n, flow_steps)) for n in range(samples)]
     with torch.no_grad():
@@ -129,12 +137,12 @@ def description_figures(
 def text_table(figures: dict[str, Figures]) -> str:
     """Rows by method and split."""
     header = ["", *(f"R@{top}, pool {pool}" for pool in POOLS for top in TOPS)]
-    header += ["MM distance", "FID", "diversity", "content (%)", "style (%)", "multimodality"]
+    header += ["MM distance", "FID", "diversity", "content (%)", "style (%)", "both (%)", "multimodality"]
     rows = []
     for name, f in figures.items():
         row = [name, *(f"{f[f'r{top}_{pool}']:.3f}" for pool in POOLS for top in TOPS)]
         row += [f"{f['mm_distance']:.3f}", f"{f['fid']:.3f}", f"{f['diversity']:.3f}"]
-        row += [f"{100 * f['content']:.1f}", f"{100 * f['style']:.1f}"]
+        row += [f"{100 * f[key]:.1f}" if key in f else "" for key in ("content", "style", "both")]
         rows.append([*row, f"{f['multimodality']:.3f}" if "multimodality" in f else ""])
     return markdown(header, rows)
 

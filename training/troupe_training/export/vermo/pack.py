@@ -6,6 +6,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+from troupe_training.data.captions import style_phrases
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.export.manifest import About, Family, write_manifest
 from troupe_training.export.vermo.graphs import FILES, Networks, shipped, write_graphs
@@ -17,7 +18,8 @@ CONTEXT_FRAMES = 16  # past frames that go into a message at least
 MAX_PROMPT_PIECES = 40
 TOLERANCE = 2e-3
 # By default. Colder texts are followed better, and warmer motions are more like captures as a set.
-SAMPLING = Sampling(0.7, 0, 0.9, 1.1)
+# Guidance: docs/words.md#content-and-style has the figures.
+SAMPLING = Sampling(0.7, 0, 0.9, 1.1, content_guidance=2.0, style_guidance=3.0)
 MOST_OTHER_TOKENS = 0.02  # share of tokens that ONNX Runtime may give otherwise
 
 
@@ -46,6 +48,8 @@ def export_pack(out: Path, about: About, skeleton: Skeleton, networks: Networks,
             raise SystemExit(f"{name}.onnx differs from PyTorch by {difference:.1e}, which is too much")
     served.pieces.save(fresh / "tokenizer.json")
     (fresh / "words.txt").write_text("".join(word + "\n" for word in served.words), encoding="utf-8")
+    if _is_guided(served.sampling):
+        (fresh / "styles.txt").write_text("".join(phrase + "\n" for phrase in style_phrases()), encoding="utf-8")
     digest = hashlib.sha256()
     for name in FILES:
         if name in checks:
@@ -89,4 +93,13 @@ def _family_lines(networks: Networks, served: Served) -> list[str]:
         f"top_k = {sampling.top_k}",
         f"top_p = {sampling.top_p}",
         f"repetition = {sampling.repetition}",
+        *(
+            [f"content_guidance = {sampling.content_guidance}", f"style_guidance = {sampling.style_guidance}"]
+            if _is_guided(sampling)
+            else []
+        ),
     ]
+
+
+def _is_guided(sampling: Sampling) -> bool:
+    return (sampling.content_guidance, sampling.style_guidance) != (1.0, 1.0)

@@ -21,6 +21,7 @@ from troupe_training.models.vermo.flow import FlowDecoder
 from troupe_training.models.vermo.language import LanguageModel
 from troupe_training.models.vermo.messages import EOS, TASKS, Message, Rules, Vocabulary
 from troupe_training.models.vermo.pieces import Pieces, train_pieces, words_of
+from troupe_training.models.vermo.sampler import Sampling
 from troupe_training.models.vermo.tokenizer import Tokenizer
 
 AUDIO_CODES = 64
@@ -70,7 +71,7 @@ def random_pack(out: Path, like: Path, preset: str, seed: int) -> tuple[Networks
         ["random weights, for tests only: motion and text mean nothing"],
         {"preset": preset, "random_weights_seed": seed},
     )
-    served = Served(list(TASKS), pieces, words_of(captions), max_agents=3)
+    served = Served(list(TASKS), pieces, words_of(captions), max_agents=3, sampling=Sampling(0.7, 0, 0.9, 1.1))
     return export_pack(out, about, skeleton, networks, served), pieces
 
 

@@ -111,6 +111,10 @@ class LanguageModel(nn.Module):
         table = self.table()
         return F.linear(self.hidden(tokens, table), table)
 
+    def served(self) -> "Served":
+        """The model over a cache."""
+        return Served(self).eval()
+
 
 def _levels_of(codes: int, levels: tuple[int, ...]) -> Tensor:
     """Rows of the shared table ``[codes, dimensions]`` that a code's embedding adds up, the first dimension fastest."""
