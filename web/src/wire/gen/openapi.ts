@@ -1407,7 +1407,7 @@ export interface components {
              */
             retry_after_ms?: number | null;
         };
-        /** @description Whether a motion stays within the limits of the pack's data. The first nine figures are about the frames and the keyframes of the request. The last three are about the way from the context to the targets. */
+        /** @description Whether a motion stays within the limits of the pack's data, and of a robot's hinges. The first nine figures and those of hinges are about the frames and the keyframes of the request. The three reaches are about the way from the context to the targets. */
         Feasibility: {
             /** @description Depth of the lowest joint below the ground, metres. */
             below_ground?: components["schemas"]["FeasibilityFigure"];
@@ -1418,6 +1418,10 @@ export interface components {
              * @default false
              */
             feasible: boolean;
+            /** @description Acceleration of the hinge that is nearest to its limit or farthest beyond it, rad/s². Left out: no robot, or its hinges have no such limit. */
+            hinge_acceleration?: components["schemas"]["FeasibilityFigure"];
+            /** @description Speed of the hinge that is nearest to its highest speed or farthest beyond it, rad/s. The limit is that of this hinge. Left out: no robot. */
+            hinge_speed?: components["schemas"]["FeasibilityFigure"];
             /** @description Largest acceleration of a joint relative to the root, m/s². */
             joint_acceleration?: components["schemas"]["FeasibilityFigure"];
             /** @description Speed of the fastest joint relative to the root, m/s. */
@@ -1465,7 +1469,7 @@ export interface components {
             joint?: number;
             /**
              * Format: float
-             * @description All but 0.1 % of the windows of the pack's training data stay within this.
+             * @description All but 0.1 % of the windows of the pack's training data stay within this. For hinges: what the robot can do.
              * @default 0
              */
             limit: number;
@@ -1518,6 +1522,11 @@ export interface components {
              */
             contacts: string;
             /**
+             * @description C x F: index in Robot.hinges of the hinge with that ratio (ENCODING_QPOS).
+             * @default []
+             */
+            fastest_hinges: number[];
+            /**
              * @description Frame number of each character's first frame in its session, rounded down.
              * @default []
              */
@@ -1529,10 +1538,20 @@ export interface components {
              */
             frame_count: number;
             /**
+             * @description C x F: largest acceleration of any hinge, rad/s². 0 in a session's first two frames (ENCODING_QPOS).
+             * @default []
+             */
+            hinge_accelerations: number[];
+            /**
              * @description C x F: how far the hinges could not follow the motion. The largest angle of any joint in the world, radians (ENCODING_QPOS).
              * @default []
              */
             hinge_residuals: number[];
+            /**
+             * @description C x F: speed of a hinge since the frame that was sent before, divided by its highest speed. The largest of all hinges; above 1 the hinge would have to be faster than it can. 0 in a session's first frame (ENCODING_QPOS).
+             * @default []
+             */
+            hinge_speed_ratios: number[];
             /**
              * @description Name of the pack. Its skeleton gives the joints.
              * @default
@@ -1599,16 +1618,31 @@ export interface components {
              */
             contacts: number[];
             /**
+             * @description frame_count, for robots: index in Robot.hinges of the hinge with that ratio.
+             * @default []
+             */
+            fastest_hinges: number[];
+            /**
              * Format: uint32
              * @description Frames in every array below.
              * @default 0
              */
             frame_count: number;
             /**
+             * @description frame_count, for robots: largest acceleration of any hinge, rad/s². 0 in the first two frames of an answer.
+             * @default []
+             */
+            hinge_accelerations: number[];
+            /**
              * @description frame_count, for robots: how far the hinges could not follow the networks or a keyframe. The largest angle of any joint in the world, radians.
              * @default []
              */
             hinge_residuals: number[];
+            /**
+             * @description frame_count, for robots: speed of a hinge since the frame before, divided by its highest speed. The largest of all hinges; above 1 the hinge would have to be faster than it can. 0 in the first frame of an answer.
+             * @default []
+             */
+            hinge_speed_ratios: number[];
             /**
              * @description frame_count x joints x 3, on request: world joint positions in metres.
              * @default []
@@ -1747,7 +1781,7 @@ export interface components {
             /** @description At most one field of `goal` is present. Act out words. Needs the capability `text`. */
             prompt?: components["schemas"]["Prompt"];
             /**
-             * @description Give the network's own frames. Otherwise standing feet are held, soles are brought onto the ground, and windows lead over to each other.
+             * @description Give the network's own frames: they may miss the place that a prompt names. Otherwise standing feet are held, soles are brought onto the ground, windows lead over to each other, and motion for words ends where it should (Prompt.targets). Of a path that another pack plans: the frames of that pack's network, carried over.
              * @default false
              */
             raw: boolean;
@@ -1862,7 +1896,12 @@ export interface components {
             lower: number;
             /**
              * Format: float
-             * @description Top speed, in radians per second. Frames may be faster.
+             * @description Largest acceleration, in radians per second squared. Left out: no limit is known.
+             */
+            max_acceleration?: number;
+            /**
+             * Format: float
+             * @description Top speed, in radians per second. Frames may be faster: `hinge_speed_ratios` says where.
              * @default 0
              */
             max_speed: number;
@@ -2732,10 +2771,15 @@ export interface components {
              */
             guidance?: number;
             /**
-             * @description Poses to pass on the way. Only for packs that walk.
+             * @description Poses to pass on the way. Only for packs that walk, and for paths that one of them plans.
              * @default []
              */
             keyframes: components["schemas"]["PathKeyframe"][];
+            /**
+             * @description Whose network plans the path. Only for packs with the capability `path`; packs that walk plan their paths themselves. A note of the answer names the pack that planned.
+             * @default PATH_PLANNER_AUTO
+             */
+            planner: components["schemas"]["PathPlanner"];
             /**
              * @description Points of the path in order: 1 to 10000. A smooth curve joins them, and the body stays at the last one. A path that continues from `past` begins at most 5 m from its last frame. The motion leads over to it.
              * @default []
@@ -2785,6 +2829,11 @@ export interface components {
              */
             time: number;
         };
+        /**
+         * @description Whose network plans a path.
+         * @enum {string}
+         */
+        PathPlanner: "PATH_PLANNER_AUTO" | "PATH_PLANNER_OWN" | "PATH_PLANNER_CARRIED";
         /** @description A point of a path, and perhaps the time to be there. */
         PathPoint: {
             /**
@@ -2997,7 +3046,7 @@ export interface components {
             flow_steps?: number;
             /**
              * Format: uint32
-             * @description Frames to make: 1 to 1024. Left out: the model decides. With `targets`, either `frame_count` or `seconds` is needed, and the number of frames is a multiple of Pack.frames_per_token.
+             * @description Frames to make: 1 to 1024. Left out: the model decides. If `targets` are frames, either `frame_count` or `seconds` is needed, and the number of frames is a multiple of Pack.frames_per_token.
              */
             frame_count?: number;
             /**
@@ -3007,11 +3056,11 @@ export interface components {
             others: components["schemas"]["Agent"][];
             /**
              * Format: float
-             * @description Length of the motion in seconds, instead of `frame_count`: above 0, and at most 1024 frames. It is rounded to whole frames, with `targets` to multiples of Pack.frames_per_token.
+             * @description Length of the motion in seconds, instead of `frame_count`: above 0, and at most 1024 frames. It is rounded to whole frames, in front of `targets` that are frames to multiples of Pack.frames_per_token.
              */
             seconds?: number;
             /**
-             * @description Frames after the motion, oldest first, each with root position and pose: Pack.frames_per_token to Pack.max_frames. Needs `past` in the request. The motion then lies between the two, and comes in one part.
+             * @description Where the motion ends. It then comes in one part. Either frames after the motion, oldest first, each with root position and pose: Pack.frames_per_token to Pack.max_frames. They need `past` in the request, and the motion lies between the two. Its root is that of a loaded pack of the same skeleton that fills gaps, or else the words' own, led to its end. Or a place: one root with a heading and without a pose, whose height does not count. The last frame has it: the way of the words is bent to it. Not together with `others`.
              * @default []
              */
             targets: components["schemas"]["Keyframe"][];

@@ -16,7 +16,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/motion.proto.
  */
 export const file_troupe_v1_motion: GenFile = /*@__PURE__*/
-  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJcChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXISEAoIc2tlbGV0b24YAyABKAkiuwEKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IpgFCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZSKeAQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzEisKC2ZlYXNpYmlsaXR5GAQgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5IosCCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASIwoEcGF0aBgHIAEoCzITLnRyb3VwZS52MS5QYXRoR29hbEgAEiEKBHBhc3QYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDAoEc2VlZBgFIAEoBBIlCghzYW1wbGluZxgIIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZxIQCghza2VsZXRvbhgJIAEoCRILCgNyYXcYCiABKAhCBgoEZ29hbEoECAMQBEoECAYQB1IIZGVzY3JpYmVSC3RlbXBlcmF0dXJlIpgBCghTYW1wbGluZxIYCgt0ZW1wZXJhdHVyZRgBIAEoAkgAiAEBEhIKBXRvcF9rGAIgASgNSAGIAQESEgoFdG9wX3AYAyABKAJIAogBARIXCgpyZXBldGl0aW9uGAQgASgCSAOIAQFCDgoMX3RlbXBlcmF0dXJlQggKBl90b3Bfa0IICgZfdG9wX3BCDQoLX3JlcGV0aXRpb24i8wEKBlByb21wdBIMCgR0ZXh0GAEgASgJEhgKC2ZyYW1lX2NvdW50GAIgASgNSACIAQESFAoHc2Vjb25kcxgDIAEoAkgBiAEBEiQKB3RhcmdldHMYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSIAoGb3RoZXJzGAUgAygLMhAudHJvdXBlLnYxLkFnZW50Eh8KBWF1ZGlvGAYgASgLMhAudHJvdXBlLnYxLkF1ZGlvEhcKCmZsb3dfc3RlcHMYByABKA1IAogBAUIOCgxfZnJhbWVfY291bnRCCgoIX3NlY29uZHNCDQoLX2Zsb3dfc3RlcHMiOAoFQWdlbnQSDAoEdGV4dBgBIAEoCRIhCgRwYXN0GAIgAygLMhMudHJvdXBlLnYxLktleWZyYW1lIjcKBUF1ZGlvEh8KBXNvdW5kGAEgASgOMhAudHJvdXBlLnYxLlNvdW5kEg0KBWNvZGVzGAIgAygNIoQDCghQYXRoR29hbBIMCgRib2R5GAEgASgJEi4KCHNrZWxldG9uGAIgASgLMhcudHJvdXBlLnYxLkJvZHlTa2VsZXRvbkgAiAEBEiQKBnBvaW50cxgDIAMoCzIULnRyb3VwZS52MS5QYXRoUG9pbnQSFAoHc2Vjb25kcxgEIAEoAkgBiAEBEhIKBXNwZWVkGAUgASgCSAKIAQESIwoFc3R5bGUYBiADKAsyFC50cm91cGUudjEuU3R5bGVXb3JkEhIKBXN0ZXBzGAcgASgNSAOIAQESFQoIZ3VpZGFuY2UYCCABKAJIBIgBARIkCgd0YXJnZXRzGAkgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEg4KBnN0cmljdBgKIAEoCBIqCglrZXlmcmFtZXMYCyADKAsyFy50cm91cGUudjEuUGF0aEtleWZyYW1lQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSJDCgxQYXRoS2V5ZnJhbWUSDAoEdGltZRgBIAEoAhIlCghrZXlmcmFtZRgCIAEoCzITLnRyb3VwZS52MS5LZXlmcmFtZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIoUBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAiKJAQoFTWltaWMSDQoFam9pbnQYASABKAkSDwoHZm9sbG93cxgCIAEoCRISCgptdWx0aXBsaWVyGAMgASgCEg4KBm9mZnNldBgEIAEoAhIdCgRheGlzGAUgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgGIAEoCzIPLnRyb3VwZS52MS5RdWF0ImwKBVJvYm90EgwKBG5hbWUYASABKAkSIAoGaGluZ2VzGAIgAygLMhAudHJvdXBlLnYxLkhpbmdlEhEKCXFwb3Nfc2l6ZRgDIAEoDRIgCgZtaW1pY3MYBCADKAsyEC50cm91cGUudjEuTWltaWMi3QUKBFBhY2sSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJEg8KB2xpY2VuY2UYAyABKAkSDwoHY3JlZGl0cxgEIAMoCRILCgNmcHMYBSABKAISIAoGam9pbnRzGAYgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAcgAygJEhYKDmNvbnRleHRfZnJhbWVzGAggASgNEhMKC21heF90YXJnZXRzGAkgASgNEhIKCm1pbl9mcmFtZXMYCiABKA0SEgoKbWF4X2ZyYW1lcxgLIAEoDRIYChBmcmFtZXNfcGVyX3Rva2VuGAwgASgNEg0KBWhlYWRzGA0gASgNEg0KBWNvZGVzGA4gASgNEhQKDGNvbnRlbnRfaGFzaBgPIAEoCRISCgppc19kZWZhdWx0GBAgASgIEhIKCnBhcmFtZXRlcnMYESABKAQSFAoMZmlndXJlc19qc29uGBIgASgJEiIKCWxlZnRfYXhpcxgTIAEoCzIPLnRyb3VwZS52MS5WZWMzEhAKCGdyb3VuZF95GBQgASgCEi4KDWNvbnRhY3RfcnVsZXMYFSABKAsyFy50cm91cGUudjEuQ29udGFjdFJ1bGVzEg4KBmVuZ2luZRgWIAEoCRIfCgVyb2JvdBgXIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZmYW1pbHkYGCABKAkSFAoMY2FwYWJpbGl0aWVzGBkgAygJEiMKBmJvZGllcxgaIAMoCzITLnRyb3VwZS52MS5QYWNrQm9keRINCgV3b3JkcxgbIAMoCRIVCg1zYW1wbGVyX3N0ZXBzGBwgASgNEhcKD2RpZmZ1c2lvbl9zdGVwcxgdIAEoDRIlCghsYW5ndWFnZRgeIAEoCzITLnRyb3VwZS52MS5MYW5ndWFnZRIkCgZza2lsbHMYHyADKAsyFC50cm91cGUudjEuUGFja1NraWxsIk4KCVBhY2tTa2lsbBIMCgRuYW1lGAEgASgJEhMKC2Rlc2NyaXB0aW9uGAIgASgJEhAKCHZhcmlhbnRzGAMgAygJEgwKBGhlbGQYBCABKAgimAEKCExhbmd1YWdlEg0KBXRhc2tzGAEgAygJEhkKEW1heF9wcm9tcHRfcGllY2VzGAIgASgNEhIKCm1heF9hZ2VudHMYAyABKA0SEwoLYXVkaW9fY29kZXMYBCABKA0SEgoKZmxvd19zdGVwcxgFIAEoDRIlCghzYW1wbGluZxgGIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZyK2AQoIUGFja0JvZHkSDAoEbmFtZRgBIAEoCRIgCgZqb2ludHMYAiADKAsyEC50cm91cGUudjEuSm9pbnQSFgoOY29udGFjdF9qb2ludHMYAyADKAkSIgoJbGVmdF9heGlzGAQgASgLMg8udHJvdXBlLnYxLlZlYzMSHwoFcm9ib3QYBSABKAsyEC50cm91cGUudjEuUm9ib3QSDgoGaGVpZ2h0GAYgASgCEg0KBXdvcmRzGAcgAygJKioKBVNvdW5kEg8KC1NPVU5EX01VU0lDEAASEAoMU09VTkRfU1BFRUNIEAEqQwoHVGVsbGluZxIRCg1URUxMSU5HX1dPUkRTEAASEQoNVEVMTElOR19NVVNJQxABEhIKDlRFTExJTkdfU1BFRUNIEAIy3QIKBk1vdGlvbhJGCglJbkJldHdlZW4SGy50cm91cGUudjEuSW5CZXR3ZWVuUmVxdWVzdBocLnRyb3VwZS52MS5JbkJldHdlZW5SZXNwb25zZRJFCghHZW5lcmF0ZRIaLnRyb3VwZS52MS5HZW5lcmF0ZVJlcXVlc3QaGy50cm91cGUudjEuR2VuZXJhdGVSZXNwb25zZTABEkUKCERlc2NyaWJlEhoudHJvdXBlLnYxLkRlc2NyaWJlUmVxdWVzdBobLnRyb3VwZS52MS5EZXNjcmliZVJlc3BvbnNlMAESRgoJTGlzdFBhY2tzEhsudHJvdXBlLnYxLkxpc3RQYWNrc1JlcXVlc3QaHC50cm91cGUudjEuTGlzdFBhY2tzUmVzcG9uc2USNQoHR2V0UGFjaxIZLnRyb3VwZS52MS5HZXRQYWNrUmVxdWVzdBoPLnRyb3VwZS52MS5QYWNrYgZwcm90bzM");
+  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJcChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXISEAoIc2tlbGV0b24YAyABKAkijAIKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNEhoKEmhpbmdlX3NwZWVkX3JhdGlvcxgKIAMoAhIWCg5mYXN0ZXN0X2hpbmdlcxgLIAMoDRIbChNoaW5nZV9hY2NlbGVyYXRpb25zGAwgAygCIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IoUGCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIxCgtoaW5nZV9zcGVlZBgQIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRI4ChJoaW5nZV9hY2NlbGVyYXRpb24YESABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUingEKD0NoYXJhY3RlclJlc3VsdBIKCgJpZBgBIAEoCRIhCgZmcmFtZXMYAiABKAsyES50cm91cGUudjEuRnJhbWVzEi8KDWludGVybWVkaWF0ZXMYAyABKAsyGC50cm91cGUudjEuSW50ZXJtZWRpYXRlcxIrCgtmZWFzaWJpbGl0eRgEIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eSKLAgoPR2VuZXJhdGVSZXF1ZXN0EgwKBHBhY2sYASABKAkSIwoGcHJvbXB0GAIgASgLMhEudHJvdXBlLnYxLlByb21wdEgAEiMKBHBhdGgYByABKAsyEy50cm91cGUudjEuUGF0aEdvYWxIABIhCgRwYXN0GAQgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEgwKBHNlZWQYBSABKAQSJQoIc2FtcGxpbmcYCCABKAsyEy50cm91cGUudjEuU2FtcGxpbmcSEAoIc2tlbGV0b24YCSABKAkSCwoDcmF3GAogASgIQgYKBGdvYWxKBAgDEARKBAgGEAdSCGRlc2NyaWJlUgt0ZW1wZXJhdHVyZSKYAQoIU2FtcGxpbmcSGAoLdGVtcGVyYXR1cmUYASABKAJIAIgBARISCgV0b3BfaxgCIAEoDUgBiAEBEhIKBXRvcF9wGAMgASgCSAKIAQESFwoKcmVwZXRpdGlvbhgEIAEoAkgDiAEBQg4KDF90ZW1wZXJhdHVyZUIICgZfdG9wX2tCCAoGX3RvcF9wQg0KC19yZXBldGl0aW9uIvMBCgZQcm9tcHQSDAoEdGV4dBgBIAEoCRIYCgtmcmFtZV9jb3VudBgCIAEoDUgAiAEBEhQKB3NlY29uZHMYAyABKAJIAYgBARIkCgd0YXJnZXRzGAQgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEiAKBm90aGVycxgFIAMoCzIQLnRyb3VwZS52MS5BZ2VudBIfCgVhdWRpbxgGIAEoCzIQLnRyb3VwZS52MS5BdWRpbxIXCgpmbG93X3N0ZXBzGAcgASgNSAKIAQFCDgoMX2ZyYW1lX2NvdW50QgoKCF9zZWNvbmRzQg0KC19mbG93X3N0ZXBzIjgKBUFnZW50EgwKBHRleHQYASABKAkSIQoEcGFzdBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSI3CgVBdWRpbxIfCgVzb3VuZBgBIAEoDjIQLnRyb3VwZS52MS5Tb3VuZBINCgVjb2RlcxgCIAMoDSKtAwoIUGF0aEdvYWwSDAoEYm9keRgBIAEoCRIuCghza2VsZXRvbhgCIAEoCzIXLnRyb3VwZS52MS5Cb2R5U2tlbGV0b25IAIgBARIkCgZwb2ludHMYAyADKAsyFC50cm91cGUudjEuUGF0aFBvaW50EhQKB3NlY29uZHMYBCABKAJIAYgBARISCgVzcGVlZBgFIAEoAkgCiAEBEiMKBXN0eWxlGAYgAygLMhQudHJvdXBlLnYxLlN0eWxlV29yZBISCgVzdGVwcxgHIAEoDUgDiAEBEhUKCGd1aWRhbmNlGAggASgCSASIAQESJAoHdGFyZ2V0cxgJIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIOCgZzdHJpY3QYCiABKAgSKgoJa2V5ZnJhbWVzGAsgAygLMhcudHJvdXBlLnYxLlBhdGhLZXlmcmFtZRInCgdwbGFubmVyGAwgASgOMhYudHJvdXBlLnYxLlBhdGhQbGFubmVyQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSJDCgxQYXRoS2V5ZnJhbWUSDAoEdGltZRgBIAEoAhIlCghrZXlmcmFtZRgCIAEoCzITLnRyb3VwZS52MS5LZXlmcmFtZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIrkBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAhIdChBtYXhfYWNjZWxlcmF0aW9uGAcgASgCSACIAQFCEwoRX21heF9hY2NlbGVyYXRpb24iiQEKBU1pbWljEg0KBWpvaW50GAEgASgJEg8KB2ZvbGxvd3MYAiABKAkSEgoKbXVsdGlwbGllchgDIAEoAhIOCgZvZmZzZXQYBCABKAISHQoEYXhpcxgFIAEoCzIPLnRyb3VwZS52MS5WZWMzEh0KBHJlc3QYBiABKAsyDy50cm91cGUudjEuUXVhdCJsCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0SIAoGbWltaWNzGAQgAygLMhAudHJvdXBlLnYxLk1pbWljIt0FCgRQYWNrEgwKBG5hbWUYASABKAkSDwoHdmVyc2lvbhgCIAEoCRIPCgdsaWNlbmNlGAMgASgJEg8KB2NyZWRpdHMYBCADKAkSCwoDZnBzGAUgASgCEiAKBmpvaW50cxgGIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgHIAMoCRIWCg5jb250ZXh0X2ZyYW1lcxgIIAEoDRITCgttYXhfdGFyZ2V0cxgJIAEoDRISCgptaW5fZnJhbWVzGAogASgNEhIKCm1heF9mcmFtZXMYCyABKA0SGAoQZnJhbWVzX3Blcl90b2tlbhgMIAEoDRINCgVoZWFkcxgNIAEoDRINCgVjb2RlcxgOIAEoDRIUCgxjb250ZW50X2hhc2gYDyABKAkSEgoKaXNfZGVmYXVsdBgQIAEoCBISCgpwYXJhbWV0ZXJzGBEgASgEEhQKDGZpZ3VyZXNfanNvbhgSIAEoCRIiCglsZWZ0X2F4aXMYEyABKAsyDy50cm91cGUudjEuVmVjMxIQCghncm91bmRfeRgUIAEoAhIuCg1jb250YWN0X3J1bGVzGBUgASgLMhcudHJvdXBlLnYxLkNvbnRhY3RSdWxlcxIOCgZlbmdpbmUYFiABKAkSHwoFcm9ib3QYFyABKAsyEC50cm91cGUudjEuUm9ib3QSDgoGZmFtaWx5GBggASgJEhQKDGNhcGFiaWxpdGllcxgZIAMoCRIjCgZib2RpZXMYGiADKAsyEy50cm91cGUudjEuUGFja0JvZHkSDQoFd29yZHMYGyADKAkSFQoNc2FtcGxlcl9zdGVwcxgcIAEoDRIXCg9kaWZmdXNpb25fc3RlcHMYHSABKA0SJQoIbGFuZ3VhZ2UYHiABKAsyEy50cm91cGUudjEuTGFuZ3VhZ2USJAoGc2tpbGxzGB8gAygLMhQudHJvdXBlLnYxLlBhY2tTa2lsbCJOCglQYWNrU2tpbGwSDAoEbmFtZRgBIAEoCRITCgtkZXNjcmlwdGlvbhgCIAEoCRIQCgh2YXJpYW50cxgDIAMoCRIMCgRoZWxkGAQgASgIIpgBCghMYW5ndWFnZRINCgV0YXNrcxgBIAMoCRIZChFtYXhfcHJvbXB0X3BpZWNlcxgCIAEoDRISCgptYXhfYWdlbnRzGAMgASgNEhMKC2F1ZGlvX2NvZGVzGAQgASgNEhIKCmZsb3dfc3RlcHMYBSABKA0SJQoIc2FtcGxpbmcYBiABKAsyEy50cm91cGUudjEuU2FtcGxpbmcitgEKCFBhY2tCb2R5EgwKBG5hbWUYASABKAkSIAoGam9pbnRzGAIgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAMgAygJEiIKCWxlZnRfYXhpcxgEIAEoCzIPLnRyb3VwZS52MS5WZWMzEh8KBXJvYm90GAUgASgLMhAudHJvdXBlLnYxLlJvYm90Eg4KBmhlaWdodBgGIAEoAhINCgV3b3JkcxgHIAMoCSoqCgVTb3VuZBIPCgtTT1VORF9NVVNJQxAAEhAKDFNPVU5EX1NQRUVDSBABKlQKC1BhdGhQbGFubmVyEhUKEVBBVEhfUExBTk5FUl9BVVRPEAASFAoQUEFUSF9QTEFOTkVSX09XThABEhgKFFBBVEhfUExBTk5FUl9DQVJSSUVEEAIqQwoHVGVsbGluZxIRCg1URUxMSU5HX1dPUkRTEAASEQoNVEVMTElOR19NVVNJQxABEhIKDlRFTExJTkdfU1BFRUNIEAIy3QIKBk1vdGlvbhJGCglJbkJldHdlZW4SGy50cm91cGUudjEuSW5CZXR3ZWVuUmVxdWVzdBocLnRyb3VwZS52MS5JbkJldHdlZW5SZXNwb25zZRJFCghHZW5lcmF0ZRIaLnRyb3VwZS52MS5HZW5lcmF0ZVJlcXVlc3QaGy50cm91cGUudjEuR2VuZXJhdGVSZXNwb25zZTABEkUKCERlc2NyaWJlEhoudHJvdXBlLnYxLkRlc2NyaWJlUmVxdWVzdBobLnRyb3VwZS52MS5EZXNjcmliZVJlc3BvbnNlMAESRgoJTGlzdFBhY2tzEhsudHJvdXBlLnYxLkxpc3RQYWNrc1JlcXVlc3QaHC50cm91cGUudjEuTGlzdFBhY2tzUmVzcG9uc2USNQoHR2V0UGFjaxIZLnRyb3VwZS52MS5HZXRQYWNrUmVxdWVzdBoPLnRyb3VwZS52MS5QYWNrYgZwcm90bzM");
 
 /**
  * A vector, in metres unless its field says otherwise.
@@ -543,6 +543,30 @@ export type Frames = Message<"troupe.v1.Frames"> & {
    * @generated from field: repeated uint32 clamped_hinges = 9;
    */
   clampedHinges: number[];
+
+  /**
+   * frame_count, for robots: speed of a hinge since the frame before, divided by its highest speed.
+   * The largest of all hinges; above 1 the hinge would have to be faster than it can. 0 in the
+   * first frame of an answer.
+   *
+   * @generated from field: repeated float hinge_speed_ratios = 10;
+   */
+  hingeSpeedRatios: number[];
+
+  /**
+   * frame_count, for robots: index in Robot.hinges of the hinge with that ratio.
+   *
+   * @generated from field: repeated uint32 fastest_hinges = 11;
+   */
+  fastestHinges: number[];
+
+  /**
+   * frame_count, for robots: largest acceleration of any hinge, rad/s². 0 in the first two frames
+   * of an answer.
+   *
+   * @generated from field: repeated float hinge_accelerations = 12;
+   */
+  hingeAccelerations: number[];
 };
 
 /**
@@ -616,7 +640,8 @@ export type FeasibilityFigure = Message<"troupe.v1.FeasibilityFigure"> & {
   value: number;
 
   /**
-   * All but 0.1 % of the windows of the pack's training data stay within this.
+   * All but 0.1 % of the windows of the pack's training data stay within this. For hinges: what the
+   * robot can do.
    *
    * @generated from field: float limit = 2;
    */
@@ -646,9 +671,9 @@ export const FeasibilityFigureSchema: GenMessage<FeasibilityFigure> = /*@__PURE_
   messageDesc(file_troupe_v1_motion, 11);
 
 /**
- * Whether a motion stays within the limits of the pack's data. The first nine figures are about the
- * frames and the keyframes of the request. The last three are about the way from the context to the
- * targets.
+ * Whether a motion stays within the limits of the pack's data, and of a robot's hinges. The first
+ * nine figures and those of hinges are about the frames and the keyframes of the request. The three
+ * reaches are about the way from the context to the targets.
  *
  * @generated from message troupe.v1.Feasibility
  */
@@ -761,6 +786,22 @@ export type Feasibility = Message<"troupe.v1.Feasibility"> & {
    * @generated from field: troupe.v1.FeasibilityFigure pose_reach = 15;
    */
   poseReach?: FeasibilityFigure | undefined;
+
+  /**
+   * Speed of the hinge that is nearest to its highest speed or farthest beyond it, rad/s. The limit
+   * is that of this hinge. Left out: no robot.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure hinge_speed = 16;
+   */
+  hingeSpeed?: FeasibilityFigure | undefined;
+
+  /**
+   * Acceleration of the hinge that is nearest to its limit or farthest beyond it, rad/s². Left out:
+   * no robot, or its hinges have no such limit.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure hinge_acceleration = 17;
+   */
+  hingeAcceleration?: FeasibilityFigure | undefined;
 };
 
 /**
@@ -883,8 +924,10 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
   skeleton: string;
 
   /**
-   * Give the network's own frames. Otherwise standing feet are held, soles are brought onto the
-   * ground, and windows lead over to each other.
+   * Give the network's own frames: they may miss the place that a prompt names. Otherwise standing
+   * feet are held, soles are brought onto the ground, windows lead over to each other, and motion
+   * for words ends where it should (Prompt.targets). Of a path that another pack plans: the frames
+   * of that pack's network, carried over.
    *
    * @generated from field: bool raw = 10;
    */
@@ -957,8 +1000,9 @@ export type Prompt = Message<"troupe.v1.Prompt"> & {
   text: string;
 
   /**
-   * Frames to make: 1 to 1024. Left out: the model decides. With `targets`, either `frame_count` or
-   * `seconds` is needed, and the number of frames is a multiple of Pack.frames_per_token.
+   * Frames to make: 1 to 1024. Left out: the model decides. If `targets` are frames, either
+   * `frame_count` or `seconds` is needed, and the number of frames is a multiple of
+   * Pack.frames_per_token.
    *
    * @generated from field: optional uint32 frame_count = 2;
    */
@@ -966,16 +1010,20 @@ export type Prompt = Message<"troupe.v1.Prompt"> & {
 
   /**
    * Length of the motion in seconds, instead of `frame_count`: above 0, and at most 1024 frames. It
-   * is rounded to whole frames, with `targets` to multiples of Pack.frames_per_token.
+   * is rounded to whole frames, in front of `targets` that are frames to multiples of
+   * Pack.frames_per_token.
    *
    * @generated from field: optional float seconds = 3;
    */
   seconds?: number | undefined;
 
   /**
-   * Frames after the motion, oldest first, each with root position and pose: Pack.frames_per_token
-   * to Pack.max_frames. Needs `past` in the request. The motion then lies between the two, and
-   * comes in one part.
+   * Where the motion ends. It then comes in one part. Either frames after the motion, oldest first,
+   * each with root position and pose: Pack.frames_per_token to Pack.max_frames. They need `past` in
+   * the request, and the motion lies between the two. Its root is that of a loaded pack of the same
+   * skeleton that fills gaps, or else the words' own, led to its end. Or a place: one root with a
+   * heading and without a pose, whose height does not count. The last frame has it: the way of the
+   * words is bent to it. Not together with `others`.
    *
    * @generated from field: repeated troupe.v1.Keyframe targets = 4;
    */
@@ -1159,11 +1207,19 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
   strict: boolean;
 
   /**
-   * Poses to pass on the way. Only for packs that walk.
+   * Poses to pass on the way. Only for packs that walk, and for paths that one of them plans.
    *
    * @generated from field: repeated troupe.v1.PathKeyframe keyframes = 11;
    */
   keyframes: PathKeyframe[];
+
+  /**
+   * Whose network plans the path. Only for packs with the capability `path`; packs that walk plan
+   * their paths themselves. A note of the answer names the pack that planned.
+   *
+   * @generated from field: troupe.v1.PathPlanner planner = 12;
+   */
+  planner: PathPlanner;
 };
 
 /**
@@ -1808,11 +1864,18 @@ export type Hinge = Message<"troupe.v1.Hinge"> & {
   upper: number;
 
   /**
-   * Top speed, in radians per second. Frames may be faster.
+   * Top speed, in radians per second. Frames may be faster: `hinge_speed_ratios` says where.
    *
    * @generated from field: float max_speed = 6;
    */
   maxSpeed: number;
+
+  /**
+   * Largest acceleration, in radians per second squared. Left out: no limit is known.
+   *
+   * @generated from field: optional float max_acceleration = 7;
+   */
+  maxAcceleration?: number | undefined;
 };
 
 /**
@@ -2344,6 +2407,43 @@ export const SoundSchema: GenEnum<Sound> = /*@__PURE__*/
   enumDesc(file_troupe_v1_motion, 0);
 
 /**
+ * Whose network plans a path.
+ *
+ * @generated from enum troupe.v1.PathPlanner
+ */
+export enum PathPlanner {
+  /**
+   * PATH_PLANNER_CARRIED if a loaded pack can do it as asked, and keeps up with the path. Otherwise
+   * PATH_PLANNER_OWN.
+   *
+   * @generated from enum value: PATH_PLANNER_AUTO = 0;
+   */
+  AUTO = 0,
+
+  /**
+   * The network of the pack itself.
+   *
+   * @generated from enum value: PATH_PLANNER_OWN = 1;
+   */
+  OWN = 1,
+
+  /**
+   * A loaded pack that walks, whose motion is carried over to the body. For bodies on two legs:
+   * first by a pack of the same body, for robots then by one of another robot, then by the pack
+   * `human`, then by the first by name that has the style. Refused if none can.
+   *
+   * @generated from enum value: PATH_PLANNER_CARRIED = 2;
+   */
+  CARRIED = 2,
+}
+
+/**
+ * Describes the enum troupe.v1.PathPlanner.
+ */
+export const PathPlannerSchema: GenEnum<PathPlanner> = /*@__PURE__*/
+  enumDesc(file_troupe_v1_motion, 1);
+
+/**
  * Form of a description.
  *
  * @generated from enum troupe.v1.Telling
@@ -2375,7 +2475,7 @@ export enum Telling {
  * Describes the enum troupe.v1.Telling.
  */
 export const TellingSchema: GenEnum<Telling> = /*@__PURE__*/
-  enumDesc(file_troupe_v1_motion, 1);
+  enumDesc(file_troupe_v1_motion, 2);
 
 /**
  * @generated from service troupe.v1.Motion
