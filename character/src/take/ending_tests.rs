@@ -44,7 +44,8 @@ fn walked(from: usize, to: usize) -> Motion {
         // A foot touches the ground while it is not lifted.
         let lifts = [0.0, std::f32::consts::PI].map(|phase| (0.2 * frame as f32 + phase).cos() > 0.0);
         let touches = |joint: &usize| f32::from(!lifts[usize::from(*joint > FEET[0])]);
-        motion.contacts.extend(rig.skeleton.contact_joints.iter().map(touches));
+        let feet = &rig.skeleton.contacts.as_ref().unwrap().joints;
+        motion.contacts.extend(feet.iter().map(touches));
     }
     motion
 }

@@ -7,8 +7,10 @@ use serde_json::Value;
 use troupe_motion::conventions::Convention;
 
 fn numbers(of: &Value) -> Vec<f32> {
-    let numbers = of.as_array().unwrap().iter();
-    numbers.map(|number| number.as_f64().unwrap() as f32).collect()
+    let numbers = of.as_array().expect("an array").iter();
+    numbers
+        .map(|number| number.as_f64().expect("a number") as f32)
+        .collect()
 }
 
 fn pose(row: &Value, frame: &str) -> (Vec3, Quat) {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Checks a file, or writes it.
 fn check(path: &Path, made: &str) {
     if std::env::var_os("TROUPE_WRITE").is_some() {
-        std::fs::write(path, made).unwrap();
+        std::fs::write(path, made).expect("the file can be written");
     }
     let kept = std::fs::read_to_string(path).unwrap_or_default();
     assert!(
