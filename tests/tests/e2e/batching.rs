@@ -36,8 +36,8 @@ async fn fill(rpc: &mut crate::server::Rpc, character: v1::Character) -> v1::Fra
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn callers_at_the_same_time_get_the_same_as_alone() {
-    // A server of its own: the shared one also counts the requests of other tests. On a slow machine the
-    // last of the callers wait for longer than the usual limit.
+    // A server of its own: the shared one also counts the requests of other tests. On a slow
+    // machine the last of the callers wait for longer than the usual limit.
     let server = Server::start_with(|config| config.max_queue_ms = 0).await;
     let pack = Client::connect(server.url())
         .await
