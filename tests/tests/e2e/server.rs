@@ -65,12 +65,8 @@ pub fn shared() -> &'static Server {
 }
 
 impl Server {
-    /// Starts a server on a free port and waits until it is ready.
-    pub async fn start() -> Self {
-        Self::start_with(|_| {}).await
-    }
-
-    /// Starts a server after a change of the local configuration.
+    /// Starts a server on a free port, after a change of the local configuration, and waits
+    /// until it is ready.
     pub async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         Self::try_start(change)
             .await
