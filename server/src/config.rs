@@ -226,6 +226,25 @@ pub struct Options {
     )]
     pub network_memory_mib: u64,
 
+    /// GPU of the engines `cuda` and `tensorrt`: CUDA's number, from 0 on. Where GPUs differ, set
+    /// `CUDA_DEVICE_ORDER=PCI_BUS_ID` in the environment, so that numbers are those of `nvidia-smi`.
+    #[config(
+        env = "TROUPE_GPU_DEVICE",
+        default = 0,
+        layer_attr(arg(long, value_name = "NUMBER"))
+    )]
+    pub gpu_device: u32,
+
+    /// Most memory of the GPU that networks of `cuda` may take, in MiB. Packs have equal parts,
+    /// and so have the workers of a pack. A network that needs more than its part does not start.
+    /// CUDA itself takes some hundred MiB besides. 0: no limit.
+    #[config(
+        env = "TROUPE_GPU_MEMORY_MIB",
+        default = 0,
+        layer_attr(arg(long, value_name = "MIB"))
+    )]
+    pub gpu_memory_mib: u64,
+
     /// Most memory that the server may take in the worst case, in MiB. `troupe-server doctor` shows
     /// the worst case and the options that decide it. A server with a larger worst case does not
     /// start. 0: no limit.

@@ -4,6 +4,7 @@ mod access;
 #[cfg(test)]
 mod drain_tests;
 mod error;
+mod gpus;
 mod handle;
 mod health_port;
 mod keeping;
@@ -23,6 +24,7 @@ use tonic_health::server::HealthReporter;
 use crate::api;
 use crate::config::Config;
 use access::Access;
+use gpus::GpuMetrics;
 use keeping::{Keeping, OpenRecords};
 use troupe_base::telemetry::Telemetry;
 use troupe_batch::scheduler::Limits;
@@ -31,6 +33,7 @@ use troupe_edge::clients::Clients;
 use troupe_edge::port::{self, ConnectionSlots, Listen, Port, Tls, TlsError, TlsFiles};
 use troupe_edge::reload::{self, Source};
 use troupe_engine::generator::Generator;
+use troupe_engine::gpu::{gpu_use, gpus};
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
 use troupe_engine::{Decision, EngineError, Pipeline, Stages};
@@ -266,7 +269,8 @@ async fn serve_on(
     });
     let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
     let last_step = config.fixed.last_step;
-    let upkeep = tokio::spawn(upkeep(service.clone()));
+    let gpus = Arc::new(GpuMetrics::new(&gpus(), &telemetry));
+    let upkeep = tokio::spawn(upkeep(service.clone(), gpus));
     let reload = Arc::new(Notify::new());
     let (reloads, reloading) = (!sources.is_empty(), reload::watch(sources, reload.clone()));
     let starting = tokio::spawn(start(
@@ -311,7 +315,7 @@ fn tls(files: TlsFiles) -> Result<(Arc<Tls>, Source), TlsError> {
 }
 
 /// Does the periodic work of a server.
-async fn upkeep(service: Arc<Service>) {
+async fn upkeep(service: Arc<Service>, gpus: Arc<GpuMetrics>) {
     let mut metrics = tokio::time::interval(UPKEEP_INTERVAL);
     let mut sweeps = tokio::time::interval(SWEEP_INTERVAL);
     loop {
@@ -319,6 +323,9 @@ async fn upkeep(service: Arc<Service>) {
             _ = metrics.tick() => {
                 service.look();
                 service.telemetry().run_upkeep();
+                let gpus = gpus.clone();
+                // The driver may take milliseconds. The answer is read at the next scrape.
+                tokio::task::spawn_blocking(move || gpus.look(gpu_use));
             }
             _ = sweeps.tick() => {
                 let expired = service.sessions().sweep();

@@ -4,6 +4,8 @@ use super::{Config, ConfigError};
 
 /// Largest memory for networks, MiB: more than any machine has.
 const MOST_NETWORK_MIB: u64 = 1 << 30;
+/// Most GPUs: more than any machine has.
+const MOST_GPUS: u64 = 1 << 10;
 
 /// The largest batch that an operator may ask for.
 const MOST_BATCH: usize = 4096;
@@ -40,6 +42,8 @@ impl Config {
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
             ("drain_delay_ms", self.drain_delay_ms, 3_600_000),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
+            ("gpu_device", self.gpu_device.into(), MOST_GPUS - 1),
+            ("gpu_memory_mib", self.gpu_memory_mib, MOST_NETWORK_MIB),
             ("memory_limit_mib", self.memory_limit_mib, MOST_NETWORK_MIB),
             ("transfer_memory_mib", self.transfer_memory_mib, MOST_NETWORK_MIB),
         ];

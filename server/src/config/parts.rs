@@ -11,6 +11,7 @@ use troupe_batch::scheduler::Limits;
 use troupe_edge::clients::{Share, Shares};
 use troupe_edge::guard::Guard;
 use troupe_edge::port::{ConnectionLimits, TlsFiles};
+use troupe_engine::gpu::GpuOptions;
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
@@ -278,6 +279,10 @@ impl Config {
             accuracy_check: self.accuracy_check,
             workers: self.workers(),
             packs,
+            gpu: GpuOptions {
+                device: self.gpu_device,
+                memory_bytes: self.gpu_memory_mib << 20,
+            },
             // Idle inference threads sleep. Spinning is a little faster on an otherwise idle CPU,
             // and slower on any other.
             spin: false,
