@@ -250,8 +250,8 @@ impl Selector {
         no_fixed_shapes(&self.runtime, pack, memory_bytes)
     }
 
-    /// The engines that `auto` tries before the reference. CUDA is one where the library is for GPUs,
-    /// so that others hear nothing of it.
+    /// The engines that `auto` tries before the reference. CUDA is one where the library is for
+    /// GPUs, so that others hear nothing of it.
     fn faster(&self) -> Vec<EngineKind> {
         let cuda = self.runtime.offers(EngineKind::Cuda).then_some(EngineKind::Cuda);
         cuda.into_iter().chain([EngineKind::OpenvinoBf16]).collect()
@@ -289,7 +289,7 @@ impl Selector {
         if gpus.is_empty() {
             return Some("NVIDIA's driver shows no GPU; `nvidia-smi` should list one".to_owned());
         }
-        // CUDA_VISIBLE_DEVICES may leave fewer; CUDA itself says so when the first network is opened.
+        // CUDA_VISIBLE_DEVICES may leave fewer. CUDA itself says so at the first network.
         (device as usize >= gpus.len()).then(|| {
             let last = gpus.len() - 1;
             format!("gpu_device is {device}, and the machine's GPUs have the numbers 0 to {last}")

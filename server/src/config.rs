@@ -227,7 +227,7 @@ pub struct Options {
     pub network_memory_mib: u64,
 
     /// GPU of the engines `cuda` and `tensorrt`: CUDA's number, from 0 on. Where GPUs differ, set
-    /// `CUDA_DEVICE_ORDER=PCI_BUS_ID` in the environment, so that numbers are those of `nvidia-smi`.
+    /// `CUDA_DEVICE_ORDER=PCI_BUS_ID` in the environment, and numbers are those of `nvidia-smi`.
     #[config(
         env = "TROUPE_GPU_DEVICE",
         default = 0,
