@@ -30,7 +30,7 @@ fn file_name(engine: EngineKind) -> Option<&'static str> {
 /// from where the dynamic linker finds it. Later users of the same names get these.
 ///
 /// # Errors
-/// A text that names each library that is missing, where it was looked for, and the way on.
+/// A text that names each library that is missing, the places that were searched, and the way on.
 pub(super) fn load_needed(onnx_runtime: &Path, engine: EngineKind) -> Result<(), String> {
     let Some(name) = file_name(engine) else {
         return Ok(());
