@@ -1,0 +1,472 @@
+//! Two servers and a real redis-server, of which each test has its own.
+
+use std::net::{TcpListener, TcpStream};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+
+pub(crate) const LEASE: Duration = Duration::from_secs(1);
+const TERMS: Terms = Terms {
+    lease: LEASE,
+    renew: Duration::ZERO,
+    remember: Duration::from_secs(60),
+    settle: Duration::ZERO,
+};
+const HERO: &str = "studio/hero";
+
+/// A redis-server with nothing in it.
+pub(crate) struct Redis {
+    process: Child,
+    port: u16,
+    folder: tempfile::TempDir,
+}
+
+impl Redis {
+    /// `None` without redis-server: then the test is not run, and says so.
+    pub(crate) fn start() -> Option<Self> {
+        let port = TcpListener::bind("127.0.0.1:0")
+            .unwrap()
+            .local_addr()
+            .unwrap()
+            .port();
+        let folder = tempfile::tempdir().unwrap();
+        let Some(process) = process(port, &folder) else {
+            println!("NOT RUN: redis-server is not on PATH");
+            return None;
+        };
+        let redis = Self {
+            process,
+            port,
+            folder,
+        };
+        redis.wait();
+        Some(redis)
+    }
+
+    fn wait(&self) {
+        let tries = (0..500).any(|_| {
+            let is_up = TcpStream::connect(("127.0.0.1", self.port)).is_ok();
+            sleep(Duration::from_millis(if is_up { 0 } else { 20 }));
+            is_up
+        });
+        assert!(tries, "redis-server does not start");
+    }
+
+    pub(crate) fn stop(&mut self) {
+        self.signal("CONT");
+        self.process.kill().unwrap();
+        self.process.wait().unwrap();
+    }
+
+    pub(crate) fn start_again(&mut self) {
+        self.process = process(self.port, &self.folder).unwrap();
+        self.wait();
+    }
+
+    fn signal(&self, name: &str) {
+        let id = self.process.id().to_string();
+        let sent = Command::new("kill").args([&format!("-{name}"), &id]).status();
+        assert!(sent.unwrap().success());
+    }
+
+    pub(crate) fn server(&self, address: &str) -> SharedRecords {
+        let place = format!("redis://127.0.0.1:{}", self.port).parse().unwrap();
+        SharedRecords::new(&place, address.to_owned(), TERMS, &Telemetry::new().unwrap())
+    }
+
+    fn ask<T: redis::FromRedisValue>(&self, command: &[&str]) -> T {
+        let client = redis::Client::open(format!("redis://127.0.0.1:{}", self.port)).unwrap();
+        let mut asked = redis::cmd(command[0]);
+        for part in &command[1..] {
+            asked.arg(*part);
+        }
+        asked.query(&mut client.get_connection().unwrap()).unwrap()
+    }
+
+    fn field(&self, name: &str) -> Option<String> {
+        self.ask(&["HGET", "troupe:session:studio/hero", name])
+    }
+
+    fn token(&self) -> u64 {
+        self.field("token").map_or(0, |token| token.parse().unwrap())
+    }
+}
+
+impl Drop for Redis {
+    fn drop(&mut self) {
+        let _ = Command::new("kill")
+            .args(["-CONT", &self.process.id().to_string()])
+            .status();
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn process(port: u16, folder: &tempfile::TempDir) -> Option<Child> {
+    Command::new("redis-server")
+        .args([
+            "--bind",
+            "127.0.0.1",
+            "--port",
+            &port.to_string(),
+            "--save",
+            "",
+            "--appendonly",
+            "no",
+        ])
+        .arg("--dir")
+        .arg(folder.path())
+        .stdout(Stdio::null())
+        .spawn()
+        .ok()
+}
+
+fn ask(server: &SharedRecords, want: Want) -> Result<Claim, RecordsError> {
+    let claims = server.leases.claim(&[(Kind::Session, HERO.to_owned(), want)]);
+    claims.map(|mut claims| claims.remove(0))
+}
+
+fn written(server: &mut SharedRecords, record: &str) -> Result<Tended, RecordsError> {
+    let mut changes = Changes::default();
+    let record = record.as_bytes().to_vec();
+    changes.put_for(Duration::from_secs(5), Kind::Session, HERO, record);
+    server.write(&changes)
+}
+
+fn tended(server: &mut SharedRecords) -> Result<Tended, RecordsError> {
+    server.tend(&|_, _| true)
+}
+
+fn forgotten() -> Tended {
+    Tended {
+        forgotten: vec![(Kind::Session, HERO.to_owned())],
+        ..Tended::default()
+    }
+}
+
+fn owner_of(claim: &Claim) -> &str {
+    match claim {
+        Claim::Elsewhere { owner, ends_in } => {
+            assert!(*ends_in <= LEASE && !ends_in.is_zero(), "{ends_in:?}");
+            owner
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+fn lost_to(tended: &Tended) -> &str {
+    assert_eq!(tended.lost.len(), 1, "{tended:?}");
+    assert_eq!(
+        (tended.lost[0].kind, &*tended.lost[0].name),
+        (Kind::Session, HERO)
+    );
+    &tended.lost[0].owner
+}
+
+#[test]
+fn a_server_that_was_paused_past_its_lease_cannot_write() {
+    let Some(redis) = Redis::start() else { return };
+    let (mut one, mut two) = (redis.server("one:1"), redis.server("two:2"));
+    assert_eq!(ask(&two, Want::Known).unwrap(), Claim::Unknown);
+    assert_eq!(ask(&one, Want::New).unwrap(), Claim::Taken(None));
+    assert_eq!(written(&mut one, "first").unwrap(), Tended::default());
+    let token = redis.token();
+    assert_eq!(owner_of(&ask(&two, Want::Known).unwrap()), "one:1");
+    assert_eq!(owner_of(&ask(&two, Want::New).unwrap()), "one:1");
+    // Renewals carry it over more than a lease.
+    for _ in 0..6 {
+        sleep(LEASE / 4);
+        assert_eq!(tended(&mut one).unwrap(), Tended::default());
+    }
+    assert_eq!(owner_of(&ask(&two, Want::Known).unwrap()), "one:1");
+
+    // The time of the lease is that of Redis, also while its process stands still.
+    redis.signal("STOP");
+    sleep(LEASE + LEASE / 2);
+    redis.signal("CONT");
+    assert_eq!(ask(&two, Want::New).unwrap(), Claim::Exists);
+    let taken = Claim::Taken(Some(b"first".to_vec()));
+    assert_eq!(ask(&two, Want::Known).unwrap(), taken);
+    assert!(redis.token() > token);
+    assert_eq!(lost_to(&written(&mut one, "stale").unwrap()), "two:2");
+    assert_eq!(redis.field("record").as_deref(), Some("first"));
+    assert!(!one.owns(Kind::Session, HERO) && two.owns(Kind::Session, HERO));
+    assert_eq!(lost_to(&written(&mut one, "stale").unwrap()), "");
+    assert_eq!(written(&mut two, "second").unwrap(), Tended::default());
+    assert_eq!(redis.field("record").as_deref(), Some("second"));
+    assert_eq!(owner_of(&ask(&one, Want::Known).unwrap()), "two:2");
+}
+
+#[test]
+fn a_lease_that_is_given_up_is_free_at_once_and_a_closed_session_does_not_come_back() {
+    let Some(redis) = Redis::start() else { return };
+    let (mut one, mut two) = (redis.server("one:1"), redis.server("two:2"));
+    ask(&one, Want::New).unwrap();
+    written(&mut one, "first").unwrap();
+    one.leave();
+    let taken = Claim::Taken(Some(b"first".to_vec()));
+    assert_eq!(ask(&two, Want::Known).unwrap(), taken);
+    // Nobody names it as open, so it is given up.
+    two.tend(&|_, _| false).unwrap();
+    assert_eq!(ask(&one, Want::Known).unwrap(), taken);
+    // The new owner closes it, while the one before still believes to have it.
+    let stale = *one.leases.held().get(&(Kind::Session, HERO.to_owned())).unwrap();
+    one.leave();
+    ask(&two, Want::Known).unwrap();
+    let mut changes = Changes::default();
+    changes.remove(Kind::Session, HERO);
+    assert_eq!(two.write(&changes).unwrap(), Tended::default());
+    one.leases.held().insert((Kind::Session, HERO.to_owned()), stale);
+    assert_eq!(lost_to(&written(&mut one, "stale").unwrap()), "two:2");
+    assert_eq!(ask(&one, Want::Known).unwrap(), Claim::Unknown);
+    assert_eq!(ask(&one, Want::New).unwrap(), Claim::Taken(None));
+}
+
+#[test]
+fn a_session_that_is_opened_again_at_once_is_not_removed() {
+    let Some(redis) = Redis::start() else { return };
+    let mut one = redis.server("one:1");
+    ask(&one, Want::New).unwrap();
+    written(&mut one, "first").unwrap();
+    let mut changes = Changes::default();
+    changes.remove(Kind::Session, HERO);
+    // A client closes it, and opens another of this name, while the keeper looks for changes.
+    sleep(Duration::from_millis(2));
+    assert_eq!(ask(&one, Want::New).unwrap(), Claim::Had);
+    assert_eq!(one.write(&changes).unwrap(), Tended::default());
+    assert!(one.owns(Kind::Session, HERO));
+    assert_eq!(written(&mut one, "second").unwrap(), Tended::default());
+    assert_eq!(redis.field("record").as_deref(), Some("second"));
+}
+
+#[test]
+fn redis_that_comes_back_empty_gets_everything_again_from_the_newest_owner() {
+    let Some(mut redis) = Redis::start() else { return };
+    let (mut old, mut new) = (redis.server("old:1"), redis.server("new:2"));
+    ask(&old, Want::New).unwrap();
+    written(&mut old, "first").unwrap();
+    sleep(LEASE + LEASE / 4);
+    ask(&new, Want::Known).unwrap();
+    written(&mut new, "second").unwrap();
+    let token = redis.token();
+    redis.stop();
+    assert!(written(&mut new, "third").is_err());
+    redis.start_again();
+    sleep(Duration::from_millis(600));
+    // The one that was cut off before comes first, and must give way.
+    assert_eq!(tended(&mut old).unwrap(), forgotten());
+    assert_eq!(tended(&mut new).unwrap(), forgotten());
+    assert!(redis.token() > token);
+    assert_eq!(redis.field("record"), None);
+    assert_eq!(lost_to(&tended(&mut old).unwrap()), "new:2");
+    assert_eq!(written(&mut new, "fourth").unwrap(), Tended::default());
+    assert_eq!(redis.field("record").as_deref(), Some("fourth"));
+    assert_eq!(owner_of(&ask(&old, Want::Known).unwrap()), "new:2");
+}
+
+#[test]
+fn a_server_that_was_cut_off_for_too_long_takes_nothing_that_redis_does_not_know() {
+    let Some(redis) = Redis::start() else { return };
+    let mut one = redis.server("one:1");
+    ask(&one, Want::New).unwrap();
+    let key = (Kind::Session, HERO.to_owned());
+    one.leases.held().get_mut(&key).unwrap().renewed -= TERMS.remember;
+    redis.ask::<()>(&["FLUSHALL"]);
+    assert_eq!(lost_to(&written(&mut one, "stale").unwrap()), "");
+    assert_eq!(redis.token(), 0);
+}
+
+#[test]
+fn a_store_that_does_not_answer_delays_nobody_for_long_and_the_newest_write_wins() {
+    let Some(redis) = Redis::start() else { return };
+    let mut one = redis.server("one:1");
+    ask(&one, Want::New).unwrap();
+    written(&mut one, "first").unwrap();
+    redis.signal("STOP");
+    let begun = Instant::now();
+    let error = written(&mut one, "second").unwrap_err().to_string();
+    assert!(
+        error.starts_with(&format!("store: redis://127.0.0.1:{}: ", redis.port)),
+        "{error}"
+    );
+    assert!(begun.elapsed() < Duration::from_secs(4), "{:?}", begun.elapsed());
+    // Nothing is tried again for a while.
+    let begun = Instant::now();
+    assert!(written(&mut one, "third").is_err());
+    assert!(
+        begun.elapsed() < Duration::from_millis(300),
+        "{:?}",
+        begun.elapsed()
+    );
+    assert!(one.owns(Kind::Session, HERO), "the session goes on");
+    // Connecting has an end, too.
+    sleep(Duration::from_millis(600));
+    let begun = Instant::now();
+    assert!(written(&mut one, "third").is_err());
+    assert!(begun.elapsed() < Duration::from_secs(4), "{:?}", begun.elapsed());
+    sleep(Duration::from_millis(600));
+    redis.signal("CONT");
+    assert_eq!(written(&mut one, "fourth").unwrap(), Tended::default());
+    // Redis has the second write too, on a connection that is closed.
+    sleep(Duration::from_millis(200));
+    assert_eq!(redis.field("record").as_deref(), Some("fourth"));
+}
+
+#[test]
+fn a_request_that_comes_late_changes_nothing() {
+    let Some(redis) = Redis::start() else { return };
+    let mut one = redis.server("one:1");
+    ask(&one, Want::New).unwrap();
+    let held = *one.leases.held().get(&(Kind::Session, HERO.to_owned())).unwrap();
+    let script = |record: &'static [u8]| {
+        (one.leases).script(Kind::Session, HERO, &held, Hold::Write(record), Instant::now())
+    };
+    let (older, newer) = (script(b"older"), script(b"newer"));
+    assert_eq!(
+        one.link.run(vec![newer, older]).unwrap(),
+        [Answer::Kept, Answer::Kept]
+    );
+    assert_eq!(redis.field("record").as_deref(), Some("newer"));
+}
+
+#[test]
+fn a_scene_has_no_end_and_a_session_is_worth_nothing_after_its_time_to_live() {
+    let Some(redis) = Redis::start() else { return };
+    let (mut one, two) = (redis.server("one:1"), redis.server("two:2"));
+    let asked = [
+        (Kind::Session, HERO.to_owned(), Want::New),
+        (Kind::Scene, "yard".to_owned(), Want::Any),
+    ];
+    assert_eq!(
+        one.leases.claim(&asked).unwrap(),
+        [Claim::Taken(None), Claim::Taken(None)]
+    );
+    let mut changes = Changes::default();
+    changes.put_for(Duration::from_millis(100), Kind::Session, HERO, b"hero".to_vec());
+    changes.put(Kind::Scene, "yard", b"yard".to_vec());
+    assert_eq!(one.write(&changes).unwrap(), Tended::default());
+    assert_eq!(redis.ask::<i64>(&["PTTL", "troupe:scene:yard"]), -1);
+    let left_ms: i64 = redis.ask(&["PTTL", "troupe:session:studio/hero"]);
+    assert!((50_000..=61_000).contains(&left_ms), "{left_ms}");
+    sleep(LEASE + Duration::from_millis(200));
+    assert_eq!(ask(&two, Want::Known).unwrap(), Claim::Unknown);
+    assert_eq!(ask(&two, Want::New).unwrap(), Claim::Taken(None));
+    assert_eq!(redis.field("record"), None);
+    let scene = [(Kind::Scene, "yard".to_owned(), Want::Any)];
+    assert_eq!(
+        two.leases.claim(&scene).unwrap(),
+        [Claim::Taken(Some(b"yard".to_vec()))]
+    );
+}
+
+/// Two servers do anything at random, leases end, and Redis loses everything. Each token is higher
+/// than all before, and what Redis has is what the last write that was not refused wrote.
+#[test]
+fn tokens_only_rise() {
+    let Some(redis) = Redis::start() else { return };
+    let (mut granted, mut refused, mut emptied) = (0, 0, 0);
+    let mut highest = 0;
+    for seed in 0..40 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut servers = [redis.server("one:1"), redis.server("two:2")];
+        let mut record: Option<String> = None;
+        redis.ask::<()>(&["FLUSHALL"]);
+        for step in 0..30 {
+            let which = rng.random_range(0..2);
+            let server = &mut servers[which];
+            match rng.random_range(0..12) {
+                0..4 => {
+                    let want = [Want::New, Want::Known, Want::Any][rng.random_range(0..3)];
+                    match ask(server, want).unwrap() {
+                        Claim::Taken(found) => {
+                            granted += 1;
+                            assert!(redis.token() > highest, "seed {seed}, step {step}");
+                            let found = found.map(|found| String::from_utf8(found).unwrap());
+                            assert_eq!(found, record, "seed {seed}, step {step}");
+                        }
+                        Claim::Elsewhere { .. } => refused += 1,
+                        _ => {}
+                    }
+                }
+                4..9 => {
+                    let text = format!("{seed}-{step}");
+                    let tended = written(server, &text).unwrap();
+                    match tended.lost.is_empty() {
+                        true => record = Some(text),
+                        false => refused += 1,
+                    }
+                }
+                9 => {
+                    let tended = tended(server).unwrap();
+                    refused += tended.lost.len();
+                }
+                10 => {
+                    redis.ask::<()>(&["HSET", "troupe:session:studio/hero", "until", "0"]);
+                    // A lease that has ended, or a key without a token, which nobody has written.
+                    if redis.token() == 0 {
+                        redis.ask::<()>(&["FLUSHALL"]);
+                    } else if record.is_some() {
+                        // The record counts as long as its server's lease could still have run.
+                        redis.ask::<()>(&["HSET", "troupe:session:studio/hero", "keep", "-1"]);
+                    }
+                }
+                _ if rng.random_bool(0.3) => {
+                    emptied += 1;
+                    redis.ask::<()>(&["FLUSHALL"]);
+                    record = None;
+                }
+                _ => {}
+            }
+            let token = redis.token();
+            assert!(
+                token == 0 || token >= highest,
+                "seed {seed}, step {step}: {token} after {highest}"
+            );
+            highest = highest.max(token);
+            assert_eq!(redis.field("record"), record, "seed {seed}, step {step}");
+        }
+    }
+    println!("{granted} leases were granted, {refused} calls refused; Redis was emptied {emptied} times");
+    assert!(
+        granted > 60 && refused > 60 && emptied > 10,
+        "{granted} {refused} {emptied}"
+    );
+}
+
+#[test]
+fn an_address_names_hosts_and_never_shows_its_password() {
+    let shown = |text: &str| text.parse::<Place>().map(|place| format!("{place} {place:?}"));
+    let good = [
+        ("redis://localhost", "redis://localhost"),
+        (
+            "rediss://user:p%40ss@db.example.com:6380/2",
+            "rediss://db.example.com:6380",
+        ),
+        ("redis://:secret@a:1,b:2,c:3", "redis://a:1,b:2,c:3"),
+        ("redis://[::1]:6379", "redis://[::1]:6379"),
+    ];
+    for (text, wanted) in good {
+        assert_eq!(shown(text).unwrap(), format!("{wanted} {wanted}"));
+        assert!(Place::is_one(text));
+    }
+    for bad in [
+        "redis://",
+        "redis://:secret@",
+        "redis://a,,b",
+        "redis://a,b/1",
+        "redis://a/one",
+        "redis://a:port",
+        "http://a",
+    ] {
+        let error = shown(bad).unwrap_err().to_string();
+        assert!(
+            error.starts_with("store: ") && error.contains("; allowed: redis://"),
+            "{error}"
+        );
+        assert!(!error.contains("secret"), "{error}");
+    }
+}
