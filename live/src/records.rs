@@ -149,7 +149,7 @@ pub struct Tended {
 pub struct Lost {
     /// The kind of the record.
     pub kind: Kind,
-    /// Its name.
+    /// As [`Changes::put`] had it.
     pub name: String,
     /// Address of the server that has it. Empty: none has.
     pub owner: String,

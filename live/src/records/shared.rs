@@ -405,4 +405,6 @@ fn lost_before(change: &Change) -> Lost {
 }
 
 #[cfg(test)]
-pub(crate) mod tests;
+pub(crate) mod testing;
+#[cfg(test)]
+mod tests;

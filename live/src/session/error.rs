@@ -85,7 +85,7 @@ pub enum SessionError {
         /// The field of the request that has the id.
         field: String,
     },
-    /// The store that servers share does not answer, so nobody knows which server has a session.
+    /// The store that servers share does not answer, so it is unknown which server has a session.
     #[error("the store of sessions does not answer: {reason}")]
     NoStore {
         /// The store's address, and the system's reason.

@@ -8,7 +8,7 @@ use super::super::keep::tests::{House, command, open};
 use super::super::{Keeper, Space};
 use super::*;
 use crate::records::RecordStore;
-use crate::records::shared::tests::{LEASE, Redis};
+use crate::records::shared::testing::{LEASE, Redis};
 use crate::world::Folders;
 
 /// Longer than the time in which the store is not asked again.
@@ -136,7 +136,7 @@ async fn a_scene_and_its_sessions_are_on_one_server() {
     // The refused session has left no lease behind, and may be elsewhere.
     open(&one.space, "c").await;
     sleep(LEASE + LEASE / 2);
-    // The scene comes with its first session, and takes the others from where it was.
+    // The scene comes with its first session, and takes the others from the server before.
     assert_eq!(two.last_sequence("a").await, Ok(0));
     one.round();
     for id in ["a", "b"] {

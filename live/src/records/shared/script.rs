@@ -15,7 +15,8 @@
 //! A token is the time of Redis in microseconds, or one more than the token before: so it rises
 //! even if Redis has lost everything. It is below 2^53, up to which Lua's numbers are exact.
 //!
-//! A request may come late, on a connection that its server gave up after a timeout: hence `number`.
+//! A request may come late, on a connection that its server gave up after a timeout: hence
+//! `number`.
 
 use redis::{Cmd, ErrorKind, FromRedisValue, RedisError, Value, cmd};
 

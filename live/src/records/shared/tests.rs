@@ -1,129 +1,14 @@
 //! Two servers and a real redis-server, of which each test has its own.
 
-use std::net::{TcpListener, TcpStream};
-use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+use super::testing::{LEASE, Redis, TERMS, free_port};
 use super::*;
 
-pub(crate) const LEASE: Duration = Duration::from_secs(1);
-const TERMS: Terms = Terms {
-    lease: LEASE,
-    renew: Duration::ZERO,
-    remember: Duration::from_secs(60),
-    settle: Duration::ZERO,
-};
 const HERO: &str = "studio/hero";
-
-/// A redis-server with nothing in it.
-pub(crate) struct Redis {
-    process: Child,
-    port: u16,
-    folder: tempfile::TempDir,
-}
-
-impl Redis {
-    /// `None` without redis-server: then the test is not run, and says so.
-    pub(crate) fn start() -> Option<Self> {
-        let port = TcpListener::bind("127.0.0.1:0")
-            .unwrap()
-            .local_addr()
-            .unwrap()
-            .port();
-        let folder = tempfile::tempdir().unwrap();
-        let Some(process) = process(port, &folder) else {
-            println!("NOT RUN: redis-server is not on PATH");
-            return None;
-        };
-        let redis = Self {
-            process,
-            port,
-            folder,
-        };
-        redis.wait();
-        Some(redis)
-    }
-
-    fn wait(&self) {
-        let tries = (0..500).any(|_| {
-            let is_up = TcpStream::connect(("127.0.0.1", self.port)).is_ok();
-            sleep(Duration::from_millis(if is_up { 0 } else { 20 }));
-            is_up
-        });
-        assert!(tries, "redis-server does not start");
-    }
-
-    pub(crate) fn stop(&mut self) {
-        self.signal("CONT");
-        self.process.kill().unwrap();
-        self.process.wait().unwrap();
-    }
-
-    pub(crate) fn start_again(&mut self) {
-        self.process = process(self.port, &self.folder).unwrap();
-        self.wait();
-    }
-
-    fn signal(&self, name: &str) {
-        let id = self.process.id().to_string();
-        let sent = Command::new("kill").args([&format!("-{name}"), &id]).status();
-        assert!(sent.unwrap().success());
-    }
-
-    pub(crate) fn server(&self, address: &str) -> SharedRecords {
-        let place = format!("redis://127.0.0.1:{}", self.port).parse().unwrap();
-        SharedRecords::new(&place, address.to_owned(), TERMS, &Telemetry::new().unwrap())
-    }
-
-    fn ask<T: redis::FromRedisValue>(&self, command: &[&str]) -> T {
-        let client = redis::Client::open(format!("redis://127.0.0.1:{}", self.port)).unwrap();
-        let mut asked = redis::cmd(command[0]);
-        for part in &command[1..] {
-            asked.arg(*part);
-        }
-        asked.query(&mut client.get_connection().unwrap()).unwrap()
-    }
-
-    fn field(&self, name: &str) -> Option<String> {
-        self.ask(&["HGET", "troupe:session:studio/hero", name])
-    }
-
-    fn token(&self) -> u64 {
-        self.field("token").map_or(0, |token| token.parse().unwrap())
-    }
-}
-
-impl Drop for Redis {
-    fn drop(&mut self) {
-        let _ = Command::new("kill")
-            .args(["-CONT", &self.process.id().to_string()])
-            .status();
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-fn process(port: u16, folder: &tempfile::TempDir) -> Option<Child> {
-    Command::new("redis-server")
-        .args([
-            "--bind",
-            "127.0.0.1",
-            "--port",
-            &port.to_string(),
-            "--save",
-            "",
-            "--appendonly",
-            "no",
-        ])
-        .arg("--dir")
-        .arg(folder.path())
-        .stdout(Stdio::null())
-        .spawn()
-        .ok()
-}
 
 fn ask(server: &SharedRecords, want: Want) -> Result<Claim, RecordsError> {
     let claims = server.leases.claim(&[(Kind::Session, HERO.to_owned(), want)]);
@@ -210,7 +95,7 @@ fn a_lease_that_is_given_up_is_free_at_once_and_a_closed_session_does_not_come_b
     one.leave();
     let taken = Claim::Taken(Some(b"first".to_vec()));
     assert_eq!(ask(&two, Want::Known).unwrap(), taken);
-    // Nobody names it as open, so it is given up.
+    // It is not named as open, so it is given up.
     two.tend(&|_, _| false).unwrap();
     assert_eq!(ask(&one, Want::Known).unwrap(), taken);
     // The new owner closes it, while the one before still believes to have it.
@@ -281,7 +166,7 @@ fn a_server_that_was_cut_off_for_too_long_takes_nothing_that_redis_does_not_know
 }
 
 #[test]
-fn a_store_that_does_not_answer_delays_nobody_for_long_and_the_newest_write_wins() {
+fn a_store_that_does_not_answer_delays_no_call_for_long_and_the_newest_write_wins() {
     let Some(redis) = Redis::start() else { return };
     let mut one = redis.server("one:1");
     ask(&one, Want::New).unwrap();
@@ -363,6 +248,82 @@ fn a_scene_has_no_end_and_a_session_is_worth_nothing_after_its_time_to_live() {
     );
 }
 
+#[test]
+fn a_cluster_has_the_leases_on_all_of_its_nodes() {
+    let node = |_| {
+        let bus = free_port().to_string();
+        Redis::start_with(&["--cluster-enabled", "yes", "--cluster-port", &bus])
+    };
+    let Some(nodes) = (0..3).map(node).collect::<Option<Vec<Redis>>>() else {
+        return;
+    };
+    let slots = [("0", "5460"), ("5461", "10922"), ("10923", "16383")];
+    for (node, (first, last)) in nodes.iter().zip(slots) {
+        node.ask::<()>(&["CLUSTER", "ADDSLOTSRANGE", first, last]);
+        let (port, bus) = (
+            nodes[0].port.to_string(),
+            nodes[0].ask::<Vec<String>>(&["CONFIG", "GET", "cluster-port"]),
+        );
+        node.ask::<()>(&["CLUSTER", "MEET", "127.0.0.1", &port, &bus[1]]);
+    }
+    let is_up = |node: &Redis| {
+        node.ask::<String>(&["CLUSTER", "INFO"])
+            .contains("cluster_state:ok")
+    };
+    let are_up = (0..1000).any(|_| {
+        sleep(Duration::from_millis(20));
+        nodes.iter().all(is_up)
+    });
+    assert!(are_up, "the nodes do not find each other");
+
+    let hosts: Vec<String> = nodes
+        .iter()
+        .map(|node| format!("127.0.0.1:{}", node.port))
+        .collect();
+    let place: Place = format!("redis://{}", hosts.join(",")).parse().unwrap();
+    let server = |address: &str| {
+        SharedRecords::new(
+            &place,
+            address.to_owned(),
+            Terms::default(),
+            &Telemetry::new().unwrap(),
+        )
+    };
+    let (mut one, two) = (server("one:1"), server("two:2"));
+    let asked = |want| -> Vec<_> {
+        let names = (0..600).map(|number| format!("walker-{number}"));
+        names.map(|name| (Kind::Session, name, want)).collect()
+    };
+    let claims = one.leases.claim(&asked(Want::New)).unwrap();
+    assert!(
+        claims.iter().all(|claim| *claim == Claim::Taken(None)),
+        "{claims:?}"
+    );
+    let mut changes = Changes::default();
+    for (kind, name, _) in asked(Want::Any) {
+        // More than is sent at once.
+        changes.put_for(Duration::from_secs(5), kind, &*name, vec![7; 10_000]);
+    }
+    assert_eq!(one.write(&changes).unwrap(), Tended::default());
+    for node in &nodes {
+        let keys: usize = node.ask(&["DBSIZE"]);
+        assert!((100..300).contains(&keys), "{keys}");
+    }
+    let claims = two.leases.claim(&asked(Want::Known)).unwrap();
+    assert!(
+        claims
+            .iter()
+            .all(|claim| matches!(claim, Claim::Elsewhere { owner, .. } if owner == "one:1"))
+    );
+    one.leave();
+    let claims = two.leases.claim(&asked(Want::Known)).unwrap();
+    assert!(
+        claims
+            .iter()
+            .all(|claim| *claim == Claim::Taken(Some(vec![7; 10_000])))
+    );
+}
+
 /// Two servers do anything at random, leases end, and Redis loses everything. Each token is higher
 /// than all before, and what Redis has is what the last write that was not refused wrote.
 #[test]
@@ -404,15 +365,10 @@ fn tokens_only_rise() {
                     let tended = tended(server).unwrap();
                     refused += tended.lost.len();
                 }
-                10 => {
-                    redis.ask::<()>(&["HSET", "troupe:session:studio/hero", "until", "0"]);
-                    // A lease that has ended, or a key without a token, which nobody has written.
-                    if redis.token() == 0 {
-                        redis.ask::<()>(&["FLUSHALL"]);
-                    } else if record.is_some() {
-                        // The record counts as long as its server's lease could still have run.
-                        redis.ask::<()>(&["HSET", "troupe:session:studio/hero", "keep", "-1"]);
-                    }
+                10 if redis.token() > 0 => {
+                    // The lease ends, and the record still counts.
+                    let key = "troupe:session:studio/hero";
+                    redis.ask::<()>(&["HSET", key, "until", "0", "keep", "-1"]);
                 }
                 _ if rng.random_bool(0.3) => {
                     emptied += 1;
