@@ -249,6 +249,28 @@ fn a_scene_has_no_end_and_a_session_is_worth_nothing_after_its_time_to_live() {
 }
 
 #[test]
+fn a_password_is_used_and_a_wrong_one_is_an_error_that_does_not_show_it() {
+    let Some(redis) = Redis::start_with(&["--requirepass", "p@ss"]) else {
+        return;
+    };
+    let server = |password: &str| {
+        let place = format!("redis://:{password}@127.0.0.1:{}/3", redis.port);
+        SharedRecords::new(
+            &place.parse().unwrap(),
+            "one:1".to_owned(),
+            TERMS,
+            &Telemetry::new().unwrap(),
+        )
+    };
+    let error = ask(&server("secret"), Want::New).unwrap_err().to_string();
+    assert!(
+        error.starts_with("store: redis://127.0.0.1:") && !error.contains("secret"),
+        "{error}"
+    );
+    assert_eq!(ask(&server("p%40ss"), Want::New).unwrap(), Claim::Taken(None));
+}
+
+#[test]
 fn a_cluster_has_the_leases_on_all_of_its_nodes() {
     let node = |_| {
         let bus = free_port().to_string();
