@@ -1,5 +1,6 @@
-//! A real redis-server for tests.
+//! A real redis-server or valkey-server for tests.
 
+use std::io::{ErrorKind, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
@@ -15,6 +16,9 @@ pub(super) const TERMS: Terms = Terms {
     remember: Duration::from_secs(60),
     settle: Duration::ZERO,
 };
+/// Programs that serve, the first that there is.
+const SERVERS: [&str; 2] = ["redis-server", "valkey-server"];
+
 /// A redis-server with nothing in it.
 pub(crate) struct Redis {
     process: Child,
@@ -23,7 +27,7 @@ pub(crate) struct Redis {
 }
 
 impl Redis {
-    /// `None` without redis-server: then the test is not run, and says so.
+    /// `None` if there is no server: then the test is left out, aloud.
     pub(crate) fn start() -> Option<Self> {
         Self::start_with(&[])
     }
@@ -33,7 +37,9 @@ impl Redis {
         let port = free_port();
         let folder = tempfile::tempdir().unwrap();
         let Some(process) = process(port, &folder, options) else {
-            println!("NOT RUN: redis-server is not on PATH");
+            let text = "*** A SHARED STORE WAS NOT TESTED: there is no redis-server or valkey-server\n";
+            // Unlike `eprintln`, this is shown for tests that pass, too.
+            let _ = std::io::stderr().write_all(text.as_bytes());
             return None;
         };
         let redis = Self {
@@ -105,23 +111,20 @@ impl Drop for Redis {
 }
 
 fn process(port: u16, folder: &tempfile::TempDir, options: &[&str]) -> Option<Child> {
-    Command::new("redis-server")
-        .args([
-            "--bind",
-            "127.0.0.1",
-            "--port",
-            &port.to_string(),
-            "--save",
-            "",
-            "--appendonly",
-            "no",
-        ])
-        .arg("--dir")
-        .arg(folder.path())
-        .args(options)
-        .stdout(Stdio::null())
-        .spawn()
-        .ok()
+    SERVERS.iter().find_map(|program| {
+        let started = Command::new(program)
+            .args(["--bind", "127.0.0.1", "--port", &port.to_string()])
+            .args(["--save", "", "--appendonly", "no", "--dir"])
+            .arg(folder.path())
+            .args(options)
+            .stdout(Stdio::null())
+            .spawn();
+        match started {
+            Ok(process) => Some(process),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(error) => panic!("{program} does not start: {error}"),
+        }
+    })
 }
 
 /// A port that no program uses at the moment.
