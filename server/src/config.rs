@@ -278,12 +278,20 @@ pub struct Options {
     /// folders of their own uploaded styles, scenes and object definitions. Only one server at a
     /// time can use it. Left out: `troupe/PORT` in the user's folder for states, such as
     /// ~/.local/state. If `listen` leaves the port to the system, nothing is kept. An empty name:
-    /// nothing is kept.
+    /// nothing is kept. An address redis://HOST:PORT, or rediss:// for TLS, or with several hosts
+    /// for a cluster: a Valkey or Redis, which several servers share. It has sessions and places of
+    /// scene objects; uploads then last until the server stops, unless they have folders. Set the
+    /// address in the environment if it has a password.
     #[config(
         env = "TROUPE_STORE",
         layer_attr(arg(long, value_name = "FOLDER", value_parser = cli::maybe_folder()))
     )]
     pub store: Option<PathBuf>,
+
+    /// HOST:PORT under which clients reach this server. Servers that share a store name it to
+    /// clients who ask for a session that this server has. Left out: `listen`.
+    #[config(env = "TROUPE_ADVERTISE", layer_attr(arg(long, value_name = "ADDRESS")))]
+    pub advertise: Option<String>,
 
     /// Folder of styles beside the packs' own. It has a folder for each pack with the pack's name,
     /// and in it a JSON file for each style. Left out: in the store.

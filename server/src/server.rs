@@ -180,7 +180,7 @@ pub async fn serve_packs_at(
     let around = Around {
         time,
         executor: Executor::new().map_err(|error| StartError::Internal(error.to_string()))?,
-        records: keeping::records_of(&config),
+        records: keeping::records_of(&config, address),
     };
     serve_on(config, listener, address, around, packs).await
 }
@@ -372,7 +372,8 @@ async fn start(
     let opening = service.clone();
     let (interval, tenants) = (config.fixed.snapshot_interval, config.tenant_options());
     let open = move || -> Result<_, StartError> {
-        Ok(opening.open(PackTable::new(loaded, default), store, tenants, records()?)?)
+        let records = records(opening.telemetry())?;
+        Ok(opening.open(PackTable::new(loaded, default), store, tenants, records)?)
     };
     let keeper = tokio::task::spawn_blocking(open).await.map_err(gone)??;
     api::set_serving(&health, true).await;

@@ -271,7 +271,8 @@ impl SessionCell {
             0 => None,
             1 => Some(End::Closed),
             2 => Some(End::Expired),
-            _ => Some(End::MadeRoom),
+            3 => Some(End::MadeRoom),
+            _ => Some(End::Moved),
         }
     }
 
@@ -403,6 +404,10 @@ impl SessionCell {
                 field: field(),
             }),
             End::Closed => Some(SessionError::Unknown {
+                id: self.id.to_string(),
+                field: field(),
+            }),
+            End::Moved => Some(SessionError::Moved {
                 id: self.id.to_string(),
                 field: field(),
             }),

@@ -63,6 +63,36 @@ pub enum SessionError {
         /// The field of the request that has the id.
         field: String,
     },
+    /// Another server has the session, or the scene that it is in.
+    #[error("{what} {name:?} is on the server {owner}, whose lease ends in {ends_in_ms} ms")]
+    Elsewhere {
+        /// `session` or `scene`.
+        what: &'static str,
+        /// Id of the session or name of the scene.
+        name: String,
+        /// Address of the server that has it.
+        owner: String,
+        /// Time until its lease ends, unless the server renews it.
+        ends_in_ms: u64,
+        /// The field of the request that has the name.
+        field: String,
+    },
+    /// Another server has taken the session over.
+    #[error("session {id:?} has moved to another server; resume it there")]
+    Moved {
+        /// The session's id.
+        id: String,
+        /// The field of the request that has the id.
+        field: String,
+    },
+    /// The store that servers share does not answer, so it is unknown which server has a session.
+    #[error("the store of sessions does not answer: {reason}")]
+    NoStore {
+        /// The store's address, and the system's reason.
+        reason: String,
+        /// The field of the request that has the session.
+        field: String,
+    },
     /// Another call advances the session.
     #[error("session {id:?} is being advanced by {owner}")]
     Busy {

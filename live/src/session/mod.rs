@@ -14,7 +14,9 @@
 //! | `options`, `commands`, `describe`, `peek`, `step`, [`styles`] | the parts of calls |
 //! | `sessions`, `calls`, `resume`, `drive` | the calls, and the task behind a stream |
 //! | `space`, `keep`, `backlog` | the data of each tenant, and the state that survives a restart |
+//! | `away`, `share` | sessions that other servers have, and how they come here |
 
+mod away;
 mod backlog;
 mod calls;
 mod cell;
@@ -40,6 +42,7 @@ mod registry;
 mod results;
 mod resume;
 mod sessions;
+mod share;
 mod space;
 mod step;
 pub mod stream;

@@ -15,6 +15,8 @@ use troupe_engine::gpu::GpuOptions;
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
+use troupe_live::records::RecordsError;
+use troupe_live::records::shared::Place;
 use troupe_live::session::{SessionLimits, TenantOptions};
 use troupe_live::world::Folders;
 use troupe_service::inbetween::RequestLimits;
@@ -241,10 +243,18 @@ impl Config {
             std::fs::create_dir_all(&folder).ok().map(|()| folder)
         };
         match &self.store {
+            Some(_) if self.shared_store().is_some() => None,
             Some(folder) => Some(folder.clone()).filter(|folder| !folder.as_os_str().is_empty()),
             None if port == 0 => None,
             None => usual(),
         }
+    }
+
+    /// The store that servers share. `None`: this server has its own, or none. An error means that
+    /// its address cannot be read.
+    pub fn shared_store(&self) -> Option<Result<Place, RecordsError>> {
+        let text = self.store.as_ref()?.to_str()?;
+        Place::is_one(text).then(|| text.parse())
     }
 
     /// The workers of each pack, on the cores that this process may use within its container's

@@ -114,6 +114,7 @@ impl Sessions for SessionsApi {
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
         let service = ours(&self.service, &request).await?;
         let sessions = service.sessions();
+        sessions.bring(&request.get_ref().session_ids).await;
         let plan = sessions
             .plan_step(request.get_ref())
             .map_err(|error| ApiError::from(error).status())?;
