@@ -69,9 +69,11 @@ impl Sessions {
             )?;
             cells.push(Arc::new(SessionCell::new(parts, self.time().clone())));
         }
+        let recordings = self.record(&cells, &request.sessions)?;
         let now = self.time().now();
         self.registry()
             .insert(&cells, now, |index| format!("sessions[{index}].id"))?;
+        self.keep_recordings(recordings);
         Ok(v1::CreateSessionsResponse {
             sessions: cells.iter().map(|cell| describe::session(cell, now)).collect(),
         })

@@ -115,6 +115,11 @@ impl Registry {
         }
     }
 
+    /// The tenant whose sessions it finds.
+    pub(super) fn tenant(&self) -> &Tenant {
+        &self.tenant
+    }
+
     /// Number of open sessions of all tenants.
     pub fn len(&self) -> usize {
         self.all.read().count

@@ -6,6 +6,7 @@ use tokio::sync::{Semaphore, watch};
 use troupe_proto::v1;
 
 use super::cell::ClientPlace;
+use super::recording::{MAX_REPLAYS, Shelf};
 use super::results::CommandResult;
 use super::{Executor, Registry, SessionLimits, TimeSource, commands, metrics};
 use troupe_base::telemetry::{Gauge, Telemetry};
@@ -28,6 +29,9 @@ struct Common {
     places: Arc<Semaphore>,
     draining: watch::Sender<bool>,
     executor: Executor,
+    shelf: Shelf,
+    /// One permit for each recording that may be played.
+    replays: Arc<Semaphore>,
 }
 
 impl Sessions {
@@ -43,6 +47,8 @@ impl Sessions {
                 places: Arc::new(Semaphore::new(limits.streams)),
                 draining: watch::Sender::new(false),
                 executor,
+                shelf: Shelf::default(),
+                replays: Arc::new(Semaphore::new(MAX_REPLAYS)),
             }),
         }
     }
@@ -67,7 +73,19 @@ impl Sessions {
 
     /// Ends expired sessions of all tenants and returns their number. Call it regularly.
     pub fn sweep(&self) -> usize {
-        self.registry.sweep(self.common.time.now())
+        let now = self.common.time.now();
+        self.shelf().sweep(now);
+        self.registry.sweep(now)
+    }
+
+    /// The recordings of all tenants.
+    pub(super) fn shelf(&self) -> &Shelf {
+        &self.common.shelf
+    }
+
+    /// One permit for each recording that may be played.
+    pub(super) fn replays(&self) -> &Arc<Semaphore> {
+        &self.common.replays
     }
 
     /// One permit for each stream that may be open.
