@@ -72,10 +72,12 @@ impl Sessions {
             cells.push(Arc::new(SessionCell::new(parts, self.time().clone())));
         }
         let leases = self.lease(&cells, store)?;
+        let recordings = self.record(&cells, &request.sessions)?;
         let now = self.time().now();
         self.registry()
             .insert(&cells, now, |index| format!("sessions[{index}].id"))?;
         leases.keep();
+        self.keep_recordings(recordings);
         Ok(v1::CreateSessionsResponse {
             sessions: cells.iter().map(|cell| describe::session(cell, now)).collect(),
         })

@@ -1,5 +1,6 @@
 //! Errors of calls about sessions and styles.
 
+use super::recording::RecordingError;
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::skeleton::SkeletonError;
 use crate::world::WorldError;
@@ -147,6 +148,21 @@ pub enum SessionError {
         name: String,
         /// The field of the request that has the name.
         field: String,
+    },
+    /// There is no recording of a session of this id.
+    #[error("there is no recording of a session {id:?}")]
+    NotRecorded {
+        /// The id, cut to 64 characters.
+        id: String,
+    },
+    /// The recording cannot be played.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// As many recordings are played as may be at the same time.
+    #[error("{limit} recordings are being played; allowed: at most {limit}")]
+    TooManyReplays {
+        /// Maximum number.
+        limit: usize,
     },
     /// The plans of a character fail.
     #[error(transparent)]

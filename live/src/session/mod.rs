@@ -13,6 +13,7 @@
 //! | `planner`, `performer` | requests for plans and for words through the batcher |
 //! | `options`, `commands`, `describe`, `peek`, `step`, [`styles`] | the parts of calls |
 //! | `sessions`, `calls`, `resume`, `drive` | the calls, and the task behind a stream |
+//! | [`recording`] | recordings of sessions, and their replay |
 //! | `space`, `keep`, `backlog` | the data of each tenant, and the state that survives a restart |
 //! | `away`, `share` | sessions that other servers have, and how they come here |
 
@@ -38,6 +39,7 @@ mod pack;
 mod peek;
 mod performer;
 mod planner;
+pub mod recording;
 mod registry;
 mod results;
 mod resume;

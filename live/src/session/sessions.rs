@@ -6,6 +6,7 @@ use tokio::sync::{Semaphore, watch};
 use troupe_proto::v1;
 
 use super::cell::ClientPlace;
+use super::recording::{MAX_REPLAYS, Shelf};
 use super::results::CommandResult;
 use super::share::Sharing;
 use super::{Executor, Registry, SessionLimits, TimeSource, commands, metrics};
@@ -31,6 +32,9 @@ struct Common {
     executor: Executor,
     /// Empty unless other servers share the store.
     sharing: OnceLock<Arc<Sharing>>,
+    shelf: Shelf,
+    /// One permit for each recording that may be played.
+    replays: Arc<Semaphore>,
 }
 
 impl Sessions {
@@ -47,6 +51,8 @@ impl Sessions {
                 draining: watch::Sender::new(false),
                 executor,
                 sharing: OnceLock::new(),
+                shelf: Shelf::default(),
+                replays: Arc::new(Semaphore::new(MAX_REPLAYS)),
             }),
         }
     }
@@ -75,6 +81,7 @@ impl Sessions {
         if let Some(sharing) = self.sharing() {
             sharing.free_absent(now);
         }
+        self.shelf().sweep(now);
         self.registry.sweep(now)
     }
 
@@ -92,6 +99,16 @@ impl Sessions {
     /// Whether the server shuts down.
     pub(super) fn is_draining(&self) -> bool {
         *self.common.draining.borrow()
+    }
+
+    /// The recordings of all tenants.
+    pub(super) fn shelf(&self) -> &Shelf {
+        &self.common.shelf
+    }
+
+    /// One permit for each recording that may be played.
+    pub(super) fn replays(&self) -> &Arc<Semaphore> {
+        &self.common.replays
     }
 
     /// One permit for each stream that may be open.

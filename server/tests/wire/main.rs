@@ -25,6 +25,7 @@ mod openapi;
 mod overload;
 mod pages;
 mod paths;
+mod recordings;
 mod restart;
 mod robots;
 mod scene_sessions;
