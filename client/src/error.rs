@@ -93,6 +93,12 @@ pub struct Violation {
 /// A request that cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RequestError {
+    /// A route whose name cannot be sent.
+    #[error("the route {name:?} must be 1 or more visible ASCII characters, such as `guard-7`")]
+    Route {
+        /// The name.
+        name: String,
+    },
     /// A body that the pack does not have.
     #[error("pack {pack} has no body {body:?}; it has: {}", if bodies.is_empty() { "one skeleton alone".to_owned() } else { bodies.join(", ") })]
     UnknownBody {

@@ -18,7 +18,9 @@ from troupe.v1 import session_pb2
 DETAILS = "grpc-status-details-bin"
 # Problems of one session, as the server names them: also if they are a call's error.
 GONE = frozenset({"SESSION_EXPIRED", "UNKNOWN_SESSION", "SESSION_CLOSED"})
-OF_A_SESSION = GONE | {"SESSION_EXISTS", "SESSION_BUSY"}
+OF_A_SESSION = GONE | {"SESSION_EXISTS", "SESSION_BUSY", "SESSION_ELSEWHERE", "SESSION_MOVED"}
+# Problems of a session that is there, and can be resumed a little later.
+PASSING = frozenset({"SESSION_BUSY", "SESSION_ELSEWHERE", "SESSION_MOVED", "STORE_UNREACHABLE"})
 
 
 class TroupeError(Exception):
