@@ -91,7 +91,9 @@ class Router(Process):
 
     def of_haproxy(self, ports: dict[str, int], _folder: Path):
         """Its file as it is: addresses come from the environment."""
-        more = {name.upper().replace("-", "_").removesuffix(":8080"): f"127.0.0.1:{port}" for name, port in ports.items()}
+        more = {
+            name.upper().replace("-", "_").removesuffix(":8080"): f"127.0.0.1:{port}" for name, port in ports.items()
+        }
         more["TROUPE_BIND"] = f"127.0.0.1:{self.port}"
         return [haproxy(), "-f", CONFIGURATIONS / "haproxy.cfg"], more
 
