@@ -351,7 +351,7 @@ impl Client {
 }
 
 /// Connects a channel for generated clients, for calls that [`Client`] does not have. `tune` may
-/// change the transport.
+/// change the transport. Its calls have no route.
 ///
 /// # Errors
 /// [`ClientError::Address`], [`ClientError::Certificate`] and [`ClientError::Unreachable`].
@@ -361,9 +361,8 @@ pub async fn channel(
     tune: impl FnOnce(Endpoint) -> Endpoint,
 ) -> Result<KeyedChannel, ClientError> {
     let bearer = Bearer::new(url, options.key.as_ref())?;
-    let way = Way::of(options.route.as_ref())?;
     let connection = dial(url, options, tune).await?;
-    Ok(InterceptedService::new(connection, bearer.on(&way)))
+    Ok(InterceptedService::new(connection, bearer))
 }
 
 async fn dial(
