@@ -96,7 +96,7 @@ pub enum RequestError {
     /// A route whose name cannot be sent.
     #[error("the route {name:?} must be 1 or more visible ASCII characters, such as `guard-7`")]
     Route {
-        /// The name.
+        /// The id of a session or name of a scene, as the caller gave it.
         name: String,
     },
     /// A body that the pack does not have.

@@ -93,7 +93,7 @@ impl Way {
     pub(crate) fn follow(&self, problem: &Problem) -> bool {
         let owner = match problem.kind {
             ProblemKind::SessionElsewhere => problem.allowed.as_deref().and_then(|owner| owner.parse().ok()),
-            // Any server knows where it is.
+            // Any server knows which one has it.
             ProblemKind::SessionMoved => None,
             _ => return false,
         };

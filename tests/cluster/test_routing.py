@@ -134,7 +134,7 @@ def test_only_the_sessions_of_a_dead_server_move_and_they_come_back(cluster):
     if cluster.router.kind == "haproxy":
         assert moved == of_dead
     else:
-        # Envoy gives the servers that are left more places on its ring. Sessions of a live server are a sixth of its own.
+        # Envoy gives the servers that are left more places on its ring, so some others move, too.
         assert of_dead <= moved
         assert len(moved - of_dead) <= len(SESSIONS) / 4
     # They are spread over the others.

@@ -165,7 +165,8 @@ impl Client {
         self.unary(|rpc| call(rpc, request)).await
     }
 
-    /// Whether the error names another server than the one that was asked. The next call goes there.
+    /// Whether the error names another server than the one that was asked. The next call goes
+    /// there.
     fn follows(&self, error: &ClientError) -> bool {
         error
             .session_problem()

@@ -394,7 +394,7 @@ async fn a_stream_whose_last_session_moved_follows_it() {
             .any(|event| matches!(event, DriveEvent::Left { .. })),
         "{events:?}"
     );
-    // The first server says where it is. It is resumed there, and so is the stream.
+    // The first server names the other one. Session and stream go on there.
     let b = Some("b:2".to_owned());
     assert_eq!(server.lock().unwrap().servers, [None, None, b.clone(), b]);
 }

@@ -159,7 +159,7 @@ def test_a_stream_follows_its_session_from_the_last_frame_on(script: Script) -> 
             assert [int(of.frames.first_frames[0]) for of in (first, second)] == [7, 8]
             assert [type(news) for news in second.news] == [troupe.Resumed, troupe.Attached]
             assert list(drive.sessions) == ["guard"]
-    # The router's server says where it is, and gets no second call.
+    # The router's server names the other one, and gets no second call.
     asked = [headers.get("troupe-server") for name, headers in script.calls if name in ("ResumeSessions", "Drive")]
     assert asked == [None, None, "b:2", "b:2"]
     assert [request.sessions[0].frame for request in script.resumes] == [7, 7]

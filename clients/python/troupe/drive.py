@@ -312,8 +312,8 @@ class DriveCore:
             problems += answer.problems
         for of in problems:
             if of.problem.reason in errors.PASSING:
-                # Its old server has a lease of it, or has not noticed that the old stream is gone, or the store
-                # does not answer. Those that are here already keep this client here.
+                # Its old server has a lease of it, or has not noticed that the old stream is gone,
+                # or the store does not answer. Those that are here already keep this client here.
                 if not resumed:
                     self._way.follow(errors.of_problem(of.problem, of.session_id))
                 raise UnreachableError(f"{self._address}: {of.problem.message}", reason=of.problem.reason)

@@ -62,7 +62,7 @@ class Way:
         if error.reason == "SESSION_ELSEWHERE":
             owner = error.allowed
         elif error.reason == "SESSION_MOVED":
-            # Any server knows where it is.
+            # Any server knows which one has it.
             owner = None
         else:
             return False

@@ -282,8 +282,8 @@ export class Crowd {
     const { sessions, problems } = await this.api.resumeSessions(seen);
     const passing = problems.find((one) => mayPass(one.problem?.reason))?.problem;
     if (passing) {
-      // Its old server has a lease of it, or has not noticed that the old stream is gone, or the store does not answer. Sessions
-      // that are here already keep the page here.
+      // Its old server has a lease of it, or has not noticed that the old stream is gone, or the
+      // store does not answer. Sessions that are here already keep the page here.
       if (sessions.length === 0) this.api.way.follow(passing);
       throw new ApiError(passing.message, 0, passing.reason);
     }

@@ -1,11 +1,12 @@
-// Which server gets the page's calls about sessions, where several servers share them (docs/cluster.md).
+// Which server gets the page's calls about sessions, if several servers share them
+// (docs/cluster.md).
 
 const ELSEWHERE = 'SESSION_ELSEWHERE';
 const MOVED = 'SESSION_MOVED';
 /** Calls that any server answers: they carry no route. */
 const ANYWHERE = /^\/(metrics|v1\/(inbetween|generate|describe|packs|skeletons|objects))(\/|\?|$)/;
 
-/** Why a session is not on the server that was asked, and where it is. */
+/** Why a session is not on the server that was asked, and which one has it. */
 export interface Elsewhere {
   reason?: string | undefined;
   /** The address of the server that has it. */
