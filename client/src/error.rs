@@ -253,11 +253,11 @@ impl ClientError {
         // Unknown: the connection broke during the call, for instance because the client showed no
         // certificate. If it breaks under a stream, such as when the server is killed, the status
         // has no source, while one from a server would have metadata. Cancelled: it broke before
-        // the call was sent.
+        // the call was sent, or a router lost its server.
         let timed_out = std::error::Error::source(status).is_some_and(|s| s.is::<tonic::TimeoutExpired>())
             || (status.code() == Code::Cancelled && status.message() == "Timeout expired");
         let broken = match status.code() {
-            Code::Cancelled => source_is_transport && !timed_out,
+            Code::Cancelled => (source_is_transport || status.metadata().is_empty()) && !timed_out,
             Code::Unavailable => source_is_transport,
             Code::Unknown => source_is_transport || status.metadata().is_empty(),
             _ => false,
@@ -400,6 +400,18 @@ mod tests {
         let sort =
             |status: &tonic::Status| ClientError::from_status(status, "http://x", Duration::from_secs(1));
         assert!(matches!(sort(&status), ClientError::Unreachable { .. }));
+        status.metadata_mut().insert("x-request-id", "a".parse().unwrap());
+        assert!(matches!(sort(&status), ClientError::Refused(_)));
+    }
+
+    #[test]
+    fn a_stream_that_a_router_cancels_is_no_refusal() {
+        let mut status = tonic::Status::cancelled("h2 protocol error: stream reset by the remote end");
+        let sort =
+            |status: &tonic::Status| ClientError::from_status(status, "http://x", Duration::from_secs(1));
+        assert!(matches!(sort(&status), ClientError::Unreachable { .. }));
+        let late = tonic::Status::cancelled("Timeout expired");
+        assert!(matches!(sort(&late), ClientError::TimedOut { .. }));
         status.metadata_mut().insert("x-request-id", "a".parse().unwrap());
         assert!(matches!(sort(&status), ClientError::Refused(_)));
     }

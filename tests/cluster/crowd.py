@@ -115,7 +115,7 @@ class Crowd(threading.Thread):
             for nth, name in enumerate(names)
         ]
         sessions = await routed.sessions(options)
-        how = troupe.DriveOptions(every_tick=True, reconnect=30.0, encoding=troupe.Encoding.F32)
+        how = troupe.DriveOptions(every_tick=True, reconnect=60.0, encoding=troupe.Encoding.F32)
         drive = await routed.drive(sessions, how)
         begun = time.monotonic()
         while not self.is_over.is_set():

@@ -213,7 +213,8 @@ def of_status(status: Status, address: str, timeout_s: float | None) -> TroupeEr
     words = status.details() or code
     if packed is None and request_id is None:
         # Not by the server: the transport's own.
-        if code in ("UNAVAILABLE", "UNKNOWN", "INTERNAL"):
+        # A router that lost its server cancels the stream.
+        if code in ("UNAVAILABLE", "UNKNOWN", "INTERNAL", "CANCELLED"):
             return UnreachableError(f"no Troupe server answers at {address}: {words}")
         if code == "DEADLINE_EXCEEDED" and timeout_s is not None:
             return DeadlineExceededError(f"the server at {address} did not answer within {timeout_s:g} s")
