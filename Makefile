@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-figure c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -26,7 +26,7 @@ docs:
 	scripts/docs.sh $(or $(ARGS),build)
 
 # The site is built before the tests, which look at it.
-test: docs-check lint rust-test python-test python-client web-test mmcp-test sonic-test ros2-test c-client
+test: docs-check lint rust-test python-test python-client web-test mmcp-test sonic-test ros2-test cluster-test c-client
 
 .PHONY: docs-check
 docs-check:
@@ -104,6 +104,20 @@ ros2-figure: runtime
 	tests/ros2/setup.sh
 	cargo build --release --package troupe-server --package troupe-ros2
 	TROUPE_BUILD=release TROUPE_ROS2=troupe-ros2 target/ros2/venv/bin/python tests/ros2/figure.py $(ARGS)
+
+# Three servers with one store behind HAProxy and Envoy: who gets what, and what characters notice of failures. Without haproxy or
+# redis-server the test of failures is left out, aloud.
+cluster-test: runtime
+	tests/cluster/setup.sh
+	scripts/test-server.sh
+	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster
+
+# 300 characters for three minutes while servers are killed and Redis fails, and what one, two and three servers can do
+# (ARGS="--characters 30 --seconds 40" for a short look)
+cluster-figure: runtime
+	tests/cluster/setup.sh
+	cargo build --release --package troupe-server --package troupe-loadtest
+	TROUPE_SERVER=target/release/troupe-server target/cluster/venv/bin/python tests/cluster/figure.py $(ARGS)
 
 # Every figure of budgets.toml beside its limit. Those of the image are measured by `make image`.
 budgets:

@@ -16,6 +16,7 @@ use troupe_proto::v1::{GetPackRequest, InBetweenRequest, ListPacksRequest, Timin
 use crate::error::{AnswerError, ClientError, RequestError, deepest};
 use crate::inbetween::{InBetween, InBetweenAnswer};
 use crate::pack::Pack;
+use crate::route::{Route, Way};
 use crate::tls::{TlsOptions, with_tls};
 
 /// How a [`Client`] connects.
@@ -31,6 +32,9 @@ pub struct ConnectOptions {
     pub key: Option<ApiKey>,
     /// Certificates, for https:// addresses. These need the feature `tls`.
     pub tls: TlsOptions,
+    /// What calls about sessions are routed by, where several servers share them. None: a name that
+    /// no other client has.
+    pub route: Option<Route>,
 }
 
 /// An API key. It does not show in debug output.
@@ -73,6 +77,7 @@ impl Default for ConnectOptions {
             max_message_bytes: 64 << 20,
             key: None,
             tls: TlsOptions::default(),
+            route: None,
         }
     }
 }
@@ -82,7 +87,10 @@ impl Default for ConnectOptions {
 pub struct Client {
     url: String,
     options: ConnectOptions,
+    connection: Channel,
+    /// Without a route, for calls that any server answers.
     channel: KeyedChannel,
+    pub(crate) way: Way,
     pub(crate) rpc: MotionClient<KeyedChannel>,
     sessions: SessionsRpc,
     scenes: ScenesRpc,
@@ -95,12 +103,15 @@ pub(crate) type SessionsRpc = SessionsClient<KeyedChannel>;
 pub(crate) type ScenesRpc = ScenesClient<KeyedChannel>;
 /// The generated client of skeletons.
 pub(crate) type SkeletonsRpc = SkeletonsClient<KeyedChannel>;
-/// A channel whose calls carry the key.
+/// A channel whose calls carry the key, and the route if they are about sessions.
 pub type KeyedChannel = InterceptedService<Channel, Bearer>;
 
-/// Puts the key on calls.
+/// Puts the key and the route on calls.
 #[derive(Debug, Clone)]
-pub struct Bearer(Option<MetadataValue<Ascii>>);
+pub struct Bearer {
+    key: Option<MetadataValue<Ascii>>,
+    way: Option<Way>,
+}
 
 impl Bearer {
     fn new(url: &str, key: Option<&ApiKey>) -> Result<Self, ClientError> {
@@ -112,14 +123,27 @@ impl Bearer {
         if let Some(value) = &mut value {
             value.set_sensitive(true);
         }
-        Ok(Self(value))
+        Ok(Self {
+            key: value,
+            way: None,
+        })
+    }
+
+    fn on(&self, way: &Way) -> Self {
+        Self {
+            key: self.key.clone(),
+            way: Some(way.clone()),
+        }
     }
 }
 
 impl Interceptor for Bearer {
     fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
-        if let Some(value) = &self.0 {
+        if let Some(value) = &self.key {
             request.metadata_mut().insert("authorization", value.clone());
+        }
+        if let Some(way) = &self.way {
+            way.mark(request.metadata_mut());
         }
         Ok(request)
     }
@@ -152,28 +176,46 @@ impl Client {
     /// # Errors
     /// [`ClientError::Address`] and [`ClientError::Unreachable`].
     pub async fn connect_with(url: &str, options: ConnectOptions) -> Result<Self, ClientError> {
-        let channel = channel(url, &options, |endpoint| endpoint).await?;
+        let connection = dial(url, &options, |endpoint| endpoint).await?;
+        Self::on(connection, url, options)
+    }
+
+    /// A client with another route on the same connection.
+    ///
+    /// # Errors
+    /// [`RequestError::Route`](crate::RequestError::Route) if the name cannot be sent.
+    pub fn routed(&self, route: Route) -> Result<Self, ClientError> {
+        let options = ConnectOptions {
+            route: Some(route),
+            ..self.options.clone()
+        };
+        Self::on(self.connection.clone(), &self.url, options)
+    }
+
+    fn on(connection: Channel, url: &str, options: ConnectOptions) -> Result<Self, ClientError> {
+        let bearer = Bearer::new(url, options.key.as_ref())?;
+        let way = Way::of(options.route.as_ref())?;
+        let routed = InterceptedService::new(connection.clone(), bearer.on(&way));
+        let channel = InterceptedService::new(connection.clone(), bearer);
         let limit = options.max_message_bytes;
-        let rpc = MotionClient::new(channel.clone())
-            .max_decoding_message_size(limit)
-            .max_encoding_message_size(limit);
-        let sessions = SessionsClient::new(channel.clone())
-            .max_decoding_message_size(limit)
-            .max_encoding_message_size(limit);
-        let skeletons = SkeletonsClient::new(channel.clone())
-            .max_decoding_message_size(limit)
-            .max_encoding_message_size(limit);
-        let scenes = ScenesClient::new(channel.clone())
-            .max_decoding_message_size(limit)
-            .max_encoding_message_size(limit);
         Ok(Self {
             url: url.to_owned(),
+            rpc: MotionClient::new(channel.clone())
+                .max_decoding_message_size(limit)
+                .max_encoding_message_size(limit),
+            sessions: SessionsClient::new(routed.clone())
+                .max_decoding_message_size(limit)
+                .max_encoding_message_size(limit),
+            scenes: ScenesClient::new(routed)
+                .max_decoding_message_size(limit)
+                .max_encoding_message_size(limit),
+            skeletons: SkeletonsClient::new(channel.clone())
+                .max_decoding_message_size(limit)
+                .max_encoding_message_size(limit),
             options,
+            connection,
             channel,
-            rpc,
-            sessions,
-            scenes,
-            skeletons,
+            way,
         })
     }
 
@@ -309,7 +351,7 @@ impl Client {
 }
 
 /// Connects a channel for generated clients, for calls that [`Client`] does not have. `tune` may
-/// change the transport.
+/// change the transport. Its calls have no route.
 ///
 /// # Errors
 /// [`ClientError::Address`], [`ClientError::Certificate`] and [`ClientError::Unreachable`].
@@ -319,12 +361,20 @@ pub async fn channel(
     tune: impl FnOnce(Endpoint) -> Endpoint,
 ) -> Result<KeyedChannel, ClientError> {
     let bearer = Bearer::new(url, options.key.as_ref())?;
+    let connection = dial(url, options, tune).await?;
+    Ok(InterceptedService::new(connection, bearer))
+}
+
+async fn dial(
+    url: &str,
+    options: &ConnectOptions,
+    tune: impl FnOnce(Endpoint) -> Endpoint,
+) -> Result<Channel, ClientError> {
     let endpoint = tune(endpoint(url, options)?);
-    let channel = endpoint.connect().await.map_err(|e| ClientError::Unreachable {
+    endpoint.connect().await.map_err(|e| ClientError::Unreachable {
         url: url.to_owned(),
         reason: deepest(&e),
-    })?;
-    Ok(InterceptedService::new(channel, bearer))
+    })
 }
 
 /// Reads the address and applies the options. Small messages must not wait for large ones, so
@@ -367,6 +417,7 @@ mod tests {
         assert_eq!(format!("{key:?}"), "ApiKey");
         let mut bearer = Bearer::new("http://a", Some(&key)).unwrap();
         let call = bearer.call(Request::new(())).unwrap();
+        assert_eq!(call.metadata().len(), 1);
         assert_eq!(call.metadata().get("authorization").unwrap(), "Bearer troupe_1");
         assert!(!format!("{bearer:?}").contains("troupe_1"));
         let none = Bearer::new("http://a", None)

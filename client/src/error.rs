@@ -93,6 +93,12 @@ pub struct Violation {
 /// A request that cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RequestError {
+    /// A route whose name cannot be sent.
+    #[error("the route {name:?} must be 1 or more visible ASCII characters, such as `guard-7`")]
+    Route {
+        /// The id of a session or name of a scene, as the caller gave it.
+        name: String,
+    },
     /// A body that the pack does not have.
     #[error("pack {pack} has no body {body:?}; it has: {}", if bodies.is_empty() { "one skeleton alone".to_owned() } else { bodies.join(", ") })]
     UnknownBody {
@@ -247,11 +253,11 @@ impl ClientError {
         // Unknown: the connection broke during the call, for instance because the client showed no
         // certificate. If it breaks under a stream, such as when the server is killed, the status
         // has no source, while one from a server would have metadata. Cancelled: it broke before
-        // the call was sent.
+        // the call was sent, or a router lost its server.
         let timed_out = std::error::Error::source(status).is_some_and(|s| s.is::<tonic::TimeoutExpired>())
             || (status.code() == Code::Cancelled && status.message() == "Timeout expired");
         let broken = match status.code() {
-            Code::Cancelled => source_is_transport && !timed_out,
+            Code::Cancelled => (source_is_transport || status.metadata().is_empty()) && !timed_out,
             Code::Unavailable => source_is_transport,
             Code::Unknown => source_is_transport || status.metadata().is_empty(),
             _ => false,
@@ -394,6 +400,18 @@ mod tests {
         let sort =
             |status: &tonic::Status| ClientError::from_status(status, "http://x", Duration::from_secs(1));
         assert!(matches!(sort(&status), ClientError::Unreachable { .. }));
+        status.metadata_mut().insert("x-request-id", "a".parse().unwrap());
+        assert!(matches!(sort(&status), ClientError::Refused(_)));
+    }
+
+    #[test]
+    fn a_stream_that_a_router_cancels_is_no_refusal() {
+        let mut status = tonic::Status::cancelled("h2 protocol error: stream reset by the remote end");
+        let sort =
+            |status: &tonic::Status| ClientError::from_status(status, "http://x", Duration::from_secs(1));
+        assert!(matches!(sort(&status), ClientError::Unreachable { .. }));
+        let late = tonic::Status::cancelled("Timeout expired");
+        assert!(matches!(sort(&late), ClientError::TimedOut { .. }));
         status.metadata_mut().insert("x-request-id", "a".parse().unwrap());
         assert!(matches!(sort(&status), ClientError::Refused(_)));
     }

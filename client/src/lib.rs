@@ -46,6 +46,7 @@ mod metrics;
 mod pack;
 mod problem;
 mod root_key;
+mod route;
 mod scenes;
 mod skeletons;
 mod styles;
@@ -64,5 +65,6 @@ pub use live::{
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};
 pub use root_key::RootKey;
+pub use route::Route;
 pub use tls::{ClientCertificate, TlsOptions};
 pub use words::{Describe, Describing, Description, DescriptionPart, Prompt, TokenSampling};

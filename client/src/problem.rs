@@ -45,6 +45,13 @@ pub enum ProblemKind {
     SessionExists,
     /// Another client advances the session.
     SessionBusy,
+    /// Another server has the session, or the scene that it is in. [`Problem::allowed`] names that
+    /// server.
+    SessionElsewhere,
+    /// Another server has taken the session over.
+    SessionMoved,
+    /// The store that servers share does not answer, so it is unknown which server has the session.
+    StoreUnreachable,
     /// The session was closed.
     SessionClosed,
     /// The client took the session off the stream.
@@ -89,6 +96,9 @@ impl ProblemKind {
             "UNKNOWN_SESSION" => Self::UnknownSession,
             "SESSION_EXISTS" => Self::SessionExists,
             "SESSION_BUSY" => Self::SessionBusy,
+            "SESSION_ELSEWHERE" => Self::SessionElsewhere,
+            "SESSION_MOVED" => Self::SessionMoved,
+            "STORE_UNREACHABLE" => Self::StoreUnreachable,
             "SESSION_CLOSED" => Self::SessionClosed,
             "DETACHED" => Self::Detached,
             "TOO_MANY_SESSIONS" => Self::TooManySessions,
@@ -113,7 +123,17 @@ impl ProblemKind {
                 | Self::UnknownSession
                 | Self::SessionExists
                 | Self::SessionBusy
+                | Self::SessionElsewhere
+                | Self::SessionMoved
                 | Self::SessionClosed
+        )
+    }
+
+    /// Whether the session is there, and may be resumed a little later.
+    pub(crate) fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            Self::SessionBusy | Self::SessionElsewhere | Self::SessionMoved | Self::StoreUnreachable
         )
     }
 }

@@ -6,7 +6,7 @@ use troupe_proto::v1;
 
 use super::options::SessionOptions;
 use super::session::Session;
-use crate::connection::Client;
+use crate::connection::{Client, SessionsRpc};
 use crate::error::{AnswerError, ClientError};
 use crate::pack::Pack;
 
@@ -14,6 +14,9 @@ use crate::pack::Pack;
 const PAGE: u32 = 1000;
 /// Sessions of a request to create or close them, within the default limits of a server.
 const CHUNK: usize = 1000;
+/// Most servers that a call is sent to after the first: one that says that the session has moved,
+/// one that knows its server, and that one.
+const MOVES: usize = 2;
 
 impl Client {
     /// Opens a session: one character of a pack.
@@ -55,7 +58,9 @@ impl Client {
             sessions: options.iter().map(|o| o.to_message(pack)).collect(),
         };
         let answer = self
-            .unary(|mut rpc| async move { rpc.create_sessions(request).await })
+            .placed(request, |mut rpc, request| async move {
+                rpc.create_sessions(request).await
+            })
             .await?;
         if answer.sessions.len() != options.len() {
             return Err(AnswerError::Length {
@@ -89,8 +94,10 @@ impl Client {
     /// See [`ClientError`]; [`ClientError::Session`] if the session is gone.
     pub async fn session_info(&self, id: &str) -> Result<v1::Session, ClientError> {
         let request = v1::GetSessionRequest { id: id.to_owned() };
-        self.unary(|mut rpc| async move { rpc.get_session(request).await })
-            .await
+        self.placed(request, |mut rpc, request| async move {
+            rpc.get_session(request).await
+        })
+        .await
     }
 
     /// All open sessions of the server by id, those of other clients too.
@@ -129,18 +136,45 @@ impl Client {
         for chunk in ids.chunks(CHUNK) {
             let request = v1::CloseSessionsRequest { ids: chunk.to_vec() };
             let answer = self
-                .unary(|mut rpc| async move { rpc.close_sessions(request).await })
+                .placed(request, |mut rpc, request| async move {
+                    rpc.close_sessions(request).await
+                })
                 .await?;
             closed += answer.closed as usize;
         }
         Ok(closed)
     }
 
-    /// A call with one answer.
-    pub(crate) async fn unary<T, F>(
+    /// A call about sessions of this client. If they are on another server, it is made again there.
+    pub(crate) async fn placed<R, T, F>(
         &self,
-        call: impl FnOnce(crate::connection::SessionsRpc) -> F,
+        request: R,
+        call: impl Fn(SessionsRpc, R) -> F,
     ) -> Result<T, ClientError>
+    where
+        R: Clone,
+        F: Future<Output = Result<tonic::Response<T>, tonic::Status>>,
+    {
+        for _ in 0..MOVES {
+            let asked = request.clone();
+            match self.unary(|rpc| call(rpc, asked)).await {
+                Err(error) if self.follows(&error) => {}
+                answer => return answer,
+            }
+        }
+        self.unary(|rpc| call(rpc, request)).await
+    }
+
+    /// Whether the error names another server than the one that was asked. The next call goes
+    /// there.
+    fn follows(&self, error: &ClientError) -> bool {
+        error
+            .session_problem()
+            .is_some_and(|problem| self.way.follow(problem))
+    }
+
+    /// A call with one answer.
+    pub(crate) async fn unary<T, F>(&self, call: impl FnOnce(SessionsRpc) -> F) -> Result<T, ClientError>
     where
         F: Future<Output = Result<tonic::Response<T>, tonic::Status>>,
     {

@@ -229,7 +229,7 @@ impl Crowd {
             .collect::<Vec<_>>();
         let calls = requests.into_iter().map(|request| {
             self.client
-                .unary(|mut rpc| async move { rpc.step(request).await })
+                .placed(request, |mut rpc, request| async move { rpc.step(request).await })
         });
         let answers = join_all(calls).await;
 

@@ -36,9 +36,9 @@ pub struct DriveOptions {
     pub every_tick: bool,
     /// Close the sessions of the stream when it ends. By default they wait for their time to live.
     pub close_sessions: bool,
-    /// Time for which the client reopens a stream that breaks. Its sessions go on from the last
-    /// frame that came, even after a restart of a server that keeps its sessions. None: a stream
-    /// that breaks ends with an error. 10 s by default.
+    /// Time for which the client reopens a stream that breaks, or whose sessions have all moved to
+    /// another server. They go on from the last frame that came, on whatever server has them then.
+    /// None: a stream that breaks ends with an error. 10 s by default.
     pub reconnect: Option<Duration>,
 }
 
@@ -108,6 +108,8 @@ pub struct Drive {
     ended: bool,
     /// Why the stream broke, until it is reopened.
     broken: Option<ClientError>,
+    /// The last frames that came before the stream was last reopened, by session.
+    seen: Vec<v1::SessionResume>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -169,6 +171,7 @@ impl Client {
             end: None,
             ended: false,
             broken: None,
+            seen: Vec::new(),
         })
     }
 }
@@ -383,13 +386,7 @@ impl Drive {
                 }
             }
             FromServer::Attached(attached) => self.attached(attached),
-            FromServer::Left(left) => {
-                for left in left.sessions {
-                    self.slots.remove(&left.slot);
-                    let (session, id, problem) = self.give_back(left);
-                    self.events.push(DriveEvent::Left { id, session, problem });
-                }
-            }
+            FromServer::Left(left) => self.left(left),
             FromServer::Commands(commands) => self.refused(commands),
             FromServer::Events(happened) => {
                 for of in happened.sessions {
@@ -416,9 +413,34 @@ impl Drive {
             self.slots.insert(slot, session_id.clone());
             self.events.push(DriveEvent::Attached { session: session_id });
         }
-        for problem in attached.problems {
-            let (session, id, problem) = self.give_back(problem);
+        for of in attached.problems {
+            let problem = Problem::from(of.problem.clone().unwrap_or_default());
+            // Another server came back between the calls, and got the stream.
+            let is_elsewhere = problem.kind == ProblemKind::SessionElsewhere && self.slots.is_empty();
+            if is_elsewhere && self.options.reconnect.is_some() && self.client.way.follow(&problem) {
+                self.ends(ClientError::StreamEnded(Box::new(problem)));
+                continue;
+            }
+            let (session, id, problem) = self.give_back(of);
             self.events.push(DriveEvent::NotAttached { id, session, problem });
+        }
+    }
+
+    /// Takes sessions off the stream. If the last ones have moved to another server, the stream
+    /// follows them.
+    fn left(&mut self, left: v1::DriveLeft) {
+        for left in &left.sessions {
+            self.slots.remove(&left.slot);
+        }
+        let follows = self.slots.is_empty() && self.options.reconnect.is_some();
+        for left in left.sessions {
+            let problem = Problem::from(left.problem.clone().unwrap_or_default());
+            if follows && problem.kind == ProblemKind::SessionMoved {
+                self.ends(ClientError::StreamEnded(Box::new(problem)));
+                continue;
+            }
+            let (session, id, problem) = self.give_back(left);
+            self.events.push(DriveEvent::Left { id, session, problem });
         }
     }
 

@@ -340,3 +340,80 @@ async fn a_stream_that_breaks_is_opened_again_behind_the_last_frame() {
     assert!(one.pose.as_ref().unwrap().pose.is_some());
     assert!(drive.session("a").is_some());
 }
+
+/// The ticks and events of a stream of session a until tick 8.
+async fn broken_off(client: &Client, pack: &Pack) -> (Vec<u64>, Vec<DriveEvent>) {
+    let sessions = client
+        .open_sessions(pack, &[SessionOptions::new().id("a")])
+        .await
+        .unwrap();
+    let options = DriveOptions {
+        every_tick: true,
+        ..DriveOptions::default()
+    };
+    let mut drive = client.drive(options).await.unwrap();
+    drive.attach(sessions).await.unwrap();
+    let (mut ticks, mut events) = (Vec::new(), Vec::new());
+    while !ticks.contains(&8) {
+        let update = drive.next().await.unwrap().unwrap();
+        ticks.extend(update.tick.map(|tick| tick.number()));
+        events.extend(update.events);
+    }
+    (ticks, events)
+}
+
+#[tokio::test]
+async fn a_stream_whose_last_session_moved_follows_it() {
+    let (client, pack, server) = scripted().await;
+    let elsewhere = v1::Problem {
+        allowed: "b:2".to_owned(),
+        ..problem("SESSION_ELSEWHERE")
+    };
+    {
+        let mut server = server.lock().unwrap();
+        let left = from_server(FromServer::Left(v1::DriveLeft {
+            sessions: vec![session_problem(0, "a", "SESSION_MOVED")],
+        }));
+        server.stream = vec![attached(&[("a", 0)]), tick(7, &[0]), left];
+        server.later_streams = [vec![attached(&[("a", 0)]), tick(8, &[0])]].into();
+        server.not_resumed = [v1::ResumeSessionsResponse {
+            sessions: Vec::new(),
+            problems: vec![v1::SessionProblem {
+                problem: Some(elsewhere),
+                ..session_problem(0, "a", "")
+            }],
+        }]
+        .into();
+        server.resumed = Some(resumed("a", 8, 0));
+    }
+    let (ticks, events) = broken_off(&client, &pack).await;
+    assert_eq!(ticks, [7, 8]);
+    assert!(
+        !events
+            .iter()
+            .any(|event| matches!(event, DriveEvent::Left { .. })),
+        "{events:?}"
+    );
+    // The first server names the other one. Session and stream go on there.
+    let b = Some("b:2".to_owned());
+    assert_eq!(server.lock().unwrap().servers, [None, None, b.clone(), b]);
+}
+
+#[tokio::test]
+async fn the_last_frame_is_known_after_a_stream_without_frames() {
+    let (client, pack, server) = scripted().await;
+    {
+        let mut server = server.lock().unwrap();
+        server.stream = vec![attached(&[("a", 0)]), tick(7, &[0]), closing("DRAINING")];
+        server.later_streams = [
+            vec![closing("DRAINING")],
+            vec![attached(&[("a", 0)]), tick(8, &[0])],
+        ]
+        .into();
+        server.resumed = Some(resumed("a", 8, 0));
+    }
+    broken_off(&client, &pack).await;
+    let resumes = &server.lock().unwrap().resumes;
+    let frames: Vec<_> = resumes.iter().map(|one| one.sessions[0].frame).collect();
+    assert_eq!(frames, [Some(7), Some(7)]);
+}

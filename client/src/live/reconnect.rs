@@ -13,8 +13,9 @@ use super::Drive;
 use crate::error::ClientError;
 use crate::problem::{Problem, ProblemKind};
 
-/// Pauses between tries: the first, and the longest.
-const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(1));
+/// Pauses between tries: the first, and the longest. Sessions of a dead server can be resumed from
+/// the end of its leases on, and should not wait for long then.
+const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_millis(250));
 /// Sessions of one call, as many as a server takes by default.
 const CHUNK: usize = 1024;
 
@@ -23,7 +24,7 @@ const CHUNK: usize = 1024;
 pub(super) fn is_break(error: &ClientError) -> bool {
     match error {
         ClientError::StreamEnded(problem) => match &problem.kind {
-            ProblemKind::Draining => true,
+            ProblemKind::Draining | ProblemKind::SessionMoved | ProblemKind::SessionElsewhere => true,
             ProblemKind::Other(kind) => kind.is_empty(),
             _ => false,
         },
@@ -82,6 +83,11 @@ impl Drive {
     /// Why the last try failed.
     pub(super) async fn reconnect(&mut self, limit: Duration) -> Result<(), ClientError> {
         let (until, mut pause) = (Instant::now() + limit, PAUSE.0);
+        // Without a word from a server, the router decides.
+        match &self.broken {
+            Some(ClientError::StreamEnded(why)) if why.kind == ProblemKind::SessionElsewhere => {}
+            _ => self.client.way.forget(),
+        }
         loop {
             let error = match self.take_up().await {
                 Ok(()) => return Ok(()),
@@ -96,13 +102,20 @@ impl Drive {
         }
     }
 
-    /// The last frame of each session that this client saw. Sessions without frames are left out.
+    /// The last frame of each session that this client saw, on this stream or one before. Sessions
+    /// that never had a frame come without.
     fn last_seen(&self) -> Vec<v1::SessionResume> {
-        let unseen = |id: &String| v1::SessionResume {
-            session_id: id.clone(),
-            ..v1::SessionResume::default()
+        let before = |id: &String| {
+            let seen = self.seen.binary_search_by(|one| one.session_id.cmp(id));
+            match seen {
+                Ok(index) => self.seen[index].clone(),
+                Err(_) => v1::SessionResume {
+                    session_id: id.clone(),
+                    ..v1::SessionResume::default()
+                },
+            }
         };
-        let mut all: Vec<_> = self.sessions.keys().map(unseen).collect();
+        let mut all: Vec<_> = self.sessions.keys().map(before).collect();
         for block in &self.blocks {
             for (place, slot) in block.slots().iter().enumerate() {
                 let Some(id) = self.slots.get(slot) else {
@@ -118,9 +131,14 @@ impl Drive {
         all
     }
 
-    async fn take_up(&mut self) -> Result<(), ClientError> {
+    /// Resumes the sessions on the server that the router, or another server, names.
+    ///
+    /// # Errors
+    /// [`ClientError::Unreachable`] if one is not there yet: its old server has a lease of it, or
+    /// has not noticed that the old stream is gone, or the store does not answer.
+    async fn resume(&self) -> Result<(Vec<v1::ResumedSession>, Vec<v1::SessionProblem>), ClientError> {
         let (mut resumed, mut problems) = (Vec::new(), Vec::new());
-        for chunk in self.last_seen().chunks(CHUNK) {
+        for chunk in self.seen.chunks(CHUNK) {
             let request = v1::ResumeSessionsRequest {
                 sessions: chunk.to_vec(),
             };
@@ -131,13 +149,29 @@ impl Drive {
             resumed.extend(answer.sessions);
             problems.extend(answer.problems);
         }
-        // The server may not have noticed yet that the old stream is gone.
-        if let Some(busy) = problems.iter().find_map(busy) {
-            return Err(ClientError::Unreachable {
-                url: self.client.url().to_owned(),
-                reason: busy.message,
-            });
+        let Some(passing) = problems.iter().find_map(passing) else {
+            return Ok((resumed, problems));
+        };
+        // Those that are here already keep this client here.
+        if resumed.is_empty() {
+            self.client.way.follow(&passing);
         }
+        Err(ClientError::Unreachable {
+            url: self.client.url().to_owned(),
+            reason: passing.message,
+        })
+    }
+
+    async fn take_up(&mut self) -> Result<(), ClientError> {
+        self.seen = self.last_seen();
+        let (resumed, problems) = match self.resume().await {
+            // The server that was named may be the one that is lost.
+            Err(error @ (ClientError::Refused(_) | ClientError::TimedOut { .. })) => {
+                self.client.way.forget();
+                return Err(error);
+            }
+            answer => answer?,
+        };
         let again = self.client.drive(self.options).await?;
         (self.asks, self.answers) = (again.asks, again.answers);
         self.slots.clear();
@@ -167,8 +201,8 @@ impl Drive {
     }
 }
 
-/// The problem of a session that another client advances.
-fn busy(of: &v1::SessionProblem) -> Option<Problem> {
+/// The problem of a session that may be resumed a little later.
+fn passing(of: &v1::SessionProblem) -> Option<Problem> {
     let problem = Problem::from(of.problem.clone()?);
-    (problem.kind == ProblemKind::SessionBusy).then_some(problem)
+    problem.kind.may_pass().then_some(problem)
 }

@@ -180,7 +180,7 @@ impl Session {
         };
         let answer = self
             .client
-            .unary(|mut rpc| async move { rpc.step(request).await })
+            .placed(request, |mut rpc, request| async move { rpc.step(request).await })
             .await;
         let answer = answer.inspect_err(|_| self.intent.doubt())?;
         if let Some(problem) = answer.problems.into_iter().find_map(|p| p.problem) {
@@ -238,7 +238,10 @@ impl Session {
         };
         let answer = self
             .client
-            .unary(|mut rpc| async move { rpc.command(request).await })
+            .placed(
+                request,
+                |mut rpc, request| async move { rpc.command(request).await },
+            )
             .await;
         let answer = answer.inspect_err(|_| self.intent.doubt())?;
         self.take_results(&answer.results)
@@ -273,7 +276,7 @@ impl Session {
             frames,
         };
         self.client
-            .unary(|mut rpc| async move { rpc.peek(request).await })
+            .placed(request, |mut rpc, request| async move { rpc.peek(request).await })
             .await
     }
 

@@ -1,7 +1,7 @@
 //! A server that answers by a script. It records the client's messages, and sends answers that a
 //! real server seldom gives.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex};
 
 use tokio::sync::mpsc;
@@ -32,10 +32,16 @@ pub(crate) struct Script {
     pub(crate) unavailable: bool,
     /// Answers of the next stream; it ends after them.
     pub(crate) stream: Vec<v1::DriveResponse>,
+    /// Answers of the streams after that.
+    pub(crate) later_streams: VecDeque<Vec<v1::DriveResponse>>,
     /// Last frames that returning clients sent.
     pub(crate) resumes: Vec<v1::ResumeSessionsRequest>,
-    /// Answers to them.
+    /// Answers to the first of them.
+    pub(crate) not_resumed: VecDeque<v1::ResumeSessionsResponse>,
+    /// Answer to the others.
     pub(crate) resumed: Option<v1::ResumeSessionsResponse>,
+    /// The server that calls to resume, and streams, named in their headers.
+    pub(crate) servers: Vec<Option<String>>,
     frames: BTreeMap<String, u64>,
 }
 
@@ -80,6 +86,11 @@ pub(crate) fn problem(reason: &str) -> v1::Problem {
         message: format!("because of {reason}"),
         ..v1::Problem::default()
     }
+}
+
+fn server_of<T>(request: &Request<T>) -> Option<String> {
+    let server = request.metadata().get(crate::route::SERVER)?;
+    Some(server.to_str().unwrap().to_owned())
 }
 
 fn failed(reason: &str) -> Status {
@@ -275,8 +286,14 @@ impl Sessions for Scripted {
         &self,
         request: Request<Streaming<v1::DriveRequest>>,
     ) -> Result<Response<Self::DriveStream>, Status> {
+        let server = server_of(&request);
         let mut asked = request.into_inner();
-        let answers = std::mem::take(&mut self.0.lock().unwrap().stream);
+        let answers = {
+            let mut script = self.0.lock().unwrap();
+            script.servers.push(server);
+            let later = script.later_streams.pop_front().unwrap_or_default();
+            std::mem::replace(&mut script.stream, later)
+        };
         let (send, receive) = mpsc::channel(answers.len().max(1));
         for answer in answers {
             send.try_send(Ok(answer)).unwrap();
@@ -296,8 +313,9 @@ impl Sessions for Scripted {
         request: Request<v1::ResumeSessionsRequest>,
     ) -> Result<Response<v1::ResumeSessionsResponse>, Status> {
         let mut script = self.0.lock().unwrap();
+        script.servers.push(server_of(&request));
         script.resumes.push(request.into_inner());
-        let resumed = script.resumed.clone();
+        let resumed = script.not_resumed.pop_front().or_else(|| script.resumed.clone());
         Ok(Response::new(
             resumed.ok_or_else(|| Status::unavailable("it starts"))?,
         ))

@@ -92,6 +92,8 @@ def test_each_code_has_a_class(code: grpc.StatusCode, kind: type[troupe.TroupeEr
 
 def test_what_the_transport_says_is_no_servers_word() -> None:
     assert isinstance(read(Status(grpc.StatusCode.UNAVAILABLE, "refused")), troupe.UnreachableError)
+    # A router cancels the streams of a server that it has lost.
+    assert isinstance(read(Status(grpc.StatusCode.CANCELLED, "RST_STREAM")), troupe.UnreachableError)
     late = read(Status(grpc.StatusCode.DEADLINE_EXCEEDED, "Deadline Exceeded"))
     assert isinstance(late, TimeoutError) and "within 2 s" in str(late)
 

@@ -46,6 +46,7 @@ from troupe.live import Crowd, Drive, Session
 from troupe.mjcf import robot_mjcf
 from troupe.options import Encoding, FrameOptions, SessionOptions
 from troupe.pack import Body, Pack
+from troupe.route import Route
 from troupe.skeleton import Hinge, Mimic, Robot, Skeleton
 from troupe.words import Agent, Audio, Prompt, Sampling, Sound
 
@@ -98,6 +99,7 @@ __all__ = [
     "Resumed",
     "Robot",
     "RootKey",
+    "Route",
     "Sampling",
     "Session",
     "SessionError",

@@ -15,6 +15,7 @@ from troupe import drive, io
 from troupe.connection import Target
 from troupe.errors import TroupeError, UnavailableError, of_status
 from troupe.io import NOTHING, Call, Calls, Effect, HangUp, Method, Nothing, Open, Pause, Poll, Received, Send, Steps
+from troupe.route import MOVES, Way
 from troupe.v1 import session_pb2
 
 T = TypeVar("T")
@@ -27,13 +28,24 @@ HUNG_UP_S = 0.1
 class Connection:
     """A channel, and calls on it."""
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: Target, way: Way, channel: Any = None) -> None:
         self.target = target
-        if target.credentials is None:
+        self.way = way
+        if channel is not None:
+            self._channel = channel
+        elif target.credentials is None:
             self._channel = grpc.insecure_channel(target.address, target.options)
         else:
             self._channel = grpc.secure_channel(target.address, target.credentials, target.options)
         self._methods: dict[str, Any] = {}
+
+    def routed(self, way: Way) -> Connection:
+        """The same channel with another route."""
+        return Connection(self.target, way, self._channel)
+
+    def metadata(self, path: str) -> tuple[tuple[str, str], ...]:
+        """What goes with a call of a method."""
+        return self.target.metadata + self.way.marks(path)
 
     def run(self, steps: Steps[T], stream: Stream | None = None) -> T:
         """Does what steps ask for, to their end."""
@@ -62,9 +74,20 @@ class Connection:
         return stream.do(wanted)
 
     def _call(self, call: Call[Any]) -> Any:
+        """Makes a call. If its sessions are on another server, it is made again there."""
+        for _ in range(MOVES):
+            try:
+                return self._call_once(call)
+            except TroupeError as error:
+                if not self.way.follow(error):
+                    raise
+        return self._call_once(call)
+
+    def _call_once(self, call: Call[Any]) -> Any:
         method = self._unary(call.method)
+        metadata = self.metadata(call.method.path)
         try:
-            return method(call.request, timeout=self.target.timeout_s, metadata=self.target.metadata)
+            return method(call.request, timeout=self.target.timeout_s, metadata=metadata)
         except grpc.RpcError as error:
             raise self.error(error) from None
 
@@ -74,17 +97,25 @@ class Connection:
                 return [self._call(calls.calls[0])]
             except TroupeError as error:
                 return [error]
-        timeout, metadata = self.target.timeout_s, self.target.metadata
         futures = [
-            self._unary(call.method).future(call.request, timeout=timeout, metadata=metadata) for call in calls.calls
+            self._unary(call.method).future(
+                call.request, timeout=self.target.timeout_s, metadata=self.metadata(call.method.path)
+            )
+            for call in calls.calls
         ]
-        outcomes: list[Any] = []
-        for future in futures:
-            try:
-                outcomes.append(future.result())
-            except grpc.RpcError as error:
-                outcomes.append(self.error(error))
-        return outcomes
+        return [self._outcome(call, future) for call, future in zip(calls.calls, futures, strict=True)]
+
+    def _outcome(self, call: Call[Any], future: Any) -> Any:
+        try:
+            return future.result()
+        except grpc.RpcError as failed:
+            error = self.error(failed)
+        if not self.way.follow(error):
+            return error
+        try:
+            return self._call(call)
+        except TroupeError as error:
+            return error
 
     def parts(self, call: Call[io.A]) -> Iterator[io.A]:
         """The answers of a method that gives many."""
@@ -92,7 +123,7 @@ class Connection:
             call.method.path, request_serializer=serialised, response_deserializer=call.method.answer.FromString
         )
         try:
-            yield from method(call.request, metadata=self.target.metadata)
+            yield from method(call.request, metadata=self.metadata(call.method.path))
         except grpc.RpcError as error:
             raise self.error(error) from None
 
@@ -181,7 +212,7 @@ class _Opened:
         self._is_over = threading.Event()
         self.asks: queue.SimpleQueue[session_pb2.DriveRequest | None] = queue.SimpleQueue()
         self.asks.put(first)
-        self._call = method(iter(self.asks.get, None), metadata=connection.target.metadata)
+        self._call = method(iter(self.asks.get, None), metadata=connection.metadata(io.DRIVE.path))
         threading.Thread(target=self._pump, name="troupe-drive", daemon=True).start()
 
     def _pump(self) -> None:

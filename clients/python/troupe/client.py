@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -23,6 +24,7 @@ from troupe.keyframe import Keyframe
 from troupe.live import Crowd, Drive, Session
 from troupe.options import FrameOptions, SessionOptions
 from troupe.pack import Pack
+from troupe.route import Route, Way
 from troupe.v1 import scene_pb2, session_pb2, skeleton_pb2
 from troupe.words import Audio, Description, Prompt, Sampling, Sound, describe_request
 
@@ -39,6 +41,8 @@ class Client:
         cert: PEM file of this client's certificate, for servers that ask for one, and `cert_key` its private key.
         cert_key: See `cert`.
         timeout: Seconds for one call.
+        route: What calls about sessions are routed by, where several servers share them. By default a name that no other
+            client has.
 
     """
 
@@ -51,8 +55,16 @@ class Client:
         cert: str | Path | None = None,
         cert_key: str | Path | None = None,
         timeout: float = 60.0,
+        route: Route | None = None,
     ) -> None:
-        self._connection = Connection(connection.target(address, key, ca, cert, cert_key, timeout))
+        target = connection.target(address, key, ca, cert, cert_key, timeout)
+        self._connection = Connection(target, Way(route))
+
+    def routed(self, route: Route) -> Self:
+        """A client with another route on the same connection, which either of them closes."""
+        client = copy.copy(self)
+        client._connection = self._connection.routed(Way(route))
+        return client
 
     @property
     def address(self) -> str:

@@ -14,10 +14,12 @@ from troupe.events import Attached, Event, Left, NotAttached, Refused, Resumed, 
 from troupe.frames import Frames
 from troupe.io import NOTHING, HangUp, Open, Pause, Poll, Receive, Received, Send, Steps
 from troupe.options import Encoding
+from troupe.route import Way
 from troupe.v1 import event_pb2, motion_pb2, session_pb2
 
-PAUSES_S = (0.05, 1.0)
-"""Waits between tries to open a stream again: the first, and the longest."""
+PAUSES_S = (0.05, 0.25)
+"""Waits between tries to open a stream again: the first, and the longest. Sessions of a dead server can be resumed from the end
+of its leases on, and should not wait for long then."""
 CHUNK = 1024
 """Sessions of one call to take them up, as many as a server takes by default."""
 
@@ -36,9 +38,10 @@ class DriveOptions:
     close_sessions: bool = False
     """Close the sessions of the stream when it ends. By default they wait for their time to live."""
     reconnect: float | None = 10.0
-    """Seconds for which a stream that breaks is opened again, with its sessions where this client saw them last.
+    """Seconds for which a stream is opened again that breaks, or whose sessions have all moved to another server.
 
-    A server that keeps its sessions may be restarted meanwhile. None: a stream that breaks ends with an error."""
+    They go on where this client saw them last, on whatever server has them then. None: a stream that breaks ends with an
+    error."""
 
     def to_message(self) -> session_pb2.DriveRequest:
         """The message that opens a stream."""
@@ -89,8 +92,9 @@ class Tick:
 class DriveCore:
     """A stream's sessions, and what came of them."""
 
-    def __init__(self, address: str, options: DriveOptions) -> None:
+    def __init__(self, address: str, way: Way, options: DriveOptions) -> None:
         self.options = options
+        self._way = way
         self.sessions: dict[str, Character] = {}
         """The characters on the stream, by their names. They are commanded in place."""
         self.news: list[StreamEvent] = []
@@ -99,6 +103,8 @@ class DriveCore:
         self._events: list[Event] = []
         self._slots: dict[int, str] = {}
         self._blocks: tuple[Frames, ...] = ()
+        # The last frames that came before the stream was last opened again.
+        self._seen: dict[str, session_pb2.SessionResume] = {}
         self._skipped = 0
         # How it ended, reported after the last frame; and why it broke, until
         # it is opened again.
@@ -180,11 +186,12 @@ class DriveCore:
             for attached in came.attached.sessions:
                 self._slots[attached.slot] = attached.session_id
                 self.news.append(Attached(attached.session_id))
-            self._drop(came.attached.problems, NotAttached)
+            # Of another server that came back between the calls, and got the stream.
+            self._drop(came.attached.problems, NotAttached, ("SESSION_ELSEWHERE",))
         elif kind == "left":
             for left in came.left.sessions:
                 self._slots.pop(left.slot, None)
-            self._drop(came.left.sessions, Left)
+            self._drop(came.left.sessions, Left, ("SESSION_MOVED",))
         elif kind == "commands":
             refused = [result for result in came.commands.results if result.status == REFUSED]
             self.news.extend(Refused(of.session_id, errors.of_problem(of.problem, of.session_id)) for of in refused)
@@ -198,10 +205,21 @@ class DriveCore:
                 self._ends(StreamEndedError(f"the server ended the stream: {reason.message}", reason=reason.reason))
         return None
 
-    def _drop(self, problems: Iterable[session_pb2.SessionProblem], kind: type[NotAttached] | type[Left]) -> None:
+    def _drop(
+        self,
+        problems: Iterable[session_pb2.SessionProblem],
+        kind: type[NotAttached] | type[Left],
+        follows: tuple[str, ...] = (),
+    ) -> None:
+        """Takes sessions off the stream. If the last ones are on another server, for one of these reasons, it follows them."""
         for of in problems:
+            error = errors.of_problem(of.problem, of.session_id)
+            is_last = not self._slots and self.options.reconnect is not None
+            if is_last and error.reason in follows and self._way.follow(error):
+                self._ends(StreamEndedError(f"the server ended the stream: {error.message}", reason=error.reason))
+                continue
             self.sessions.pop(of.session_id, None)
-            self.news.append(kind(of.session_id, errors.of_problem(of.problem, of.session_id)))
+            self.news.append(kind(of.session_id, error))
 
     def _ends(self, error: TroupeError) -> None:
         """The stream ended with an error: for good, or until it is opened again."""
@@ -240,6 +258,9 @@ class DriveCore:
         """Opens a stream again that broke, and takes up its sessions; the error is why it broke, where that does not do."""
         until = time.monotonic() + (self.options.reconnect or 0)
         pause, longest = PAUSES_S
+        # Without a word from a server, the router decides.
+        if why.reason != "SESSION_ELSEWHERE":
+            self._way.forget()
         while True:
             try:
                 yield from self._take_up()
@@ -255,18 +276,14 @@ class DriveCore:
             pause = min(pause * 2, longest)
 
     def _take_up(self) -> Steps[None]:
-        resumed: list[session_pb2.ResumedSession] = []
-        problems: list[session_pb2.SessionProblem] = []
-        seen = self._last_seen()
-        for first in range(0, len(seen), CHUNK):
-            request = session_pb2.ResumeSessionsRequest(sessions=seen[first : first + CHUNK])
-            answer = yield from io.ask(io.RESUME_SESSIONS, request)
-            resumed += answer.sessions
-            problems += answer.problems
-        # The server may not have noticed yet that the old stream is gone.
-        for of in problems:
-            if of.problem.reason == "SESSION_BUSY":
-                raise UnreachableError(f"{self._address}: {of.problem.message}", reason="SESSION_BUSY")
+        self._seen = self._last_seen()
+        try:
+            resumed, problems = yield from self._resume()
+        except TroupeError as error:
+            if error.reason not in errors.PASSING:
+                # The server that was named may be the one that is lost.
+                self._way.forget()
+            raise
         yield Open(self.options.to_message())
         self._slots.clear()
         self._blocks = ()
@@ -283,14 +300,34 @@ class DriveCore:
             self.news.append(Resumed(now.id, now.frame, one.restored, lost))
         yield from self._attach(list(self.sessions.values()))
 
-    def _last_seen(self) -> list[session_pb2.SessionResume]:
-        """The last frame of each session that this client saw. A session without frames is missing."""
-        seen = {name: session_pb2.SessionResume(session_id=name) for name in self.sessions}
+    def _resume(self) -> Steps[tuple[list[session_pb2.ResumedSession], list[session_pb2.SessionProblem]]]:
+        """Resumes the sessions on the server that the router, or another server, names."""
+        resumed: list[session_pb2.ResumedSession] = []
+        problems: list[session_pb2.SessionProblem] = []
+        seen = [self._seen[name] for name in sorted(self._seen)]
+        for first in range(0, len(seen), CHUNK):
+            request = session_pb2.ResumeSessionsRequest(sessions=seen[first : first + CHUNK])
+            answer = yield from io.ask(io.RESUME_SESSIONS, request)
+            resumed += answer.sessions
+            problems += answer.problems
+        for of in problems:
+            if of.problem.reason in errors.PASSING:
+                # Its old server has a lease of it, or has not noticed that the old stream is gone,
+                # or the store does not answer. Those that are here already keep this client here.
+                if not resumed:
+                    self._way.follow(errors.of_problem(of.problem, of.session_id))
+                raise UnreachableError(f"{self._address}: {of.problem.message}", reason=of.problem.reason)
+        return resumed, problems
+
+    def _last_seen(self) -> dict[str, session_pb2.SessionResume]:
+        """The last frame of each session that this client saw, on this stream or one before."""
+        before = self._seen
+        seen = {name: before.get(name) or session_pb2.SessionResume(session_id=name) for name in self.sessions}
         for block in self._blocks:
             for place, name in enumerate(block.ids):
                 if name in seen:
                     seen[name] = _seen(block, place)
-        return [seen[name] for name in sorted(seen)]
+        return seen
 
     def _close(self, timeout: float) -> Steps[None]:
         """Ends the stream and waits until the server has let go of its sessions."""
@@ -316,7 +353,7 @@ def _seen(block: Frames, place: int) -> session_pb2.SessionResume:
 def _is_break(error: TroupeError) -> bool:
     """Whether the stream broke although neither side wanted to end it for good: a server that stops may be started again."""
     if isinstance(error, StreamEndedError):
-        return error.reason in ("", "DRAINING")
+        return error.reason in ("", "DRAINING", "SESSION_ELSEWHERE", "SESSION_MOVED")
     may_pass = (errors.UnavailableError, errors.DeadlineExceededError, errors.ResourceExhaustedError)
     return isinstance(error, may_pass)
 

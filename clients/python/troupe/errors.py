@@ -18,7 +18,9 @@ from troupe.v1 import session_pb2
 DETAILS = "grpc-status-details-bin"
 # Problems of one session, as the server names them: also if they are a call's error.
 GONE = frozenset({"SESSION_EXPIRED", "UNKNOWN_SESSION", "SESSION_CLOSED"})
-OF_A_SESSION = GONE | {"SESSION_EXISTS", "SESSION_BUSY"}
+OF_A_SESSION = GONE | {"SESSION_EXISTS", "SESSION_BUSY", "SESSION_ELSEWHERE", "SESSION_MOVED"}
+# Problems of a session that is there, and can be resumed a little later.
+PASSING = frozenset({"SESSION_BUSY", "SESSION_ELSEWHERE", "SESSION_MOVED", "STORE_UNREACHABLE"})
 
 
 class TroupeError(Exception):
@@ -211,7 +213,8 @@ def of_status(status: Status, address: str, timeout_s: float | None) -> TroupeEr
     words = status.details() or code
     if packed is None and request_id is None:
         # Not by the server: the transport's own.
-        if code in ("UNAVAILABLE", "UNKNOWN", "INTERNAL"):
+        # A router that lost its server cancels the stream.
+        if code in ("UNAVAILABLE", "UNKNOWN", "INTERNAL", "CANCELLED"):
             return UnreachableError(f"no Troupe server answers at {address}: {words}")
         if code == "DEADLINE_EXCEEDED" and timeout_s is not None:
             return DeadlineExceededError(f"the server at {address} did not answer within {timeout_s:g} s")

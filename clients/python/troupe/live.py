@@ -116,7 +116,7 @@ class Drive(DriveCore):
     """
 
     def __init__(self, connection: Connection, options: DriveOptions) -> None:
-        super().__init__(connection.target.address, options)
+        super().__init__(connection.target.address, connection.way, options)
         self._connection = connection
         self._stream = connection.stream()
         self._stream.do(Open(options.to_message()))

@@ -49,8 +49,8 @@ pub struct Terms {
 impl Default for Terms {
     fn default() -> Self {
         Self {
-            lease: Duration::from_secs(3),
-            renew: Duration::from_secs(1),
+            lease: Duration::from_millis(1200),
+            renew: Duration::from_millis(400),
             remember: Duration::from_secs(3600),
             settle: Duration::from_secs(10),
         }

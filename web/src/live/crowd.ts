@@ -7,6 +7,7 @@ import type { DecodedBlock } from '../wire/codec';
 import type { FromWorker, TickMessage } from '../wire/messages';
 import { DriveStream } from '../wire/stream';
 import type { Command, CommandResult, SessionEvents, SessionOptions, SessionProblem } from '../wire/types';
+import { isElsewhere, mayPass } from '../wire/way';
 import type { Bodies } from './bodies';
 import type { Role } from './cast';
 import { Character } from './character';
@@ -15,7 +16,7 @@ import { PlaybackClock, RATE_HZ } from './playback';
 /** Lifetime of a session that is not advanced, ms. */
 const TTL_MS = 60_000;
 /** Waits between tries to come back, ms: the first and the longest. */
-const PAUSE_MS = [250, 2000] as const;
+const PAUSE_MS = [100, 500] as const;
 /** Time until a session that another caller held is asked for again, ms. */
 const BUSY_MS = 150;
 
@@ -68,7 +69,7 @@ export class Crowd {
 
   async connect(): Promise<void> {
     this.state = 'opening';
-    this.stream.open(await this.api.ticket(), RATE_HZ);
+    this.stream.open(await this.api.ticket(), RATE_HZ, this.api.way);
   }
 
   /** Opens sessions and takes them onto the stream. */
@@ -187,9 +188,11 @@ export class Crowd {
           this.bySlot[slot] = character;
         }
         this.attachLater(message.problems.filter(isBusy));
-        void this.mend(message.problems.filter((one) => !isBusy(one)));
+        void this.mend(message.problems.filter((one) => !mayPass(one.problem?.reason)));
+        this.goAfter(message.problems);
         break;
       case 'left':
+        this.goAfter(message.sessions);
         void this.mend(message.sessions.filter((one) => one.problem?.reason === 'SESSION_EXPIRED'));
         break;
       case 'refused':
@@ -234,20 +237,33 @@ export class Crowd {
     }, BUSY_MS);
   }
 
+  /** Goes to the server that has sessions of the page now. */
+  private goAfter(problems: readonly SessionProblem[]): void {
+    const away = problems.find((one) => isElsewhere(one.problem?.reason));
+    if (!away?.problem) return;
+    this.api.way.follow(away.problem);
+    this.stream.close();
+    void this.comeBack(away.problem.message, true);
+  }
+
   /** Opens the stream again, and takes up its sessions where the page saw them last. */
-  private async comeBack(why: string): Promise<void> {
+  private async comeBack(why: string, knowsWhere = false): Promise<void> {
     if (this.disposed || this.state === 'broken') return;
     this.state = 'broken';
     this.whyBroken = '';
     this.hooks.onConnection('reconnecting', why);
+    // Without a word from a server, the router decides.
+    if (!knowsWhere) this.api.way.forget();
     for (let pause: number = PAUSE_MS[0]; !this.isDisposed(); pause = Math.min(pause * 2, PAUSE_MS[1])) {
       await new Promise((done) => setTimeout(done, pause));
       try {
         await this.takeUp();
         this.state = 'opening';
-        this.stream.open(await this.api.ticket(), RATE_HZ);
+        this.stream.open(await this.api.ticket(), RATE_HZ, this.api.way);
         return;
       } catch (error) {
+        // The server that was named may be the one that is lost.
+        if (error instanceof ApiError && error.status >= 502) this.api.way.forget();
         if (!(error instanceof ApiError && (error.mayPass || error.status === 429))) this.complain(error);
       }
     }
@@ -264,9 +280,13 @@ export class Crowd {
     });
     if (seen.length === 0) return;
     const { sessions, problems } = await this.api.resumeSessions(seen);
-    const busy = problems.find(isBusy);
-    // The server may not have noticed yet that the old stream is gone.
-    if (busy) throw new ApiError(busy.problem?.message ?? '', 503);
+    const passing = problems.find((one) => mayPass(one.problem?.reason))?.problem;
+    if (passing) {
+      // Its old server has a lease of it, or has not noticed that the old stream is gone, or the
+      // store does not answer. Sessions that are here already keep the page here.
+      if (sessions.length === 0) this.api.way.follow(passing);
+      throw new ApiError(passing.message, 0, passing.reason);
+    }
     for (const { session } of sessions) {
       if (session) this.bySession.get(session.id)?.seen(Number(session.last_sequence));
     }

@@ -13,8 +13,11 @@ import type {
   StepResponse,
   Style,
 } from './types';
+import { Way } from './way';
 
 const KEY = 'troupe-key';
+/** Most servers that a call is sent to after the first. */
+const MOVES = 2;
 
 /** Begins again without the key, so that the page asks for one. */
 export function askForAnotherKey(): void {
@@ -68,6 +71,7 @@ async function errorOf(answer: Response): Promise<ApiError> {
 }
 
 export class Api {
+  readonly way = new Way();
   private asking: Promise<string | undefined> | undefined;
   /** The person has no key to give, and is not asked again. */
   private isDeclined = false;
@@ -140,9 +144,9 @@ export class Api {
   private json = async <T>(answer: Promise<Response>): Promise<T> => (await (await answer).json()) as T;
 
   private async call(method: string, path: string, body?: object): Promise<Response> {
-    for (;;) {
+    for (let moves = 0; ;) {
       const key = sessionStorage.getItem(KEY);
-      const headers: Record<string, string> = {};
+      const headers = this.way.headers(path);
       if (key) headers['authorization'] = `Bearer ${key}`;
       if (body) headers['content-type'] = 'application/json';
       const options = { method, headers, body: body ? JSON.stringify(body) : null };
@@ -152,6 +156,8 @@ export class Api {
       });
       if (answer.ok) return answer;
       const error = await errorOf(answer);
+      // Another server has the session.
+      if (this.way.follow(error) && moves++ < MOVES) continue;
       if (error.status !== 401 || !(await this.renewKey(key))) throw error;
     }
   }

@@ -1,6 +1,7 @@
 // A stream as the page sees it: the worker behind it owns the socket.
 import type { FromWorker, ToWorker } from './messages';
 import type { Command } from './types';
+import type { Way } from './way';
 
 export class DriveStream {
   private readonly worker = new Worker(new URL('./drive.worker.ts', import.meta.url), { type: 'module' });
@@ -12,9 +13,10 @@ export class DriveStream {
   }
 
   /** Opens the stream, in place of one that is open. A server that asks for keys needs a ticket. */
-  open(ticket: string | undefined, rateHz: number): void {
+  open(ticket: string | undefined, rateHz: number, way: Way): void {
     const url = new URL('/v1/drive', location.href);
     url.protocol = url.protocol.replace('http', 'ws');
+    way.mark(url);
     if (ticket) url.searchParams.set('ticket', ticket);
     this.ask({ kind: 'open', url: url.href, rate_hz: rateHz });
   }

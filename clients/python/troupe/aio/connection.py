@@ -15,6 +15,7 @@ from troupe.blocking import HEALTH, QUEUE, serialised
 from troupe.connection import Target
 from troupe.errors import TroupeError, UnavailableError, of_status
 from troupe.io import NOTHING, Call, Calls, Effect, HangUp, Method, Nothing, Open, Pause, Poll, Received, Send, Steps
+from troupe.route import MOVES, Way
 from troupe.v1 import session_pb2
 
 T = TypeVar("T")
@@ -23,13 +24,24 @@ T = TypeVar("T")
 class Connection:
     """A channel, and calls on it."""
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: Target, way: Way, channel: Any = None) -> None:
         self.target = target
-        if target.credentials is None:
+        self.way = way
+        if channel is not None:
+            self._channel = channel
+        elif target.credentials is None:
             self._channel = grpc.aio.insecure_channel(target.address, target.options)
         else:
             self._channel = grpc.aio.secure_channel(target.address, target.credentials, target.options)
         self._methods: dict[str, Any] = {}
+
+    def routed(self, way: Way) -> Connection:
+        """The same channel with another route."""
+        return Connection(self.target, way, self._channel)
+
+    def metadata(self, path: str) -> tuple[tuple[str, str], ...]:
+        """What goes with a call of a method."""
+        return self.target.metadata + self.way.marks(path)
 
     async def run(self, steps: Steps[T], stream: Stream | None = None) -> T:
         """Does what steps ask for, to their end."""
@@ -58,9 +70,20 @@ class Connection:
         return await stream.do(wanted)
 
     async def _call(self, call: Call[Any]) -> Any:
+        """Makes a call. If its sessions are on another server, it is made again there."""
+        for _ in range(MOVES):
+            try:
+                return await self._call_once(call)
+            except TroupeError as error:
+                if not self.way.follow(error):
+                    raise
+        return await self._call_once(call)
+
+    async def _call_once(self, call: Call[Any]) -> Any:
         method = self._unary(call.method)
+        metadata = self.metadata(call.method.path)
         try:
-            return await method(call.request, timeout=self.target.timeout_s, metadata=self.target.metadata)
+            return await method(call.request, timeout=self.target.timeout_s, metadata=metadata)
         except grpc.RpcError as error:
             raise self.error(error) from None
 
@@ -76,7 +99,7 @@ class Connection:
             call.method.path, request_serializer=serialised, response_deserializer=call.method.answer.FromString
         )
         try:
-            async for part in method(call.request, metadata=self.target.metadata):
+            async for part in method(call.request, metadata=self.metadata(call.method.path)):
                 yield part
         except grpc.RpcError as error:
             raise self.error(error) from None
@@ -159,7 +182,7 @@ class _Opened:
         self._came: asyncio.Queue[Received] = asyncio.Queue(QUEUE)
         self.asks: asyncio.Queue[session_pb2.DriveRequest | None] = asyncio.Queue()
         self.asks.put_nowait(first)
-        self._call = method(self._requests(), metadata=connection.target.metadata)
+        self._call = method(self._requests(), metadata=connection.metadata(io.DRIVE.path))
         self._task = asyncio.create_task(self._pump())
 
     async def _requests(self) -> AsyncIterator[session_pb2.DriveRequest]:

@@ -95,7 +95,7 @@ class Drive(DriveCore):
     """As `troupe.Drive`: `async for tick in drive` gives ticks as they come."""
 
     def __init__(self, connection: Connection, options: DriveOptions) -> None:
-        super().__init__(connection.target.address, options)
+        super().__init__(connection.target.address, connection.way, options)
         self._connection = connection
         self._stream = connection.stream()
 

@@ -69,12 +69,10 @@ impl Sessions for SessionsApi {
         &self,
         request: Request<v1::GetSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        answer(
-            ours(&self.service, &request)
-                .await?
-                .sessions()
-                .get(&request.into_inner().id),
-        )
+        let service = ours(&self.service, &request).await?;
+        let sessions = service.sessions();
+        sessions.bring([&request.get_ref().id]).await;
+        answer(sessions.get(&request.get_ref().id))
     }
 
     async fn list_sessions(
@@ -93,12 +91,10 @@ impl Sessions for SessionsApi {
         &self,
         request: Request<v1::CloseSessionsRequest>,
     ) -> Result<Response<v1::CloseSessionsResponse>, Status> {
-        answer(
-            ours(&self.service, &request)
-                .await?
-                .sessions()
-                .close(request.get_ref()),
-        )
+        let service = ours(&self.service, &request).await?;
+        let sessions = service.sessions();
+        sessions.bring(&request.get_ref().ids).await;
+        answer(sessions.close(request.get_ref()))
     }
 
     async fn command(
@@ -185,12 +181,10 @@ impl Sessions for SessionsApi {
     }
 
     async fn peek(&self, request: Request<v1::PeekRequest>) -> Result<Response<v1::PeekResponse>, Status> {
-        answer(
-            ours(&self.service, &request)
-                .await?
-                .sessions()
-                .peek(request.get_ref()),
-        )
+        let service = ours(&self.service, &request).await?;
+        let sessions = service.sessions();
+        sessions.bring([&request.get_ref().session_id]).await;
+        answer(sessions.peek(request.get_ref()))
     }
 
     async fn list_styles(

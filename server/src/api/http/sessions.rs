@@ -117,7 +117,9 @@ pub(in crate::api) async fn get(
     Ours(service): Ours,
     id: Named<String>,
 ) -> Result<Json<v1::Session>, ApiError> {
-    Ok(Json(service.sessions().get(&named("id", id)?)?))
+    let (sessions, id) = (service.sessions(), named("id", id)?);
+    sessions.bring([&id]).await;
+    Ok(Json(sessions.get(&id)?))
 }
 
 /// Close a session, or do nothing if it is gone
@@ -135,7 +137,9 @@ pub(in crate::api) async fn close(
     let request = v1::CloseSessionsRequest {
         ids: vec![named("id", id)?],
     };
-    Ok(Json(service.sessions().close(&request)?))
+    let sessions = service.sessions();
+    sessions.bring(&request.ids).await;
+    Ok(Json(sessions.close(&request)?))
 }
 
 /// How much of the future to return.
@@ -169,7 +173,9 @@ pub(in crate::api) async fn peek(
         session_id: named("id", id)?,
         frames: asked(future)?.frames,
     };
-    Ok(Json(service.sessions().peek(&request)?))
+    let sessions = service.sessions();
+    sessions.bring([&request.session_id]).await;
+    Ok(Json(sessions.peek(&request)?))
 }
 
 /// Give commands to sessions
