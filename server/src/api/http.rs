@@ -3,6 +3,7 @@
 mod files;
 pub(super) mod json;
 pub(super) mod mmcp;
+mod packs;
 pub(super) mod parts;
 pub(super) mod scenes;
 pub(super) mod sessions;
@@ -46,6 +47,9 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(parts::describe))
         .routes(routes!(list_packs))
         .routes(routes!(get_pack))
+        .routes(routes!(packs::load))
+        .routes(routes!(packs::unload))
+        .routes(routes!(packs::swap))
         .routes(routes!(sessions::list_styles))
         .routes(routes!(sessions::get_style, sessions::put_style))
         .routes(routes!(sessions::create, sessions::list))
