@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Puts ONNX Runtime at .runtime/libonnxruntime.so, out of the wheel pinned in onnxruntime-KIND.txt. KIND is openvino on
 # CPUs that compute in bf16, where OpenVINO is nearly twice as fast, and cpu elsewhere; TROUPE_RUNTIME=cpu|openvino|gpu decides
-# otherwise. gpu has ONNX Runtime's providers for CUDA and TensorRT; CUDA itself must come from the system.
-# The wheel is only a container here: nothing of Python's is used at run time.
+# otherwise. gpu has ONNX Runtime's providers for CUDA and TensorRT, and beside them the parts of CUDA 13 and cuDNN 9 that they need:
+# 0.6 GB to fetch, 1.4 GB on the disk. NVIDIA's driver must come from the system, and so must TensorRT.
+# The wheels are only containers here: nothing of Python's is used at run time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -61,10 +62,16 @@ fi
 mkdir -p .runtime
 work=$(mktemp -d .runtime/download.XXXXXX)
 trap 'rm -rf "$work"' EXIT
+platforms=(--platform "$platform")
+# NVIDIA's wheels are for older systems, too, and say so.
+[ "$kind" != gpu ] || platforms+=(--platform manylinux_2_27_x86_64 --platform manylinux2014_x86_64)
 echo "Fetching ONNX Runtime ($kind, $platform) ..."
 "${pip[@]}" download --quiet --no-deps --require-hashes --only-binary=:all: --python-version 3.12 \
-    --implementation cp --abi cp312 --platform "$platform" --dest "$work" -r "$pin"
-python3 -m zipfile -e "$work"/*.whl "$work/wheel"
+    --implementation cp --abi cp312 --abi none "${platforms[@]}" --dest "$work" -r "$pin"
+for wheel in "$work"/*.whl; do
+    python3 -m zipfile -e "$wheel" "$work/wheel"
+    rm "$wheel"
+done
 
 # The libraries alone, each once: of those of OpenVINO that come under several names, the one that others link to. Its
 # plugins for GPUs, NPUs and several devices at once are not used here.
@@ -75,7 +82,12 @@ find "$work/wheel/onnxruntime/capi" -maxdepth 1 \( -name 'lib*.so*' -o -name 'li
     ! -name 'libopenvino_c.so' ! -name 'libopenvino_*_gpu_plugin.so' ! -name 'libopenvino_*_npu_plugin.so' \
     ! -name 'libopenvino_auto_plugin.so' ! -name 'libopenvino_hetero_plugin.so' \
     -exec mv {} ".runtime/$folder/" \;
+# CUDA's libraries find each other in one folder, and the server finds them beside ONNX Runtime's.
+[ ! -d "$work/wheel/nvidia" ] || find "$work/wheel/nvidia" -name 'lib*.so.*' ! -name 'libnvblas*' -exec mv {} ".runtime/$folder/" \;
 # Who hands the libraries on, in an image say, hands on their licences too.
+for terms in "$work"/wheel/nvidia_*.dist-info/licenses/License.txt; do
+    [ ! -f "$terms" ] || cp "$terms" ".runtime/$folder/LICENSE-$(basename "${terms%-*.dist-info/*}")"
+done
 cp "$work/wheel/onnxruntime/LICENSE" "$work/wheel/onnxruntime/ThirdPartyNotices.txt" ".runtime/$folder/"
 touch "$complete"
 use

@@ -15,7 +15,7 @@ cpu_mb=$(sed -n 's/^image_mb = \([0-9]*\)$/\1/p' budgets.toml)
 case $runtime in
 cpu) most_mb=$cpu_mb ;;
 openvino) most_mb=$((cpu_mb + 65)) ;;
-gpu) most_mb=$((cpu_mb + 235)) ;;
+gpu) most_mb=$((cpu_mb + 1470)) ;;
 *) echo "RUNTIME is $runtime; allowed: cpu, openvino, gpu" >&2; exit 2 ;;
 esac
 image=troupe:$runtime

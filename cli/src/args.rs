@@ -12,6 +12,7 @@ use crate::generate::Generate;
 use crate::inbetween::Inbetween;
 use crate::object::Object;
 use crate::packs::Packs;
+use crate::replay::Replay;
 use crate::retarget::Retarget;
 use crate::say::Say;
 use crate::scene::Scene;
@@ -35,7 +36,8 @@ const AFTER: &str = "\
 Exit codes:
   0  done
   1  an output file could not be written, the server's answer made no sense, the moment that
-     a path waits for did not come, or `clip check` found a file that is odd or refused
+     a path waits for did not come, `clip check` found a file that is odd or refused, or
+     `replay` found a difference
   2  wrong arguments, or a file that cannot be used
   3  no server answers at the address, or not in time
   4  the server refused the request
@@ -52,6 +54,7 @@ Examples:
   troupe film --path examples/paths/square.toml --out square.png
   troupe object put examples/objects/*.toml
   troupe scene put examples/scenes/courtyard.toml
+  troupe replay guard.jsonl
   troupe top
   troupe bridge sonic examples/robots/two.toml";
 
@@ -67,6 +70,7 @@ pub(crate) enum Command {
     Drive(Drive),
     Film(Film),
     Sessions(Sessions),
+    Replay(Replay),
     Style(Style),
     Scene(Scene),
     Object(Object),

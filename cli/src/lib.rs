@@ -27,6 +27,7 @@ mod packs;
 mod path;
 mod reading;
 mod rebuild;
+mod replay;
 mod retarget;
 mod roots;
 mod say;
@@ -94,6 +95,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Packs(command) => packs::run(&context, &command).await,
         Command::Drive(command) => drive::run(&context, &command).await,
         Command::Film(command) => film::run(&context, &command).await,
+        Command::Replay(command) => replay::run(&context, &command).await,
         Command::Sessions(command) => sessions::run(&context, &command).await,
         Command::Style(command) => style::run(&context, &command).await,
         Command::Scene(command) => scene::run(&context, &command).await,

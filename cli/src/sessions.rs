@@ -1,5 +1,7 @@
 //! `troupe sessions`.
 
+use std::path::PathBuf;
+
 use clap::{Args, Subcommand};
 use comfy_table::{Cell, Table};
 use serde_json::{Value, json};
@@ -8,8 +10,9 @@ use troupe_proto::v1;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::{print, table};
+use crate::replay::save_recording;
 
-/// List the sessions that are open on the server, or close some.
+/// List the sessions that are open on the server, close some, or fetch a recording.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -18,7 +21,8 @@ Examples:
   troupe sessions
   troupe sessions --json | jq '.[].id'
   troupe sessions close guard-1 guard-2
-  troupe sessions close --all"
+  troupe sessions close --all
+  troupe sessions recording guard-1 --out guard.jsonl"
 )]
 pub(crate) struct Sessions {
     /// Print JSON.
@@ -41,6 +45,16 @@ pub(crate) enum SessionsCommand {
         #[arg(long, conflicts_with = "ids")]
         all: bool,
     },
+    /// Write the server's recording of a session to a file, also for an hour after its end.
+    Recording {
+        /// Its name.
+        #[arg(value_name = "NAME")]
+        id: String,
+
+        /// File to write to.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
 }
 
 pub(super) async fn run(context: &Context, command: &Sessions) -> Result<(), Failure> {
@@ -57,6 +71,7 @@ pub(super) async fn run(context: &Context, command: &Sessions) -> Result<(), Fai
             context.term.note(format_args!("{closed} closed"));
             Ok(())
         }
+        Some(SessionsCommand::Recording { id, out }) => save_recording(context, &client, id, out).await,
         None => {
             let open = client.list_sessions().await?;
             print(&if command.json {

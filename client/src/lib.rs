@@ -59,7 +59,8 @@ pub use generate::{FollowPath, Generated, GeneratedPart, Generating};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
     Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,
-    LivePath, Locomotion, MemberId, PathPoint, Performance, Rate, Recording, Session, SessionOptions,
+    LivePath, Locomotion, MemberId, PathPoint, Performance, Rate, Recording, Replaying, Session,
+    SessionOptions,
 };
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};

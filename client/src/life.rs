@@ -41,8 +41,8 @@ impl Client {
     /// the server's folder. If this fails, the version before serves on.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::Refused`] as for [`Client::load_pack`], and if the pack is
-    /// not loaded.
+    /// See [`ClientError`]; [`ClientError::Refused`] as for [`Client::load_pack`], and if the pack
+    /// is not loaded.
     pub async fn swap_pack(&self, name: &str, version: &str) -> Result<PackChange, ClientError> {
         let request = SwapPackRequest {
             name: name.to_owned(),

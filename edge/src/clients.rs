@@ -26,7 +26,7 @@ use troupe_base::turns::{ClientId, Line, Turns};
 pub(crate) use debt::Debts;
 pub(crate) use resets::Resets;
 
-pub use identity::{Identity, Quota, Role};
+pub use identity::{Identity, Quota, Recorded, Role};
 
 /// Number of accounts from which unused ones are forgotten.
 const MANY_ACCOUNTS: usize = 1024;
@@ -266,6 +266,15 @@ impl Client {
             group,
             own,
             share: of_client.quota.share.unwrap_or(1),
+        }
+    }
+
+    /// Which of its sessions are recorded. Without keys a client may ask for it.
+    pub fn recorded(&self) -> Recorded {
+        let [of_client, ..] = &self.levels;
+        match of_client.whose {
+            Whose::Key => of_client.quota.recorded.unwrap_or(Recorded::Never),
+            _ => Recorded::Asked,
         }
     }
 

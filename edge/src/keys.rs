@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-use super::clients::{Identity, Quota, Role};
+use super::clients::{Identity, Quota, Recorded, Role};
 use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
 
 /// Start of every key, so that scanners can find leaked keys.
@@ -20,7 +20,7 @@ const MAX_NAME_BYTES: usize = 128;
 /// Largest share of a key in the queues.
 const MAX_SHARE: u32 = 100;
 /// The fields of an entry.
-const FIELDS: [&str; 8] = [
+const FIELDS: [&str; 9] = [
     "name",
     "sha256",
     "role",
@@ -29,6 +29,7 @@ const FIELDS: [&str; 8] = [
     "max_streams",
     "transfer_memory_mib",
     "share",
+    "record",
 ];
 /// Characters without a space that messages about a file of keys do not show. Names of options and
 /// roles are shorter, keys and their hashes longer.
@@ -95,6 +96,7 @@ struct Entry {
     max_streams: Option<usize>,
     transfer_memory_mib: Option<usize>,
     share: Option<u32>,
+    record: Option<Recorded>,
 }
 
 /// A key that the server accepts, as its hash.
@@ -153,6 +155,7 @@ impl Entry {
                 streams: self.max_streams,
                 bytes: self.transfer_memory_mib.map(|mib| mib.saturating_mul(1 << 20)),
                 share: self.share,
+                recorded: self.record,
             },
         })
     }
@@ -408,6 +411,16 @@ mod tests {
         );
         let plain = Keys::read(&entry("game", Role::Drive, "secret")).unwrap();
         assert_eq!(plain.find(&hash("secret")).unwrap().1, Quota::default());
+    }
+
+    #[test]
+    fn an_entry_says_which_sessions_are_recorded() {
+        let recorded = |keys: Keys| keys.find(&hash("secret")).unwrap().1.recorded;
+        let of = |line: &str| Keys::read(&(entry("game", Role::Drive, "secret") + line)).map(recorded);
+        assert_eq!(of(""), Ok(None));
+        assert_eq!(of("record = \"asked\"\n"), Ok(Some(Recorded::Asked)));
+        assert_eq!(of("record = \"always\"\n"), Ok(Some(Recorded::Always)));
+        assert!(of("record = true\n").unwrap_err().starts_with("line 5: record"));
     }
 
     #[test]

@@ -46,7 +46,7 @@ impl CheckCache {
         };
         let version = env!("CARGO_PKG_VERSION");
         add(format!("{REVISION} {version} {engine} {threads}").as_bytes());
-        add(format!("{} {:?}", machine.cpu, machine.features).as_bytes());
+        add(format!("{} {:?} {:?}", machine.cpu, machine.features, machine.gpus).as_bytes());
         // File names contain the libraries' versions.
         let mut libraries: Vec<String> = std::fs::read_dir(library.parent()?)
             .ok()?

@@ -12,6 +12,7 @@ mod choice;
 pub mod families;
 mod fill;
 pub mod generator;
+pub mod gpu;
 pub mod machine;
 mod motionbricks;
 pub mod onnx;

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::gpu::{Gpu, gpus};
+
 /// The properties of the machine that engines and their sizes depend on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Machine {
@@ -19,6 +21,8 @@ pub struct Machine {
     pub memory_bytes: u64,
     /// Memory of the whole machine, bytes.
     pub host_memory_bytes: u64,
+    /// NVIDIA GPUs, if there is a driver.
+    pub gpus: Vec<Gpu>,
 }
 
 /// CPU features for computing in bf16.
@@ -47,6 +51,7 @@ impl Machine {
             host_cores: online_cores().unwrap_or(system.cpus().len()),
             memory_bytes: limit.min(host_memory_bytes),
             host_memory_bytes,
+            gpus: gpus(),
         }
     }
 

@@ -13,6 +13,7 @@ use super::onnx::{
     Batching, Growth, NetworkPool, OnnxDenoiser, OnnxStages, Runtime, SessionOptions, no_fixed_shapes,
 };
 use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Pipeline, Stages, Workers};
+use crate::gpu::{GpuOptions, GpuShare};
 use crate::pack::{Family, Pack};
 use crate::unimogen::UniMoGen;
 use crate::vermo::VerMo;
@@ -60,6 +61,8 @@ pub struct Selector {
     pub workers: Workers,
     /// Number of packs that are served: they share the memory.
     pub packs: usize,
+    /// The GPU of engines that run on one.
+    pub gpu: GpuOptions,
     /// See [`SessionOptions::spin`].
     pub spin: bool,
     /// Networks of fixed shapes.
@@ -84,7 +87,7 @@ impl Selector {
         let (engine, mut why, check) = match self.choice.named() {
             _ if family == Family::VerMo => (EngineKind::Cpu, F32_ALONE.to_owned(), None),
             Some(engine) => named(engine, self.accuracy_check, missing, check)?,
-            None => best(self.accuracy_check, missing, check),
+            None => best(self.accuracy_check, &self.faster(), missing, check),
         };
         if engine != EngineKind::OpenvinoBf16 {
             self.pool.forget(pack);
@@ -182,14 +185,22 @@ impl Selector {
     }
 
     /// Session options for networks that take every shape.
-    fn any_shape(&self, engine: EngineKind) -> SessionOptions {
+    fn any_shape(&self, pack: &Pack, engine: EngineKind) -> SessionOptions {
         SessionOptions {
             engine,
             threads: self.workers.threads,
             spin: self.spin,
             fixed_shapes: false,
             growth: Growth::None,
+            gpu: self.gpu_share(pack),
         }
+    }
+
+    /// The part of a GPU that a worker of this pack has.
+    fn gpu_share(&self, pack: &Pack) -> GpuShare {
+        let size = |file: &&str| std::fs::metadata(pack.folder.join(file)).map_or(0, |file| file.len());
+        let graph_bytes = pack.files().iter().map(size).sum();
+        self.gpu.share(self.packs, self.workers.count, graph_bytes)
     }
 
     /// The network of one worker for a pack of the family UniMoGen.
@@ -197,7 +208,7 @@ impl Selector {
     /// # Errors
     /// [`EngineError`] if it does not load.
     pub fn load_denoiser(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxDenoiser, EngineError> {
-        OnnxDenoiser::load(&self.runtime, pack, self.any_shape(engine))
+        OnnxDenoiser::load(&self.runtime, pack, self.any_shape(pack, engine))
     }
 
     /// The networks of one worker for a pack with a language model.
@@ -205,7 +216,7 @@ impl Selector {
     /// # Errors
     /// [`EngineError`] if they do not load.
     pub(crate) fn load_language(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxVerMo, EngineError> {
-        OnnxVerMo::load(&self.runtime, pack, self.any_shape(engine))
+        OnnxVerMo::load(&self.runtime, pack, self.any_shape(pack, engine))
     }
 
     /// The stages of one worker for a pack of the family MotionBricks.
@@ -228,6 +239,7 @@ impl Selector {
             spin: self.spin,
             fixed_shapes: engine == EngineKind::OpenvinoBf16 && self.no_fixed_shapes(pack).is_none(),
             growth,
+            gpu: self.gpu_share(pack),
         };
         OnnxStages::load(&self.runtime, pack, options, &self.pool)
     }
@@ -238,24 +250,50 @@ impl Selector {
         no_fixed_shapes(&self.runtime, pack, memory_bytes)
     }
 
+    /// The engines that `auto` tries before the reference. CUDA is one where the library is for
+    /// GPUs, so that others hear nothing of it.
+    fn faster(&self) -> Vec<EngineKind> {
+        let cuda = self.runtime.offers(EngineKind::Cuda).then_some(EngineKind::Cuda);
+        cuda.into_iter().chain([EngineKind::OpenvinoBf16]).collect()
+    }
+
     /// What an engine needs and the machine or the library lacks. None if the engine can run.
     pub fn missing(&self, engine: EngineKind) -> Option<String> {
         if engine == EngineKind::OpenvinoBf16 && !self.machine.has_bf16() {
             return Some("the CPU has neither AVX512-BF16 nor AMX".to_owned());
         }
         if self.runtime.offers(engine) {
-            return None;
+            return self.missing_for_gpu(engine);
         }
         let (library, get) = match engine {
             EngineKind::OpenvinoBf16 => ("OpenVINO", "`make runtime` fetches one that does"),
             EngineKind::Cuda | EngineKind::Tensorrt => (
                 engine.name(),
-                "the library of the wheel onnxruntime-gpu does; set ORT_DYLIB_PATH to it",
+                "`TROUPE_RUNTIME=gpu make runtime` fetches one that does",
             ),
             EngineKind::Cpu => ("CPUs", "set ORT_DYLIB_PATH to another"),
         };
         let path = self.runtime.library().display();
         Some(format!("the library {path} does not offer {library}; {get}"))
+    }
+
+    /// What an engine on a GPU needs and the machine lacks: shared libraries, or the GPU itself.
+    fn missing_for_gpu(&self, engine: EngineKind) -> Option<String> {
+        if !matches!(engine, EngineKind::Cuda | EngineKind::Tensorrt) {
+            return None;
+        }
+        if let Err(missing) = self.runtime.load_needed(engine) {
+            return Some(missing);
+        }
+        let (gpus, device) = (&self.machine.gpus, self.gpu.device);
+        if gpus.is_empty() {
+            return Some("NVIDIA's driver shows no GPU; `nvidia-smi` should list one".to_owned());
+        }
+        // CUDA_VISIBLE_DEVICES may leave fewer. CUDA itself says so at the first network.
+        (device as usize >= gpus.len()).then(|| {
+            let last = gpus.len() - 1;
+            format!("gpu_device is {device}, and the machine's GPUs have the numbers 0 to {last}")
+        })
     }
 
     /// [`Selector::check`], or its result if that was kept.
@@ -286,6 +324,7 @@ impl Selector {
             spin: false,
             fixed_shapes: false,
             growth: Growth::None,
+            gpu: GpuShare::default(),
         };
         let accuracy = match known(pack)? {
             Family::VerMo => {
@@ -367,34 +406,47 @@ fn named(
     Ok((engine, why, Some(check)))
 }
 
-/// OpenVINO in bf16 if it can serve, else the reference.
+/// The first of some engines that can serve, else the reference.
 fn best(
     mode: AccuracyCheck,
+    faster: &[EngineKind],
     missing: impl Fn(EngineKind) -> Option<String>,
-    check: impl FnOnce(EngineKind) -> Result<Check, EngineError>,
+    check: impl Fn(EngineKind) -> Result<Check, EngineError>,
 ) -> Choice {
-    let (fast, safe) = (EngineKind::OpenvinoBf16, EngineKind::Cpu);
-    if let Some(missing) = missing(fast) {
-        return (safe, format!("{fast} cannot serve: {missing}"), None);
+    let mut why_not = Vec::new();
+    let mut last = None;
+    for &engine in faster {
+        if let Some(missing) = missing(engine) {
+            why_not.push(format!("{engine} cannot serve: {missing}"));
+            continue;
+        }
+        let check = match check(engine) {
+            Ok(check) => check,
+            Err(error) => {
+                why_not.push(format!("{engine} cannot serve: {error}"));
+                continue;
+            }
+        };
+        let failures = check.accuracy.failures();
+        let serves = match (check.passed, mode) {
+            (true, _) => Some("passes the accuracy check".to_owned()),
+            (false, AccuracyCheck::Report) => {
+                Some(format!("serves although it fails the accuracy check: {failures}"))
+            }
+            (false, AccuracyCheck::Enforce) => None,
+        };
+        if let Some(serves) = serves {
+            let has = match engine {
+                EngineKind::Cpu | EngineKind::OpenvinoBf16 => "the CPU computes in bf16",
+                EngineKind::Cuda | EngineKind::Tensorrt => "there is a GPU",
+            };
+            why_not.insert(0, format!("{has}, and the engine {serves}"));
+            return (engine, why_not.join("; "), Some(check));
+        }
+        why_not.push(format!("{engine} fails the accuracy check: {failures}"));
+        last = Some(check);
     }
-    match (check(fast), mode) {
-        (Err(error), _) => (safe, format!("{fast} cannot serve: {error}"), None),
-        (Ok(check), _) if check.passed => {
-            let why = "the CPU computes in bf16, and the engine passes the accuracy check";
-            (fast, why.to_owned(), Some(check))
-        }
-        (Ok(check), AccuracyCheck::Enforce) => {
-            let why = format!("{fast} fails the accuracy check: {}", check.accuracy.failures());
-            (safe, why, Some(check))
-        }
-        (Ok(check), AccuracyCheck::Report) => {
-            let why = format!(
-                "the CPU computes in bf16; the engine serves although it fails the accuracy check: {}",
-                check.accuracy.failures()
-            );
-            (fast, why, Some(check))
-        }
-    }
+    (EngineKind::Cpu, why_not.join("; "), last)
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ use EngineKind::{Cpu, Cuda, OpenvinoBf16};
 
 #[test]
 fn auto_takes_bf16_if_it_passes_the_check() {
-    let (engine, why, found) = best(Enforce, here, |engine| Ok(check(engine, true)));
+    let (engine, why, found) = best(Enforce, &[OpenvinoBf16], here, |engine| Ok(check(engine, true)));
     assert_eq!(engine, OpenvinoBf16);
     assert!(why.contains("passes"), "{why}");
     assert!(found.unwrap().passed);
@@ -39,11 +39,13 @@ fn auto_takes_bf16_if_it_passes_the_check() {
 
 #[test]
 fn auto_falls_back_to_the_reference_with_a_reason() {
-    let (engine, why, found) = best(Enforce, elsewhere, |_| panic!("nothing to check"));
+    let (engine, why, found) = best(Enforce, &[OpenvinoBf16], elsewhere, |_| {
+        panic!("nothing to check")
+    });
     assert_eq!((engine, found), (Cpu, None));
     assert_eq!(why, "openvino-bf16 cannot serve: the CPU is too old");
 
-    let (engine, why, found) = best(Enforce, here, |engine| Ok(check(engine, false)));
+    let (engine, why, found) = best(Enforce, &[OpenvinoBf16], here, |engine| Ok(check(engine, false)));
     assert_eq!(engine, Cpu);
     assert!(
         why.contains("fails the accuracy check: joint_mean_m is 0.30000"),
@@ -51,13 +53,44 @@ fn auto_falls_back_to_the_reference_with_a_reason() {
     );
     assert!(!found.unwrap().passed);
 
-    let (engine, why, _) = best(Report, here, |engine| Ok(check(engine, false)));
+    let (engine, why, _) = best(Report, &[OpenvinoBf16], here, |engine| Ok(check(engine, false)));
     assert_eq!(engine, OpenvinoBf16);
     assert!(why.contains("although it fails"), "{why}");
 
-    let (engine, why, found) = best(Report, here, broken);
+    let (engine, why, found) = best(Report, &[OpenvinoBf16], here, broken);
     assert_eq!((engine, found), (Cpu, None));
     assert!(why.contains("a provider is missing"), "{why}");
+}
+
+#[test]
+fn auto_takes_a_gpu_first_and_says_why_it_takes_another() {
+    let both = [Cuda, OpenvinoBf16];
+    let (engine, why, _) = best(Enforce, &both, here, |engine| Ok(check(engine, true)));
+    assert_eq!(
+        (engine, &*why),
+        (Cuda, "there is a GPU, and the engine passes the accuracy check")
+    );
+
+    let no_cuda = |engine| (engine == Cuda).then(|| "libcudnn.so.9 is missing".to_owned());
+    let (engine, why, found) = best(Enforce, &both, no_cuda, |engine| Ok(check(engine, true)));
+    assert_eq!(engine, OpenvinoBf16);
+    assert_eq!(found.unwrap().engine, OpenvinoBf16);
+    assert!(
+        why.ends_with("; cuda cannot serve: libcudnn.so.9 is missing"),
+        "{why}"
+    );
+
+    let wrong = |engine| Ok(check(engine, engine != Cuda));
+    let (engine, why, _) = best(Enforce, &both, here, wrong);
+    assert_eq!(engine, OpenvinoBf16);
+    assert!(
+        why.contains("cuda fails the accuracy check: joint_mean_m"),
+        "{why}"
+    );
+
+    let (engine, why, found) = best(Enforce, &both, elsewhere, |_| panic!("nothing to check"));
+    assert_eq!((engine, found), (Cpu, None));
+    assert!(why.contains("cuda") && why.contains("openvino-bf16"), "{why}");
 }
 
 #[test]

@@ -13,6 +13,7 @@ use onnx_rs::ast::{
     TensorTypeProto, TypeProto, TypeValue, ValueInfo,
 };
 use troupe_engine::accuracy::{Probe, compare, probe};
+use troupe_engine::gpu::GpuOptions;
 use troupe_engine::machine::Machine;
 use troupe_engine::onnx::{Growth, NetworkPool, OnnxStages, Runtime};
 use troupe_engine::pack::{Pack, Stage};
@@ -126,6 +127,7 @@ fn selector() -> Selector {
         accuracy_check: AccuracyCheck::Enforce,
         workers: Workers { count: 1, threads: 1 },
         packs: 1,
+        gpu: GpuOptions::default(),
         spin: false,
         pool: NetworkPool::new(2 << 30),
         growth: Growth::AtOnce,

@@ -17,6 +17,7 @@ use serde::Deserialize;
 use troupe_engine::EngineKind;
 use troupe_engine::families::unimogen::UniMoGen;
 use troupe_engine::generator::{Generator, JobId, Progress};
+use troupe_engine::gpu::GpuShare;
 use troupe_engine::machine::Machine;
 use troupe_engine::onnx::{Growth, OnnxDenoiser, Runtime, SessionOptions};
 use troupe_engine::pack::Pack;
@@ -67,6 +68,7 @@ fn generator(pack: &Pack, engine: EngineKind) -> UniMoGen {
         spin: false,
         fixed_shapes: false,
         growth: Growth::None,
+        gpu: GpuShare::default(),
     };
     let denoiser = OnnxDenoiser::load(&Runtime::new(None).unwrap(), pack, options).unwrap();
     UniMoGen::new(pack, Box::new(denoiser), 64).unwrap()

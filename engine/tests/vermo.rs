@@ -18,6 +18,7 @@ use troupe_engine::families::vermo::{
     Sequences, Shape, VerMo, Vocabulary, lexicon, table,
 };
 use troupe_engine::generator::{Generator, JobId, Progress};
+use troupe_engine::gpu::GpuShare;
 use troupe_engine::onnx::{Growth, Runtime, SessionOptions};
 use troupe_engine::pack::{MessageTask, Pack};
 use troupe_motion::model::{
@@ -79,6 +80,7 @@ fn networks(pack: &Pack, threads: usize) -> OnnxVerMo {
         spin: false,
         fixed_shapes: false,
         growth: Growth::None,
+        gpu: GpuShare::default(),
     };
     OnnxVerMo::load(&Runtime::new(None).unwrap(), pack, options).unwrap()
 }

@@ -1,18 +1,23 @@
-//! State that survives a restart: records by name, in one database file.
+//! State that survives a restart: records by name. This module does not interpret their bytes.
 //!
-//! The file is consistent at any moment, even if the process is killed or the power fails. This
-//! module does not interpret the bytes of a record.
+//! [`Records`] has them in one database file, which is consistent at any moment, even if the
+//! process is killed or the power fails. [`shared`] has them in Redis, for several servers.
 
 #[cfg(any(test, feature = "testing"))]
 pub mod disk;
+pub mod shared;
 
 use std::any::Any;
 use std::fmt;
 use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use redb::{Builder, Database, DatabaseError, ReadableDatabase as _, ReadableTable as _, TableDefinition};
+
+use shared::Leases;
 
 /// Name of the file in the folder of the records.
 const FILE: &str = "troupe.redb";
@@ -20,7 +25,7 @@ const FILE: &str = "troupe.redb";
 const CACHE_BYTES: usize = 8 << 20;
 
 /// A kind of records, which is one table of the database.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// Sessions, named by their ids.
     Session,
@@ -71,6 +76,85 @@ pub enum RecordsError {
         /// What the database found.
         reason: String,
     },
+    /// The text is not the address of a shared store.
+    #[error("store: {found}; allowed: {allowed}")]
+    Address {
+        /// The address without its password.
+        found: String,
+        /// Its form.
+        allowed: &'static str,
+    },
+    /// The shared store does not answer, or not as it should.
+    #[error("store: {place}: {error}")]
+    Shared {
+        /// Its address without the password.
+        place: String,
+        /// The library's reason.
+        error: Box<redis::RedisError>,
+    },
+}
+
+/// Where records are kept. All calls block.
+pub trait RecordStore: fmt::Debug + Send {
+    /// The records that a server restores when it starts, sorted by name. A shared store has none:
+    /// its servers restore a session when a client asks for it.
+    ///
+    /// # Errors
+    /// [`RecordsError`] if they cannot be read.
+    fn all(&mut self, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, RecordsError>;
+
+    /// Writes changes. They are in the store when this returns, except those of
+    /// [`Tended::lost`].
+    ///
+    /// # Errors
+    /// [`RecordsError`]. Each change may have been written or not: write it again.
+    fn write(&mut self, changes: &Changes) -> Result<Tended, RecordsError>;
+
+    /// Renews the leases of everything that `open` names, and gives up the others.
+    ///
+    /// # Errors
+    /// [`RecordsError`]. What this server has stays in its hands until another takes it.
+    fn tend(&mut self, _open: &dyn Fn(Kind, &str) -> bool) -> Result<Tended, RecordsError> {
+        Ok(Tended::default())
+    }
+
+    /// Gives up a lease. The record stays.
+    fn give_up(&mut self, _kind: Kind, _name: &str) {}
+
+    /// Gives up all leases, after the last write: others need not wait for their end.
+    fn leave(&mut self) {}
+
+    /// Whether this server may write the record.
+    fn owns(&self, _kind: Kind, _name: &str) -> bool {
+        true
+    }
+
+    /// The leases of this server, if other servers use the store, too.
+    fn leases(&self) -> Option<Arc<Leases>> {
+        None
+    }
+}
+
+/// What became of this server's leases.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Tended {
+    /// Records that another server has taken over. This server must not go on with them.
+    pub lost: Vec<Lost>,
+    /// Records that the store knew nothing of, so that they must be written again.
+    pub forgotten: Vec<(Kind, String)>,
+}
+
+/// A record that another server has taken over.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lost {
+    /// The kind of the record.
+    pub kind: Kind,
+    /// As [`Changes::put`] had it.
+    pub name: String,
+    /// Address of the server that has it. Empty: none has.
+    pub owner: String,
+    /// Time until the owner's lease ends, if it is not renewed.
+    pub ends_in: Duration,
 }
 
 /// Opens the database: at the start, and again after an error.
@@ -101,24 +185,63 @@ impl fmt::Debug for Records {
 }
 
 /// Records to write or remove.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Changes {
-    /// In order. `None` removes a record.
-    list: Vec<(Kind, String, Option<Vec<u8>>)>,
+    /// In order.
+    list: Vec<Change>,
     /// Size of all records to write.
     bytes: usize,
+    /// When somebody began to look for changes.
+    begun: Instant,
+}
+
+/// A record to write or remove.
+#[derive(Debug)]
+struct Change {
+    kind: Kind,
+    name: String,
+    /// `None` removes the record.
+    record: Option<Vec<u8>>,
+    /// Time for which a shared store keeps the record after its server is gone. `None`: for ever.
+    keep: Option<Duration>,
+}
+
+impl Default for Changes {
+    fn default() -> Self {
+        Self {
+            list: Vec::new(),
+            bytes: 0,
+            begun: Instant::now(),
+        }
+    }
 }
 
 impl Changes {
     /// Adds or replaces a record.
     pub fn put(&mut self, kind: Kind, name: impl Into<String>, record: Vec<u8>) {
-        self.bytes += record.len();
-        self.list.push((kind, name.into(), Some(record)));
+        self.add(kind, name.into(), Some(record), None);
+    }
+
+    /// As [`Changes::put`], for a record that is worth nothing when its server has been gone for
+    /// this time.
+    pub fn put_for(&mut self, keep: Duration, kind: Kind, name: impl Into<String>, record: Vec<u8>) {
+        self.add(kind, name.into(), Some(record), Some(keep));
     }
 
     /// Removes a record.
     pub fn remove(&mut self, kind: Kind, name: impl Into<String>) {
-        self.list.push((kind, name.into(), None));
+        self.add(kind, name.into(), None, None);
+    }
+
+    fn add(&mut self, kind: Kind, name: String, record: Option<Vec<u8>>, keep: Option<Duration>) {
+        self.bytes += record.as_ref().map_or(0, Vec::len);
+        let change = Change {
+            kind,
+            name,
+            record,
+            keep,
+        };
+        self.list.push(change);
     }
 
     /// Whether there is nothing to write.
@@ -128,8 +251,8 @@ impl Changes {
 
     /// Kinds and names of the records to remove.
     pub fn removed(&self) -> impl Iterator<Item = (Kind, &str)> {
-        let removed = self.list.iter().filter(|(_, _, record)| record.is_none());
-        removed.map(|(kind, name, _)| (*kind, name.as_str()))
+        let removed = self.list.iter().filter(|change| change.record.is_none());
+        removed.map(|change| (change.kind, change.name.as_str()))
     }
 
     /// Size of all records to write, bytes.
@@ -234,6 +357,16 @@ impl Records {
     }
 }
 
+impl RecordStore for Records {
+    fn all(&mut self, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, RecordsError> {
+        Self::all(self, kind)
+    }
+
+    fn write(&mut self, changes: &Changes) -> Result<Tended, RecordsError> {
+        Self::write(self, changes).map(|()| Tended::default())
+    }
+}
+
 impl Drop for Records {
     fn drop(&mut self) {
         self.close();
@@ -276,10 +409,10 @@ fn write_all(database: &Database, changes: &Changes) -> Result<(), redb::Error> 
     writing.set_quick_repair(true);
     for kind in [Kind::Session, Kind::Scene] {
         let mut table = writing.open_table(kind.table())?;
-        for (_, name, record) in changes.list.iter().filter(|(of, _, _)| *of == kind) {
-            match record {
-                Some(record) => table.insert(name.as_str(), record.as_slice())?,
-                None => table.remove(name.as_str())?,
+        for change in changes.list.iter().filter(|change| change.kind == kind) {
+            match &change.record {
+                Some(record) => table.insert(change.name.as_str(), record.as_slice())?,
+                None => table.remove(change.name.as_str())?,
             };
         }
     }

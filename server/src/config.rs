@@ -154,8 +154,8 @@ pub struct Options {
 
     /// Time between two looks at the folder of packs while the server runs, in seconds. A new
     /// folder is loaded, a changed one or a newer version takes its pack's place, and the pack of a
-    /// folder that is gone is unloaded. A folder counts once two looks have seen the same files. 0: packs
-    /// change only when an operator asks for it, as `troupe packs load` does.
+    /// folder that is gone is unloaded. A folder counts once two looks have seen the same files. 0:
+    /// packs change only when an operator asks for it, as `troupe packs load` does.
     #[config(
         env = "TROUPE_WATCH_PACKS_S",
         default = 0,
@@ -237,6 +237,25 @@ pub struct Options {
     )]
     pub network_memory_mib: u64,
 
+    /// GPU of the engines `cuda` and `tensorrt`: CUDA's number, from 0 on. Where GPUs differ, set
+    /// `CUDA_DEVICE_ORDER=PCI_BUS_ID` in the environment, and numbers are those of `nvidia-smi`.
+    #[config(
+        env = "TROUPE_GPU_DEVICE",
+        default = 0,
+        layer_attr(arg(long, value_name = "NUMBER"))
+    )]
+    pub gpu_device: u32,
+
+    /// Most memory of the GPU that networks of `cuda` may take, in MiB. Packs have equal parts,
+    /// and so have the workers of a pack. A network that needs more than its part does not start.
+    /// CUDA itself takes some hundred MiB besides. 0: no limit.
+    #[config(
+        env = "TROUPE_GPU_MEMORY_MIB",
+        default = 0,
+        layer_attr(arg(long, value_name = "MIB"))
+    )]
+    pub gpu_memory_mib: u64,
+
     /// Most memory that the server may take in the worst case, in MiB. `troupe-server doctor` shows
     /// the worst case and the options that decide it. A server with a larger worst case does not
     /// start. 0: no limit.
@@ -270,12 +289,20 @@ pub struct Options {
     /// folders of their own uploaded styles, scenes and object definitions. Only one server at a
     /// time can use it. Left out: `troupe/PORT` in the user's folder for states, such as
     /// ~/.local/state. If `listen` leaves the port to the system, nothing is kept. An empty name:
-    /// nothing is kept.
+    /// nothing is kept. An address redis://HOST:PORT, or rediss:// for TLS, or with several hosts
+    /// for a cluster: a Valkey or Redis, which several servers share. It has sessions and places of
+    /// scene objects; uploads then last until the server stops, unless they have folders. Set the
+    /// address in the environment if it has a password.
     #[config(
         env = "TROUPE_STORE",
         layer_attr(arg(long, value_name = "FOLDER", value_parser = cli::maybe_folder()))
     )]
     pub store: Option<PathBuf>,
+
+    /// HOST:PORT under which clients reach this server. Servers that share a store name it to
+    /// clients who ask for a session that this server has. Left out: `listen`.
+    #[config(env = "TROUPE_ADVERTISE", layer_attr(arg(long, value_name = "ADDRESS")))]
+    pub advertise: Option<String>,
 
     /// Folder of styles beside the packs' own. It has a folder for each pack with the pack's name,
     /// and in it a JSON file for each style. Left out: in the store.

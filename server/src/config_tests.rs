@@ -49,6 +49,36 @@ fn an_empty_name_turns_a_folder_off() {
 }
 
 #[test]
+fn a_shared_store_is_no_folder_and_its_server_has_an_address() {
+    let config = load(&["--store", "redis://:secret@db:6379"]).unwrap();
+    assert_eq!((config.store_folder(), config.styles_folder()), (None, None));
+    assert_eq!(
+        config.shared_store().unwrap().unwrap().to_string(),
+        "redis://db:6379"
+    );
+    let on_all = ["--store", "redis://db", "--listen", "0.0.0.0:8080"];
+    let error = load(&on_all).unwrap_err().to_string();
+    assert!(
+        error.contains("advertise") && error.contains("HOST:PORT"),
+        "{error}"
+    );
+    let named = [&on_all[..], &["--advertise", "troupe-0.troupe:8080"]].concat();
+    assert_eq!(
+        load(&named).unwrap().advertise.as_deref(),
+        Some("troupe-0.troupe:8080")
+    );
+    let unnamed = [&on_all[..], &["--advertise", "troupe-0"]].concat();
+    assert!(load(&unnamed).is_err());
+    let error = load(&["--store", "redis://:secret@a,b/1"])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("redis://a,b") && !error.contains("secret"),
+        "{error}"
+    );
+}
+
+#[test]
 fn the_template_names_every_option_and_loads() {
     let template = Config::template();
     for option in [

@@ -5,6 +5,7 @@ mod access;
 mod drain_tests;
 mod error;
 mod folder;
+mod gpus;
 mod handle;
 mod health_port;
 mod keeping;
@@ -27,6 +28,7 @@ use crate::api;
 use crate::config::Config;
 use access::Access;
 use folder::FolderPacks;
+use gpus::GpuMetrics;
 use keeping::{Keeping, OpenRecords};
 use shelf::ServerShelf;
 use troupe_base::telemetry::Telemetry;
@@ -36,6 +38,7 @@ use troupe_edge::clients::Clients;
 use troupe_edge::port::{self, ConnectionSlots, Listen, Port, Tls, TlsError, TlsFiles};
 use troupe_edge::reload::{self, Source};
 use troupe_engine::generator::Generator;
+use troupe_engine::gpu::{gpu_use, gpus};
 use troupe_engine::machine::resident_bytes;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::Pack;
@@ -186,7 +189,7 @@ pub async fn serve_packs_at(
     let around = Around {
         time,
         executor: Executor::new().map_err(|error| StartError::Internal(error.to_string()))?,
-        records: keeping::records_of(&config),
+        records: keeping::records_of(&config, address),
     };
     serve_on(config, listener, address, around, packs).await
 }
@@ -275,7 +278,8 @@ async fn serve_on(
     });
     let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
     let last_step = config.fixed.last_step;
-    let upkeep = tokio::spawn(upkeep(service.clone()));
+    let gpus = Arc::new(GpuMetrics::new(&gpus(), &telemetry));
+    let upkeep = tokio::spawn(upkeep(service.clone(), gpus));
     let reload = Arc::new(Notify::new());
     let (reloads, reloading) = (!sources.is_empty(), reload::watch(sources, reload.clone()));
     let starting = tokio::spawn(start(
@@ -321,7 +325,7 @@ fn tls(files: TlsFiles) -> Result<(Arc<Tls>, Source), TlsError> {
 }
 
 /// Does the periodic work of a server.
-async fn upkeep(service: Arc<Service>) {
+async fn upkeep(service: Arc<Service>, gpus: Arc<GpuMetrics>) {
     let mut metrics = tokio::time::interval(UPKEEP_INTERVAL);
     let mut sweeps = tokio::time::interval(SWEEP_INTERVAL);
     loop {
@@ -329,6 +333,9 @@ async fn upkeep(service: Arc<Service>) {
             _ = metrics.tick() => {
                 service.look();
                 service.telemetry().run_upkeep();
+                let gpus = gpus.clone();
+                // The driver may take milliseconds. The answer is read at the next scrape.
+                tokio::task::spawn_blocking(move || gpus.look(gpu_use));
             }
             _ = sweeps.tick() => {
                 let expired = service.sessions().sweep();
@@ -377,7 +384,8 @@ async fn start(
     let opening = service.clone();
     let (interval, tenants) = (config.fixed.snapshot_interval, config.tenant_options());
     let open = move || -> Result<_, StartError> {
-        Ok(opening.open(PackTable::new(loaded, default), store, tenants, records()?)?)
+        let records = records(opening.telemetry())?;
+        Ok(opening.open(PackTable::new(loaded, default), store, tenants, records)?)
     };
     let keeper = tokio::task::spawn_blocking(open).await.map_err(gone)??;
     api::set_serving(&health, true).await;

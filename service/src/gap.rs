@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 
-use troupe_character::live::PartReader;
 use troupe_character::take::Ending;
 use troupe_motion::model::{Capability, Rig};
 use troupe_motion::root::heading_of;
@@ -14,9 +13,7 @@ use troupe_proto::v1::generate_request::Goal;
 
 use crate::{Service, ServiceError};
 use troupe_live::packs::LoadedPack;
-
-/// Bones of the same skeleton differ by at most this, metres.
-const SAME_BONE_M: f32 = 1e-3;
+use troupe_live::skeleton::is_same_body;
 
 impl Service {
     /// Has the motion of a gap of `frames` frames follow the root that a pack of the same skeleton
@@ -69,12 +66,12 @@ impl Service {
         Ok(None)
     }
 
-    /// The first pack with the skeleton of `words` that fills gaps. The default pack goes first.
+    /// The first pack with the body of `words` that fills gaps. The default pack goes first.
     fn filler(&self, words: &LoadedPack) -> Result<Option<Arc<LoadedPack>>, ServiceError> {
         let table = self.table()?;
         let fills = |loaded: &&Arc<LoadedPack>| {
             loaded.pack.manifest.capabilities.has(Capability::Inbetween)
-                && is_same(&words.pack.rig, &loaded.pack.rig)
+                && is_same_body(&words.pack.rig, &loaded.pack.rig)
         };
         let default = table
             .all()
@@ -85,12 +82,6 @@ impl Service {
 
 fn unknown(why: &str) -> String {
     format!("the way through the gap is that of the words, led to its end: {why}")
-}
-
-fn is_same(one: &Arc<Rig>, other: &Arc<Rig>) -> bool {
-    let mut bones = one.skeleton.joints.iter().zip(&other.skeleton.joints);
-    PartReader::new(one, other).is_ok()
-        && bones.all(|(one, other)| one.offset_m.distance(other.offset_m) <= SAME_BONE_M)
 }
 
 /// The roots of `count` frames from `first` on, with the headings of their poses.

@@ -38,7 +38,7 @@ use troupe_batch::{Batcher, Order, Served, SubmitError, trace_served};
 use troupe_character::{Path, Size};
 use troupe_engine::EngineError;
 use troupe_live::packs::{LoadedPack, PackTable};
-use troupe_live::records::{Records, RecordsError};
+use troupe_live::records::{RecordStore, RecordsError};
 use troupe_live::session::{
     Backlog, Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions,
 };
@@ -118,7 +118,7 @@ impl Service {
         packs: PackTable,
         store: Store,
         tenants: TenantOptions,
-        records: Option<Records>,
+        records: Option<Box<dyn RecordStore>>,
     ) -> Result<Option<Keeper>, RecordsError> {
         let Common {
             sessions, telemetry, ..
@@ -199,8 +199,8 @@ impl Service {
             return Err(SubmitError::Engine(EngineError::Stopped).into());
         }
         match self.common.backlog.get() {
-            Some(backlog) => Ok(backlog.check()?),
-            None => Ok(()),
+            Some(backlog) if !backlog.is_shared() => Ok(backlog.check()?),
+            _ => Ok(()),
         }
     }
 

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
-use crate::{Service, ServiceError};
+use crate::{Service, ServiceError, Streamed};
 use troupe_base::offload::WorkerStopped;
 use troupe_base::turns::Turns;
+use troupe_live::session::recording::Replaying;
 use troupe_live::session::{Resumed, Sessions, Space, styles};
 
 impl Service {
@@ -43,6 +44,15 @@ impl Service {
     ) -> Result<Resumed, ServiceError> {
         self.space()?;
         Ok(self.sessions().resume(request, turns).await?)
+    }
+
+    /// `troupe.v1.Sessions/Replay`.
+    ///
+    /// # Errors
+    /// [`ServiceError`] for a recording that cannot be played here.
+    pub fn replay(&self, request: v1::ReplayRequest, turns: Turns) -> Result<Replaying, ServiceError> {
+        let Space { packs, store, .. } = &**self.space()?;
+        Ok(self.sessions().replay(packs, store, request, turns)?)
     }
 
     /// `troupe.v1.Sessions/ListStyles`.
@@ -84,5 +94,14 @@ impl Service {
         let style = put.await.map_err(|_| WorkerStopped)??;
         self.common.metrics.styles_uploaded.increment(1);
         Ok(style)
+    }
+}
+
+impl Streamed for Replaying {
+    type Part = v1::ReplayResponse;
+
+    async fn next(&mut self) -> Option<Result<v1::ReplayResponse, ServiceError>> {
+        // The name is also that of the trait's method.
+        Some(Self::next(self).await?.map_err(Into::into))
     }
 }

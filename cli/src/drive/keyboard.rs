@@ -23,6 +23,7 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::Format;
 use crate::reading::Reading;
+use crate::replay::save_recording;
 use crate::take::{InWords, options_of, scene_of};
 
 /// File of recordings without --out.
@@ -97,6 +98,9 @@ pub(super) async fn run(
         context.term.note(format_args!("{} written", path.display()));
     }
     drive.close().await?;
+    if let Some(file) = &command.character.record {
+        save_recording(context, &live.client, &live.id, file).await?;
+    }
     outcome.and(kept)
 }
 

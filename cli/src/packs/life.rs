@@ -24,8 +24,8 @@ pub(crate) enum Change {
 
     /// Put another version of a loaded pack in its place.
     ///
-    /// New requests and the next plans of live sessions get the new version. If it cannot serve, the
-    /// version before serves on. Where the server asks for keys, this needs the role admin.
+    /// New requests and the next plans of live sessions get the new version. If it cannot serve,
+    /// the version before serves on. Where the server asks for keys, this needs the role admin.
     Swap(Which),
 }
 

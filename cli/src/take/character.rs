@@ -1,5 +1,7 @@
 //! The character to open: by the arguments, or else by the path.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use troupe_client::SessionOptions;
 
@@ -25,6 +27,10 @@ pub(crate) struct Character {
     /// The same seed, path and pack give the same frames. Default: the path's, or 0.
     #[arg(long, help_heading = CHARACTER)]
     pub(crate) seed: Option<u64>,
+
+    /// File to write the server's recording of the session to, for `troupe replay`. Not in a scene.
+    #[arg(long, help_heading = CHARACTER, value_name = "FILE")]
+    pub(crate) record: Option<PathBuf>,
 }
 
 /// The pack of the arguments, or else of the path; empty for the server's default pack.
@@ -47,7 +53,9 @@ pub(crate) fn scene_of<'a>(path: Option<&'a Path>, character: &'a Character) -> 
 /// Options of the session, by the arguments or else by the path.
 pub(crate) fn options_of(path: Option<&Path>, character: &Character) -> SessionOptions {
     let seed = character.seed.or(path.map(|p| p.seed)).unwrap_or_default();
-    let mut options = SessionOptions::new().seed(seed);
+    let mut options = SessionOptions::new()
+        .seed(seed)
+        .record(character.record.is_some());
     let style = character.style.as_ref().or(path.and_then(|p| p.style.as_ref()));
     if let Some(style) = style {
         options = options.style(style);

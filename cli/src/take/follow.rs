@@ -12,6 +12,7 @@ use super::events::{Event, Moved, Seen};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::path::{MOMENT_S, Moment, Path, Player};
+use crate::replay::save_recording;
 
 /// Times a second that the path is followed up. In between the character is stepped.
 const LOOKS_HZ: u32 = 10;
@@ -124,9 +125,13 @@ pub(crate) async fn follow(
         orders: Vec::new(),
         seen: Seen::default(),
     };
+    let id = live.id().to_owned();
     let outcome = take.play(context, &mut live).await;
     // The session is closed in any case. An earlier failure comes first.
     let closed = live.close().await;
+    if let Some(file) = &character.record {
+        save_recording(context, &client, &id, file).await?;
+    }
     let mut take = outcome?;
     closed?;
     take.scene = scene;

@@ -28,6 +28,7 @@ mod options;
 mod path;
 mod performance;
 mod recording;
+mod replay;
 mod session;
 #[cfg(test)]
 mod testing;
@@ -43,4 +44,5 @@ pub use options::{Encoding, FrameOptions, Rate, SessionOptions};
 pub use path::{LivePath, PathPoint};
 pub use performance::Performance;
 pub use recording::Recording;
+pub use replay::Replaying;
 pub use session::Session;

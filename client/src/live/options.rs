@@ -66,6 +66,14 @@ impl SessionOptions {
         self
     }
 
+    /// Has the server record the session, for
+    /// [`Client::recording_of`](crate::Client::recording_of). A session in a scene cannot be recorded.
+    #[must_use]
+    pub fn record(mut self, record: bool) -> Self {
+        self.message.record = record;
+        self
+    }
+
     /// Sets the place at which it stands at first, in its convention, and its heading, radians. The
     /// height is the pack's.
     #[must_use]

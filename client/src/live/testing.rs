@@ -303,6 +303,36 @@ impl Sessions for Scripted {
         ))
     }
 
+    async fn get_recording(
+        &self,
+        request: Request<v1::GetRecordingRequest>,
+    ) -> Result<Response<v1::SessionRecording>, Status> {
+        Ok(Response::new(v1::SessionRecording {
+            session_id: request.into_inner().session_id,
+            lines: "{}\n".to_owned(),
+            ended: true,
+        }))
+    }
+
+    type ReplayStream = ReceiverStream<Result<v1::ReplayResponse, Status>>;
+
+    async fn replay(
+        &self,
+        request: Request<v1::ReplayRequest>,
+    ) -> Result<Response<Self::ReplayStream>, Status> {
+        let asked = request.into_inner();
+        let (send, receive) = mpsc::channel(2);
+        send.try_send(Ok(v1::ReplayResponse::default())).unwrap();
+        let result = v1::ReplayResponse {
+            frames: 7,
+            is_last: true,
+            equal: asked.anyway && asked.recording == "{}\n",
+            ..v1::ReplayResponse::default()
+        };
+        send.try_send(Ok(result)).unwrap();
+        Ok(Response::new(ReceiverStream::new(receive)))
+    }
+
     async fn peek(&self, _: Request<v1::PeekRequest>) -> Result<Response<v1::PeekResponse>, Status> {
         Ok(Response::new(v1::PeekResponse {
             future: Some(block(&[0], 3, vec![11])),

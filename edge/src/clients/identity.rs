@@ -69,6 +69,18 @@ pub struct Identity {
     pub tenant: Tenant,
 }
 
+/// Which sessions of a caller are recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Recorded {
+    /// None. It may not ask for it.
+    Never,
+    /// Those for which it asks.
+    Asked,
+    /// All that can be recorded.
+    Always,
+}
+
 /// Limits of one key. A missing one is as for every client.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Quota {
@@ -80,6 +92,8 @@ pub struct Quota {
     pub bytes: Option<usize>,
     /// Number of clients that the key counts as in the queues of packs; missing: 1.
     pub share: Option<u32>,
+    /// Which sessions of the key are recorded; missing: never.
+    pub recorded: Option<Recorded>,
 }
 
 #[cfg(test)]

@@ -92,6 +92,7 @@ fn a_key_may_have_quotas_of_its_own() {
         streams: Some(1),
         bytes: Some(2 << 10),
         share: Some(4),
+        recorded: None,
     };
     let key = || clients.with_key("small", quota, None, &connection);
     assert_eq!((key().id().share, connection.id().share), (4, 1));

@@ -7,6 +7,7 @@ mod network;
 mod openvino;
 mod outlets;
 mod pool;
+mod provider;
 mod runtime;
 mod session;
 mod signature;

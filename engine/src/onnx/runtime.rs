@@ -7,6 +7,7 @@ use ort::environment::Environment;
 use ort::ep::{self, ExecutionProvider};
 
 use super::openvino::OpenVino;
+use super::provider;
 use crate::{EngineError, EngineKind};
 
 /// The environment variable with the path of the ONNX Runtime library.
@@ -77,6 +78,14 @@ impl Runtime {
         self.openvino
             .get_or_init(|| OpenVino::load(&self.library).map(Arc::new))
             .clone()
+    }
+
+    /// Loads the libraries that the provider of an engine needs, if it needs any.
+    ///
+    /// # Errors
+    /// A text that names what is missing.
+    pub(crate) fn load_needed(&self, engine: EngineKind) -> Result<(), String> {
+        provider::load_needed(&self.library, engine)
     }
 
     /// The library's file, with links followed.

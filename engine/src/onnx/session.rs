@@ -9,6 +9,7 @@ use ort::session::builder::GraphOptimizationLevel;
 
 use super::{Runtime, exit, one_line};
 use crate::EngineKind;
+use crate::gpu::GpuShare;
 
 /// Options for a worker's networks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +25,8 @@ pub struct SessionOptions {
     pub fixed_shapes: bool,
     /// When more networks are opened than the indispensable ones.
     pub growth: Growth,
+    /// The GPU of engines that run on one.
+    pub gpu: GpuShare,
 }
 
 /// When networks of fixed shapes are opened.
@@ -71,7 +74,9 @@ pub(super) fn open(
         .map_err(|error| one_line(&error))?
         .with_intra_op_spinning(options.spin)
         .map_err(|error| one_line(&error))?;
-    let mut builder = match provider(options, kernels) {
+    runtime.load_needed(options.engine)?;
+    let graph_bytes = std::fs::metadata(path).map_or(0, |file| file.len());
+    let mut builder = match provider(options, kernels, graph_bytes) {
         Some(provider) => builder
             .with_execution_providers([provider.error_on_failure()])
             .map_err(|error| one_line(&error))?
@@ -88,12 +93,27 @@ pub(super) fn open(
     Ok(session)
 }
 
-fn provider(options: SessionOptions, kernels: Option<usize>) -> Option<ExecutionProviderDispatch> {
+fn provider(
+    options: SessionOptions,
+    kernels: Option<usize>,
+    graph_bytes: u64,
+) -> Option<ExecutionProviderDispatch> {
+    let device = i32::try_from(options.gpu.device).unwrap_or(i32::MAX);
     match options.engine {
         EngineKind::Cpu => None,
         EngineKind::OpenvinoBf16 => Some(openvino(options.threads, kernels).build()),
-        EngineKind::Cuda => Some(ep::CUDA::default().build()),
-        EngineKind::Tensorrt => Some(ep::TensorRT::default().build()),
+        EngineKind::Cuda => {
+            let mut cuda = ep::CUDA::default().with_device_id(device);
+            if let Some(bytes) = options.gpu.of_graph(graph_bytes) {
+                // Doubling would pass a limit long before the memory is needed.
+                let small_steps = ep::ArenaExtendStrategy::SameAsRequested;
+                cuda = cuda
+                    .with_memory_limit(bytes)
+                    .with_arena_extend_strategy(small_steps);
+            }
+            Some(cuda.build())
+        }
+        EngineKind::Tensorrt => Some(ep::TensorRT::default().with_device_id(device).build()),
     }
 }
 

@@ -17,6 +17,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use troupe_engine::EngineKind;
+use troupe_engine::gpu::GpuShare;
 use troupe_engine::onnx::{Growth, SessionOptions};
 
 use self::crowd::LocalCrowd;
@@ -68,5 +69,6 @@ fn one_thread(growth: Growth) -> SessionOptions {
         spin: false,
         fixed_shapes: false,
         growth,
+        gpu: GpuShare::default(),
     }
 }

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::ensure;
 use clap::Args;
 use serde::Serialize;
+use troupe_engine::gpu::GpuShare;
 use troupe_engine::onnx::{Growth, NetworkPool, OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
 use troupe_engine::pack::Pack;
 use troupe_engine::{
@@ -279,6 +280,7 @@ pub(crate) fn run(args: &RawLoops) -> anyhow::Result<()> {
                 spin: args.spin,
                 fixed_shapes: no_fixed_shapes(&runtime, &pack, MOST_NETWORK_BYTES).is_none(),
                 growth: Growth::AtOnce,
+                gpu: GpuShare::default(),
             };
             let pool = NetworkPool::new(u64::MAX);
             let most = args.batch.iter().copied().max().unwrap_or(1);

@@ -157,6 +157,7 @@ fn sessions() -> Result<(), Problem> {
         }
         .encode_to_vec(),
     )?;
+    recordings()?;
     text("ListStyles", "txt", b"")?;
     text("GetStyle", "txt", b"normal")?;
     grpc(
@@ -179,6 +180,21 @@ fn sessions() -> Result<(), Problem> {
         style: Some(style),
     };
     grpc("PutStyle", &put.encode_to_vec())
+}
+
+fn recordings() -> Result<(), Problem> {
+    text("GetRecording", "txt", b"")?;
+    let request = v1::GetRecordingRequest {
+        session_id: "a".to_owned(),
+    };
+    grpc("GetRecording", &request.encode_to_vec())?;
+    both(
+        "Replay",
+        &v1::ReplayRequest {
+            recording: include_str!("recording.jsonl").to_owned(),
+            anyway: true,
+        },
+    )
 }
 
 fn scenes() -> Result<(), Problem> {

@@ -20,6 +20,7 @@ pub const MAX_STORE_AGE: Duration = Duration::from_secs(5);
 pub struct Backlog {
     state: Mutex<State>,
     age: Gauge,
+    is_shared: bool,
 }
 
 #[derive(Debug)]
@@ -47,7 +48,7 @@ pub struct StoreBehind {
 }
 
 impl Backlog {
-    pub(super) fn new(telemetry: &Telemetry) -> Self {
+    pub(super) fn new(telemetry: &Telemetry, is_shared: bool) -> Self {
         Self {
             state: Mutex::new(State {
                 kept_until: Instant::now(),
@@ -55,6 +56,7 @@ impl Backlog {
                 error: None,
             }),
             age: telemetry.gauge(&AGE, &Labels::default()),
+            is_shared,
         }
     }
 
@@ -90,6 +92,12 @@ impl Backlog {
     /// Updates the metric.
     pub fn look(&self) {
         self.age.set(self.age().as_secs_f64());
+    }
+
+    /// Whether other servers use the store, too. Then this server stays ready while the store is
+    /// behind: the others lack it as well, and a router would have none left.
+    pub fn is_shared(&self) -> bool {
+        self.is_shared
     }
 
     /// Checks that no unkept change is older than [`MAX_STORE_AGE`].

@@ -47,8 +47,10 @@ impl Sessions {
         let usual_ttl = Duration::from_millis(self.limits().ttl_ms.into());
         self.registry().room_for(count, usual_ttl, self.time().now())?;
         let (this, packs, store) = (self.clone(), packs.clone(), store.clone());
+        // A shared store is asked, which blocks.
+        let inline = self.sharing().map_or(INLINE_SESSIONS, |_| 0);
         let work = move || this.create_now(&packs, &store, &request);
-        offload(count, INLINE_SESSIONS, work).await?
+        offload(count, inline, work).await?
     }
 
     fn create_now(
@@ -69,9 +71,13 @@ impl Sessions {
             )?;
             cells.push(Arc::new(SessionCell::new(parts, self.time().clone())));
         }
+        let leases = self.lease(&cells, store)?;
+        let recordings = self.record(&cells, &request.sessions)?;
         let now = self.time().now();
         self.registry()
             .insert(&cells, now, |index| format!("sessions[{index}].id"))?;
+        leases.keep();
+        self.keep_recordings(recordings);
         Ok(v1::CreateSessionsResponse {
             sessions: cells.iter().map(|cell| describe::session(cell, now)).collect(),
         })
@@ -148,6 +154,8 @@ impl Sessions {
         let root = Path::root();
         let count = request.commands.len();
         units::length(&root.field("commands"), count, 1, commands::MAX_COMMANDS)?;
+        self.bring(request.commands.iter().map(|command| &command.session_id))
+            .await;
         let this = self.clone();
         let work = async move { this.apply(&request.commands).await };
         Ok(self.executor().run(turns, work).await?)

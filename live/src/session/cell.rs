@@ -11,6 +11,7 @@ use troupe_motion::{Quat, Vec3};
 
 use super::hinge_rates::ShownRates;
 use super::owner::{End, Owner};
+use super::recording::Recorder;
 use super::stream::Audience;
 use super::wants::Wants;
 use super::words::Performer;
@@ -49,6 +50,8 @@ pub struct Live {
     pub events: EventQueue,
     /// The sentence that is being generated for the character.
     pub(super) performer: Option<Performer>,
+    /// Writes the recording of the session.
+    pub(super) recorder: Option<Recorder>,
     /// Keeps the session's place in its scene until the session ends.
     resident: Option<Resident>,
     /// The character's statistics as the metrics counted them last.
@@ -124,6 +127,9 @@ impl Live {
             Some(rates) => rates.measure(self.character.time_frames(), out),
             None => out.hinge_rate = HingeRate::default(),
         }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.shown(out);
+        }
     }
 
     /// Leads from a pose that the client gave on a skeleton of its own, which the character has at
@@ -167,6 +173,7 @@ impl SessionCell {
                 trouble: None,
                 events: EventQueue::default(),
                 performer: None,
+                recorder: None,
                 resident: parts.resident,
                 counted: Stats::default(),
                 rates,
@@ -271,7 +278,8 @@ impl SessionCell {
             0 => None,
             1 => Some(End::Closed),
             2 => Some(End::Expired),
-            _ => Some(End::MadeRoom),
+            3 => Some(End::MadeRoom),
+            _ => Some(End::Moved),
         }
     }
 
@@ -334,12 +342,15 @@ impl SessionCell {
         }
     }
 
-    /// Stops the words that are being generated, and takes the user's skeleton off: a plan that is
+    /// Stops the words that are being generated, ends the recording, and takes the user's skeleton off: a plan that is
     /// under way keeps the session in memory, but not the skeleton in use.
     fn let_go(&self) {
         let mut live = self.live();
         if let Some(dress) = &mut live.dress {
             dress.take_off();
+        }
+        if let Some(recorder) = &live.recorder {
+            recorder.session_ended(self.time.now());
         }
         let performer = live.performer.take();
         drop(live);
@@ -403,6 +414,10 @@ impl SessionCell {
                 field: field(),
             }),
             End::Closed => Some(SessionError::Unknown {
+                id: self.id.to_string(),
+                field: field(),
+            }),
+            End::Moved => Some(SessionError::Moved {
                 id: self.id.to_string(),
                 field: field(),
             }),

@@ -64,7 +64,12 @@ fn result(command: &v1::Command, outcome: Result<CommandOutcome, SessionError>) 
     }
 }
 
-fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<CommandOutcome, SessionError> {
+/// Gives a command to its session.
+pub(super) fn give(
+    path: &Path<'_>,
+    cell: &SessionCell,
+    command: &v1::Command,
+) -> Result<CommandOutcome, SessionError> {
     if command.sequence == 0 {
         return Err(path.field("sequence").error("is 0", "1 or more").into());
     }
@@ -102,6 +107,9 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     };
     if let (CommandOutcome::Accepted, Some(priority)) = (outcome, priority) {
         live.priority = priority;
+    }
+    if outcome == CommandOutcome::Accepted {
+        live.record_command(command);
     }
     drop(live);
     cell.touch();

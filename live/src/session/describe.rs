@@ -54,6 +54,7 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
         activity: Some(events::activity(live.character.activity())),
         held: events::held(&live.character, 0, measure),
         skeleton: worn.map(|worn| worn.name().to_string()).unwrap_or_default(),
+        recorded: live.recorder.is_some(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Errors of calls about sessions and styles.
 
+use super::recording::RecordingError;
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::skeleton::SkeletonError;
 use crate::world::WorldError;
@@ -63,6 +64,36 @@ pub enum SessionError {
         /// The field of the request that has the id.
         field: String,
     },
+    /// Another server has the session, or the scene that it is in.
+    #[error("{what} {name:?} is on the server {owner}, whose lease ends in {ends_in_ms} ms")]
+    Elsewhere {
+        /// `session` or `scene`.
+        what: &'static str,
+        /// Id of the session or name of the scene.
+        name: String,
+        /// Address of the server that has it.
+        owner: String,
+        /// Time until its lease ends, unless the server renews it.
+        ends_in_ms: u64,
+        /// The field of the request that has the name.
+        field: String,
+    },
+    /// Another server has taken the session over.
+    #[error("session {id:?} has moved to another server; resume it there")]
+    Moved {
+        /// The session's id.
+        id: String,
+        /// The field of the request that has the id.
+        field: String,
+    },
+    /// The store that servers share does not answer, so it is unknown which server has a session.
+    #[error("the store of sessions does not answer: {reason}")]
+    NoStore {
+        /// The store's address, and the system's reason.
+        reason: String,
+        /// The field of the request that has the session.
+        field: String,
+    },
     /// Another call advances the session.
     #[error("session {id:?} is being advanced by {owner}")]
     Busy {
@@ -117,6 +148,21 @@ pub enum SessionError {
         name: String,
         /// The field of the request that has the name.
         field: String,
+    },
+    /// There is no recording of a session of this id.
+    #[error("there is no recording of a session {id:?}")]
+    NotRecorded {
+        /// The id, cut to 64 characters.
+        id: String,
+    },
+    /// The recording cannot be played.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// As many recordings are played as may be at the same time.
+    #[error("{limit} recordings are being played; allowed: at most {limit}")]
+    TooManyReplays {
+        /// Maximum number.
+        limit: usize,
     },
     /// The plans of a character fail.
     #[error(transparent)]

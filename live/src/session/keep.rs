@@ -4,6 +4,9 @@
 //! until it has enough bytes. A scene and its sessions are written together, so the file always has
 //! one consistent state. A session is locked only while it is copied, for a few microseconds.
 
+mod moved;
+mod restore;
+
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,29 +14,30 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 use troupe_motion::conventions::Convention;
-use troupe_motion::model::Capability;
 
-use super::LivePacks;
 use super::backlog::Backlog;
-use super::cell::{SessionCell, SessionParts};
-use super::space::{Space, Spaces, of_record};
-use crate::records::{Changes, Kind, Records, RecordsError};
+use super::cell::SessionCell;
+use super::space::{Space, Spaces};
+use crate::records::{Changes, Kind, RecordStore, RecordsError, Tended};
 use crate::skeleton::{Dress, Last};
 use crate::world::Store;
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
-use troupe_character::Path;
-use troupe_character::live::World;
-use troupe_character::saved::{self, Surroundings};
-use troupe_character::scene::{Holder, SceneCell};
+use troupe_character::saved;
+use troupe_character::scene::SceneCell;
+
+#[cfg(feature = "testing")]
+pub use restore::read_record;
+use restore::{restore, restore_scenes};
+pub(super) use restore::{restore_session, scene_of};
 
 const BYTES: Metric = Metric::new("troupe_store_written_bytes_total", "Bytes of records written");
 const FAILURES: Metric = Metric::new(
     "troupe_store_failures_total",
     "Failed attempts to write the state of sessions and scenes",
 );
-const RESTORED: Metric = Metric::new(
+pub(super) const RESTORED: Metric = Metric::new(
     "troupe_store_sessions_total",
-    "Sessions found in the store at the start, by result: restored or left_out",
+    "Sessions found in the store, by result: restored or left_out",
 );
 
 /// Version of the record format. Records of other versions are not restored.
@@ -114,11 +118,13 @@ pub struct Round {
 #[derive(Debug)]
 pub struct Keeper {
     spaces: Arc<Spaces>,
-    records: Records,
+    records: Box<dyn RecordStore>,
     /// As they are in the store.
     sessions: Stamps,
     /// Saved revisions, by the names of the records.
     scenes: HashMap<String, u64>,
+    /// The sessions, and the scenes with sessions, that the last round found.
+    open: HashSet<(Kind, String)>,
     unkept_sessions: Unkept,
     unkept_scenes: Unkept,
     /// When the last round looked for changes. What is new since then has changed later.
@@ -137,12 +143,15 @@ impl Keeper {
     /// [`RecordsError`] if the records cannot be read.
     pub fn new(
         spaces: &Arc<Spaces>,
-        mut records: Records,
+        mut records: Box<dyn RecordStore>,
         telemetry: &Telemetry,
     ) -> Result<Self, RecordsError> {
+        if let Some(leases) = records.leases() {
+            spaces.common().sessions.share(leases, spaces, telemetry);
+        }
         let labels = Labels::default();
-        let scenes = restore_scenes(spaces, &mut records)?;
-        let (restored, left_out) = restore(spaces, &mut records)?;
+        let scenes = restore_scenes(spaces, &mut *records)?;
+        let (restored, left_out) = restore(spaces, &mut *records)?;
         for space in spaces.all() {
             let known = |id: &str| restored.contains_key(&space.record_name(id));
             space.store.free_all_but(known);
@@ -162,14 +171,15 @@ impl Keeper {
         sessions.extend(left_out);
         Ok(Self {
             spaces: spaces.clone(),
+            backlog: Arc::new(Backlog::new(telemetry, records.leases().is_some())),
             records,
             sessions,
             scenes,
+            open: HashSet::new(),
             unkept_sessions: Unkept::new(),
             unkept_scenes: Unkept::new(),
             looked: Instant::now(),
             buffer: Vec::new(),
-            backlog: Arc::new(Backlog::new(telemetry)),
             bytes: telemetry.counter(&BYTES, &labels),
             failures: telemetry.counter(&FAILURES, &labels),
         })
@@ -179,38 +189,6 @@ impl Keeper {
     pub fn backlog(&self) -> &Arc<Backlog> {
         &self.backlog
     }
-}
-
-/// Restores sessions. Returns the restored ones and those that could not be restored.
-fn restore(spaces: &Spaces, records: &mut Records) -> Result<(Stamps, Stamps), RecordsError> {
-    let (mut restored, mut left_out) = (Stamps::new(), Stamps::new());
-    for (name, record) in records.all(Kind::Session)? {
-        match restore_session(spaces, &name, &record) {
-            Ok(cell) => drop(restored.insert(name, stamp(&cell))),
-            Err(reason) => {
-                tracing::warn!(
-                    session = name,
-                    reason,
-                    "a session of the last run cannot be restored"
-                );
-                left_out.insert(name, Stamp::NONE);
-            }
-        }
-    }
-    Ok((restored, left_out))
-}
-
-fn restore_session(spaces: &Spaces, name: &str, record: &[u8]) -> Result<Arc<SessionCell>, String> {
-    let (tenant, id) = of_record(name);
-    let space = spaces.of(&tenant).map_err(|error| error.to_string())?;
-    let parts = parts(&Arc::from(id), record, &space.packs, &space.store)?;
-    let time = space.sessions.time();
-    let cell = Arc::new(SessionCell::new(parts, time.clone()));
-    let inserted = space
-        .sessions
-        .registry()
-        .insert(std::slice::from_ref(&cell), time.now(), |_| "id".to_owned());
-    inserted.map(|()| cell).map_err(|error| error.to_string())
 }
 
 impl Stamp {
@@ -229,98 +207,6 @@ fn stamp(cell: &SessionCell) -> Stamp {
         character: live.character.stamp(),
         priority: live.priority,
     }
-}
-
-/// Reads the parts of a session from its record.
-fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Result<SessionParts, String> {
-    let text = |error: &dyn std::fmt::Display| error.to_string();
-    let record: Record<'_> = postcard::from_bytes(record).map_err(|error| text(&error))?;
-    if record.format != FORMAT {
-        return Err(format!(
-            "the record has format {}; allowed: {FORMAT}",
-            record.format
-        ));
-    }
-    let pack = packs.find(&Path::root(), record.pack, record.body);
-    let pack = pack.map_err(|error| text(&error))?;
-    (pack.loaded().require(Capability::Live, "pack")).map_err(|error| text(&error))?;
-    let (pack, dress) = match record.skeleton {
-        "" => (pack, None),
-        name => {
-            let worn = world.skeletons().wear("skeleton", name, &pack, &packs.table());
-            let (pack, mut dress) = worn.map_err(|error| text(&error))?;
-            if !record.worn.is_some_and(|last| dress.resume(last)) {
-                return Err(format!("skeleton {name:?} has other joints now"));
-            }
-            (pack, Some(dress))
-        }
-    };
-    let scale = pack.worn().map_or(1.0, |worn| worn.scale());
-    // Rounding differs between machines.
-    if (scale - record.scale).abs() > 1e-4 * record.scale {
-        return Err(format!(
-            "skeleton {:?} has another size now: {scale}, and {} before",
-            record.skeleton, record.scale
-        ));
-    }
-    let style = pack.styles().get(record.style);
-    let style = style.ok_or_else(|| format!("there is no style {:?}", record.style))?;
-    let resident =
-        (record.scene.map(|name| world.scenes().enter(name)).transpose()).map_err(|error| text(&error))?;
-    let around = Surroundings {
-        rig: pack.rig().clone(),
-        styles: pack.styles(),
-        skills: pack.loaded().skills.clone(),
-        world: resident.as_ref().map(|resident| World {
-            scene: resident.cell().clone(),
-            definitions: world.definitions().clone(),
-            holder: Holder::new(id.clone()),
-            scale,
-        }),
-    };
-    let character = saved::restore(record.character, &around).map_err(|error| text(&error))?;
-    Ok(SessionParts {
-        id: id.clone(),
-        dress,
-        pack,
-        convention: record.convention,
-        seed: record.seed,
-        ttl: Duration::from_millis(record.ttl_ms),
-        character,
-        style,
-        priority: record.priority,
-        resident,
-        woken: true,
-    })
-}
-
-/// Reads the record of a session, for fuzz targets.
-///
-/// # Errors
-/// The reason why the session cannot be restored.
-#[cfg(feature = "testing")]
-pub fn read_record(id: &str, record: &[u8], packs: &LivePacks, world: &Store) -> Result<(), String> {
-    parts(&Arc::from(id), record, packs, world).map(drop)
-}
-
-/// Restores the objects of scenes. Returns a revision for every record, so that the next round
-/// writes or removes it.
-fn restore_scenes(spaces: &Spaces, records: &mut Records) -> Result<HashMap<String, u64>, RecordsError> {
-    let mut revisions = HashMap::new();
-    for (name, record) in records.all(Kind::Scene)? {
-        let (tenant, scene) = of_record(&name);
-        let space = spaces.of(&tenant).map_err(|error| error.to_string());
-        if let Err(reason) = space.and_then(|space| space.store.restore_scene(scene, &record)) {
-            tracing::warn!(
-                scene = name,
-                reason,
-                "the objects of a scene cannot be restored and stay as in its file"
-            );
-        }
-        // No scene has this revision.
-        revisions.insert(name, u64::MAX);
-    }
-    Ok(revisions)
 }
 
 impl Keeper {
@@ -343,7 +229,7 @@ impl Keeper {
                 break;
             }
             for (name, stamp, cell) in unit.cells {
-                changes.put(Kind::Session, &*name, self.record(&cell));
+                changes.put_for(cell.ttl(), Kind::Session, &*name, self.record(&cell));
                 sessions.push((name, stamp));
             }
             if let Some(changed) = unit.scene {
@@ -355,16 +241,21 @@ impl Keeper {
                 scenes.push((changed.name, snapshot.revision()));
             }
         }
-        if !changes.is_empty()
-            && let Err(error) = self.records.write(&changes)
-        {
-            // A failed write may have gone through. These records must be written again or removed.
-            let written = sessions.into_iter().map(|(name, _)| (name, Stamp::NONE));
-            self.sessions.extend(written);
-            self.scenes
-                .extend(scenes.into_iter().map(|(name, _)| (name, u64::MAX)));
-            return Err(error);
-        }
+        let tended = match changes.is_empty() {
+            true => Tended::default(),
+            false => match self.records.write(&changes) {
+                Ok(tended) => tended,
+                Err(error) => {
+                    // A failed write may have gone through. These records must be written again or
+                    // removed.
+                    let written = sessions.into_iter().map(|(name, _)| (name, Stamp::NONE));
+                    self.sessions.extend(written);
+                    self.scenes
+                        .extend(scenes.into_iter().map(|(name, _)| (name, u64::MAX)));
+                    return Err(error);
+                }
+            },
+        };
         for (kind, name) in changes.removed() {
             match kind {
                 Kind::Session => {
@@ -385,6 +276,14 @@ impl Keeper {
             self.unkept_scenes.remove(&name);
             self.scenes.insert(name, revision);
         }
+        self.settle(tended);
+        let open = std::mem::take(&mut self.open);
+        let unkept = &self.unkept_scenes;
+        let is_open = |kind, name: &str| {
+            open.contains(&(kind, name.to_owned())) || (kind == Kind::Scene && unkept.contains_key(name))
+        };
+        let tended = self.records.tend(&is_open)?;
+        self.settle(tended);
         self.show();
         self.bytes.increment(changes.bytes() as u64);
         Ok(Round {
@@ -414,6 +313,7 @@ impl Keeper {
     /// [`RecordsError`]. [`Keeper::backlog`] says how many sessions are not in the store.
     pub fn finish(&mut self) -> Result<(), RecordsError> {
         while self.counted(ROUND_BYTES)?.is_partial {}
+        self.records.leave();
         Ok(())
     }
 
@@ -435,6 +335,7 @@ impl Keeper {
     fn look(&mut self, changes: &mut Changes) -> Vec<Unit> {
         let (mut units, mut sessions, mut scenes) = (Vec::new(), Unkept::new(), Unkept::new());
         let (mut open, mut there) = (HashSet::new(), HashSet::new());
+        self.open.clear();
         for space in self.spaces.all() {
             let mut of_scene = self.changed_scenes(&space, &mut scenes, &mut there);
             let mut after: Option<Arc<str>> = None;
@@ -444,6 +345,10 @@ impl Keeper {
                 for cell in page.into_iter().filter(|cell| cell.end().is_none()) {
                     let (name, stamp) = (space.record_name(cell.id()), stamp(&cell));
                     open.insert(name.clone());
+                    if let Some(scene) = cell.scene() {
+                        self.open.insert((Kind::Scene, space.record_name(scene)));
+                    }
+                    self.open.insert((Kind::Session, name.clone()));
                     if self.sessions.get(&name) == Some(&stamp) {
                         continue;
                     }
@@ -491,7 +396,8 @@ impl Keeper {
         for (scene, cell) in space.store.scenes().all().iter() {
             let name = space.record_name(scene);
             there.insert(name.clone());
-            if self.scenes.get(&name) == Some(&cell.snapshot().revision()) {
+            let is_kept = self.scenes.get(&name) == Some(&cell.snapshot().revision());
+            if is_kept || !self.records.owns(Kind::Scene, &name) {
                 continue;
             }
             let since = *self.unkept_scenes.get(&name).unwrap_or(&self.looked);
@@ -548,4 +454,4 @@ impl Unit {
 
 #[cfg(test)]
 #[path = "keep_tests.rs"]
-mod tests;
+pub(super) mod tests;

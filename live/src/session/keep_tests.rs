@@ -10,7 +10,7 @@ use tokio::time::advance;
 use troupe_proto::v1;
 
 use super::super::backlog::MAX_STORE_AGE;
-use super::super::{Executor, SessionLimits, Sessions, TenantOptions, TimeSource};
+use super::super::{Executor, LivePacks, SessionLimits, Sessions, TenantOptions, TimeSource};
 use super::*;
 use crate::packs::{LoadedPack, PackTable, load_styles};
 use crate::records::disk::{Fault, Shared, on};
@@ -27,13 +27,13 @@ const TURNS: u32 = 20;
 const INTERVAL: Duration = Duration::from_millis(250);
 
 /// Packs, which all servers of a test share.
-struct House {
+pub(in crate::session) struct House {
     packs: LivePacks,
-    telemetry: Telemetry,
+    pub(in crate::session) telemetry: Telemetry,
 }
 
 impl House {
-    async fn new() -> Self {
+    pub(in crate::session) async fn new() -> Self {
         let telemetry = Telemetry::new().unwrap();
         let mut pack = pack_of(toy_rig());
         pack.folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../server/tests/common/toy");
@@ -57,6 +57,11 @@ impl House {
     }
 
     fn spaces(&self, most_tenants: usize) -> Arc<Spaces> {
+        self.spaces_in(Folders::default(), most_tenants)
+    }
+
+    /// Spaces with the scenes of `folders`.
+    pub(in crate::session) fn spaces_in(&self, folders: Folders, most_tenants: usize) -> Arc<Spaces> {
         let limits = SessionLimits {
             sessions: 100,
             per_request: 10,
@@ -66,7 +71,7 @@ impl House {
             stall_timeout: Duration::from_secs(30),
         };
         let sessions = Sessions::new(limits, TimeSource::default(), Executor::here(), &self.telemetry);
-        let store = Store::load(Folders::default(), 1 << 20, []).unwrap();
+        let store = Store::load(folders, 1 << 20, []).unwrap();
         let options = TenantOptions {
             folder: None,
             most: most_tenants,
@@ -78,12 +83,12 @@ impl House {
     /// A server that starts with what `disk` has.
     fn start(&self, disk: &Shared) -> (Arc<Spaces>, Keeper) {
         let spaces = self.spaces(8);
-        let keeper = Keeper::new(&spaces, on(disk).unwrap(), &self.telemetry).unwrap();
+        let keeper = Keeper::new(&spaces, Box::new(on(disk).unwrap()), &self.telemetry).unwrap();
         (spaces, keeper)
     }
 }
 
-async fn open(space: &Space, id: &str) {
+pub(in crate::session) async fn open(space: &Space, id: &str) {
     let options = v1::SessionOptions {
         id: id.to_owned(),
         ..v1::SessionOptions::default()
@@ -95,7 +100,7 @@ async fn open(space: &Space, id: &str) {
     created.unwrap();
 }
 
-async fn command(space: &Space, id: &str, sequence: u64) {
+pub(in crate::session) async fn command(space: &Space, id: &str, sequence: u64) {
     let command = v1::Command {
         session_id: id.to_owned(),
         sequence,

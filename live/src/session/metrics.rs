@@ -7,7 +7,7 @@ const ACTIVE: Metric = Metric::new("troupe_sessions_active", "Open sessions");
 const STREAMS: Metric = Metric::new("troupe_streams_active", "Open streams");
 const EVICTIONS: Metric = Metric::new(
     "troupe_session_evictions_total",
-    "Sessions that ended, by reason: closed or expired",
+    "Sessions that ended, by reason: closed, expired or moved to another server",
 );
 const FRAMES_SENT: Metric = Metric::new(
     "troupe_frames_sent_total",
@@ -85,6 +85,8 @@ pub enum Eviction {
     Closed,
     /// No client used it for its time to live.
     Expired,
+    /// Another server has taken it over.
+    Moved,
 }
 
 /// The metrics of one pack's sessions.
@@ -93,6 +95,7 @@ pub struct SessionMetrics {
     active: Gauge,
     closed: Counter,
     expired: Counter,
+    moved: Counter,
     frames_sent: Counter,
     dropped_frames: Counter,
     replans: [Counter; 4],
@@ -127,6 +130,7 @@ impl SessionMetrics {
             active: telemetry.gauge(&ACTIVE, &labels),
             closed: each(&EVICTIONS, "reason", "closed"),
             expired: each(&EVICTIONS, "reason", "expired"),
+            moved: each(&EVICTIONS, "reason", "moved"),
             frames_sent: counter(&FRAMES_SENT),
             dropped_frames: counter(&DROPPED_FRAMES),
             replans: ["command", "low_buffer", "interval", "object"]
@@ -163,6 +167,7 @@ impl SessionMetrics {
         match why {
             Eviction::Closed => self.closed.increment(1),
             Eviction::Expired => self.expired.increment(1),
+            Eviction::Moved => self.moved.increment(1),
         }
     }
 

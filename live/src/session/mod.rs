@@ -13,8 +13,11 @@
 //! | `planner`, `performer` | requests for plans and for words through the batcher |
 //! | `options`, `commands`, `describe`, `peek`, `step`, [`styles`] | the parts of calls |
 //! | `sessions`, `calls`, `resume`, `drive` | the calls, and the task behind a stream |
+//! | [`recording`] | recordings of sessions, and their replay |
 //! | `space`, `keep`, `backlog` | the data of each tenant, and the state that survives a restart |
+//! | `away`, `share` | sessions that other servers have, and how they come here |
 
+mod away;
 mod backlog;
 mod calls;
 mod cell;
@@ -36,10 +39,12 @@ mod pack;
 mod peek;
 mod performer;
 mod planner;
+pub mod recording;
 mod registry;
 mod results;
 mod resume;
 mod sessions;
+mod share;
 mod space;
 mod step;
 pub mod stream;

@@ -44,4 +44,6 @@ pub enum End {
     Expired = 2,
     /// It was idle when the server had no room for a new session.
     MadeRoom = 3,
+    /// Another server has taken it over.
+    Moved = 4,
 }

@@ -22,7 +22,7 @@ use troupe_character::live::{
 };
 use troupe_engine::EngineError;
 use troupe_engine::pack::Pack;
-use troupe_motion::model::{Body, Motion, PathTask, Task};
+use troupe_motion::model::{Body, PathTask, Task};
 
 /// Minimum wait before the next attempt to enter a full queue.
 const MIN_RETRY: Duration = Duration::from_millis(5);
@@ -67,12 +67,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
             load.measured(asked.elapsed(), served.work);
             cell.pack().loaded().metrics.trace_plan(asked, served);
         }
-        let plan = result
-            .and_then(|served| {
-                let motion = served.into_motions().next();
-                motion.ok_or(EngineError::Stopped.into())
-            })
-            .and_then(|raw| finish(&raw, &shape, pins.as_deref(), cell.pack()));
+        let plan = result.and_then(|served| finish(served, &shape, pins.as_deref(), cell.pack()));
         awaited.arrived(plan);
     };
     // Finishing the motion takes as long as the character's other work. It counts for the same
@@ -100,6 +95,21 @@ async fn step_plan(
             result => return result,
         }
     }
+}
+
+/// Makes a plan, however long that takes.
+///
+/// # Errors
+/// [`SubmitError`] if the networks cannot make it.
+pub async fn make(
+    cell: &Arc<SessionCell>,
+    request: PlanRequest,
+    turns: &Turns,
+) -> Result<LivePlan, SubmitError> {
+    let deadline = deadline(cell, &request);
+    let task = task(&cell.pack().loaded(), cell.pack().place(), request.item);
+    let served = step_plan(cell, task, deadline, turns).await?;
+    finish(served, &request.shape, request.pins.as_deref(), cell.pack())
 }
 
 /// The task of a plan for the pack's generator.
@@ -179,12 +189,13 @@ fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
 }
 
 fn finish(
-    raw: &Motion,
+    served: Served,
     shape: &LiveShape,
     pins: Option<&Pins>,
     pack: &LivePack,
 ) -> Result<LivePlan, SubmitError> {
-    let mut plan = finish_live(raw, shape, pack.rig()).map_err(|_| {
+    let raw = served.into_motions().next().ok_or(EngineError::Stopped)?;
+    let mut plan = finish_live(&raw, shape, pack.rig()).map_err(|_| {
         SubmitError::Engine(EngineError::Output {
             stage: troupe_engine::pack::Stage::Decoder,
             problem: "frames that are not finite".to_owned(),
@@ -223,7 +234,8 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
             Err(PlanFailed)
         }
     };
-    if let Arrival::InTime { lead_frames } = live.character.plan_arrived(number, plan) {
+    live.record_pack(&cell.pack().loaded());
+    if let Arrival::InTime { lead_frames } = live.plan_arrived(number, plan) {
         cell.pack().metrics.came(f64::from(lead_frames / fps));
     }
     drop(live);

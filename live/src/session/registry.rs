@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 use std::time::{Duration, Instant};
 
 use super::SessionError;
+use super::away::{Away, AwayTable};
 use super::cell::{ClientPlace, SessionCell};
 use super::id::MAX_ID_CHARS;
 use super::metrics::Eviction;
@@ -34,6 +35,8 @@ pub struct Registry {
 struct All {
     open: RwLock<Open>,
     expired: Mutex<Tombstones>,
+    /// Sessions that other servers have.
+    away: Mutex<AwayTable>,
     limit: usize,
 }
 
@@ -84,6 +87,10 @@ impl All {
         self.expired.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn away(&self) -> MutexGuard<'_, AwayTable> {
+        self.away.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Removes a session that a client did not close, and remembers how it ended.
     fn bury(&self, tenant: &Tenant, cell: &SessionCell, end: End) {
         // In this order, so that at every moment the id is open or expired.
@@ -101,6 +108,7 @@ impl Registry {
             all: Arc::new(All {
                 open: RwLock::default(),
                 expired: Mutex::new(Tombstones::new(MAX_TOMBSTONES)),
+                away: Mutex::default(),
                 limit,
             }),
             tenant: None,
@@ -113,6 +121,11 @@ impl Registry {
             all: self.all.clone(),
             tenant,
         }
+    }
+
+    /// The tenant whose sessions it finds.
+    pub(super) fn tenant(&self) -> &Tenant {
+        &self.tenant
     }
 
     /// Number of open sessions of all tenants.
@@ -194,10 +207,12 @@ impl Registry {
                 });
             }
         }
-        let mut expired = self.all.tombstones();
+        let (mut expired, mut away) = (self.all.tombstones(), self.all.away());
         for cell in cells {
             open.add(&self.tenant, cell);
-            expired.forget(&(self.tenant.clone(), cell.id().clone()));
+            let name = (self.tenant.clone(), cell.id().clone());
+            expired.forget(&name);
+            away.forget(&name);
             cell.pack().metrics.opened(1);
         }
         Ok(())
@@ -242,12 +257,52 @@ impl Registry {
                 }
                 cell.gone(field).map_or(Ok(cell), Err)
             }
-            None => Err(self.missing(id, field())),
+            None => Err(self.missing(id, now, field())),
         }
     }
 
+    /// Whether a session with this id is open.
+    pub(super) fn has(&self, id: &str) -> bool {
+        self.find(id).is_some()
+    }
+
+    /// Whether the store should be asked for a session: it is not open, and the store was not asked
+    /// just now.
+    pub(super) fn lacks(&self, id: &str, now: Instant) -> bool {
+        let name = (self.tenant.clone(), Arc::from(id));
+        !self.has(id) && self.all.away().get(&name).is_none_or(|away| away.is_old(now))
+    }
+
+    /// Notes why a session is not here.
+    pub(super) fn note_away(&self, id: &str, away: Away, now: Instant) {
+        let name = (self.tenant.clone(), Arc::from(id));
+        self.all.away().note(name, away, now);
+    }
+
+    /// Ends a session that another server has taken over. Answers whether it was open.
+    pub(super) fn give_up(&self, id: &str, away: Away, now: Instant) -> bool {
+        self.note_away(id, away, now);
+        let Some(cell) = self.find(id) else { return false };
+        let ended = cell.finish(End::Moved);
+        if ended {
+            let removed = self.all.write().remove(&self.tenant, id);
+            cell.pack().metrics.ended(Eviction::Moved);
+            drop(removed);
+        }
+        ended
+    }
+
+    fn away_error(&self, id: &str, now: Instant, field: String) -> Option<SessionError> {
+        let away = self.all.away();
+        away.get(&(self.tenant.clone(), Arc::from(id)))?
+            .error(id, field, now)
+    }
+
     /// The error for an id that no open session has.
-    fn missing(&self, id: &str, field: String) -> SessionError {
+    fn missing(&self, id: &str, now: Instant, field: String) -> SessionError {
+        if let Some(away) = self.away_error(id, now, field.clone()) {
+            return away;
+        }
         let ended = self.all.tombstones().end_of(&self.tenant, id);
         let id = id.chars().take(MAX_ID_CHARS).collect();
         match ended {
@@ -277,6 +332,11 @@ impl Registry {
             range.take(count).map(|(_, cell)| cell.clone()).collect(),
             own.len(),
         )
+    }
+
+    /// All open sessions of the tenant.
+    pub(super) fn everything(&self) -> Vec<Arc<SessionCell>> {
+        self.page(None, usize::MAX).0
     }
 
     /// Closes the session with this id. Answers whether it was open at `now`.

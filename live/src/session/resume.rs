@@ -37,6 +37,8 @@ impl Sessions {
         let root = Path::root();
         let count = request.sessions.len();
         units::length(&root.field("sessions"), count, 1, self.limits().per_request)?;
+        self.bring(request.sessions.iter().map(|asked| &asked.session_id))
+            .await;
         let this = self.clone();
         let work = async move { this.resume_all(&request).await };
         Ok(self.executor().run(turns, work).await?)

@@ -1,12 +1,14 @@
 //! The sessions of a tenant, and the limits and threads that all tenants share.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use tokio::sync::{Semaphore, watch};
 use troupe_proto::v1;
 
 use super::cell::ClientPlace;
+use super::recording::{MAX_REPLAYS, Shelf};
 use super::results::CommandResult;
+use super::share::Sharing;
 use super::{Executor, Registry, SessionLimits, TimeSource, commands, metrics};
 use troupe_base::telemetry::{Gauge, Telemetry};
 use troupe_base::tenant::Tenant;
@@ -28,6 +30,11 @@ struct Common {
     places: Arc<Semaphore>,
     draining: watch::Sender<bool>,
     executor: Executor,
+    /// Empty unless other servers share the store.
+    sharing: OnceLock<Arc<Sharing>>,
+    shelf: Shelf,
+    /// One permit for each recording that may be played.
+    replays: Arc<Semaphore>,
 }
 
 impl Sessions {
@@ -43,6 +50,9 @@ impl Sessions {
                 places: Arc::new(Semaphore::new(limits.streams)),
                 draining: watch::Sender::new(false),
                 executor,
+                sharing: OnceLock::new(),
+                shelf: Shelf::default(),
+                replays: Arc::new(Semaphore::new(MAX_REPLAYS)),
             }),
         }
     }
@@ -67,7 +77,38 @@ impl Sessions {
 
     /// Ends expired sessions of all tenants and returns their number. Call it regularly.
     pub fn sweep(&self) -> usize {
-        self.registry.sweep(self.common.time.now())
+        let now = self.common.time.now();
+        if let Some(sharing) = self.sharing() {
+            sharing.free_absent(now);
+        }
+        self.shelf().sweep(now);
+        self.registry.sweep(now)
+    }
+
+    /// How sessions are shared with other servers. `None`: they are not.
+    pub(super) fn sharing(&self) -> Option<&Arc<Sharing>> {
+        self.common.sharing.get()
+    }
+
+    /// From now on, sessions of all tenants are shared with other servers. Only the first call
+    /// counts.
+    pub(super) fn set_sharing(&self, sharing: Sharing) {
+        self.common.sharing.get_or_init(|| Arc::new(sharing));
+    }
+
+    /// Whether the server shuts down.
+    pub(super) fn is_draining(&self) -> bool {
+        *self.common.draining.borrow()
+    }
+
+    /// The recordings of all tenants.
+    pub(super) fn shelf(&self) -> &Shelf {
+        &self.common.shelf
+    }
+
+    /// One permit for each recording that may be played.
+    pub(super) fn replays(&self) -> &Arc<Semaphore> {
+        &self.common.replays
     }
 
     /// One permit for each stream that may be open.

@@ -33,10 +33,7 @@ pub struct Space {
 impl Space {
     /// The name of this tenant's record for the session or scene `name`.
     pub(super) fn record_name(&self, name: &str) -> String {
-        match &self.tenant {
-            Some(tenant) => format!("{tenant}{BETWEEN}{name}"),
-            None => name.to_owned(),
-        }
+        record_name(&self.tenant, name)
     }
 
     /// Whether the tenant has no sessions, scenes, uploads, calls and streams. `self` is the only
@@ -60,6 +57,14 @@ impl Space {
         let tables = packs.all().flat_map(|loaded| &loaded.styles);
         let added = |table: &Arc<StyleTable>| table.list().iter().filter(|style| !style.built_in).count();
         tables.map(added).sum()
+    }
+}
+
+/// The name of a tenant's record for the session or scene `name`.
+pub(super) fn record_name(tenant: &Tenant, name: &str) -> String {
+    match tenant {
+        Some(tenant) => format!("{tenant}{BETWEEN}{name}"),
+        None => name.to_owned(),
     }
 }
 

@@ -233,7 +233,7 @@ fn gather(
             // Plans may work again after failures for an earlier caller. A step waits for its
             // plans, so the load on the networks does not matter.
             live.trouble = None;
-            live.character.under_load(Strain::default());
+            live.under_load(Strain::default());
         }
         let pack = held.cell().pack();
         let known = blocks.iter().position(|(known, _)| Arc::ptr_eq(known, pack));
@@ -303,7 +303,7 @@ impl CharacterStep {
         let mut live = cell.live();
         // Finishes a begun frame, if any: of this step before its plan came, or of an earlier step
         // that was stopped.
-        let mut moved = live.character.advance(0, Clock::Waits);
+        let mut moved = live.advance(0, Clock::Waits);
         loop {
             let wants = cell.settle(&mut live);
             if !wants.is_empty() {
@@ -331,7 +331,7 @@ impl CharacterStep {
                 return false;
             }
             self.begun = true;
-            moved = live.character.advance(plan.sub_frames, Clock::Waits);
+            moved = live.advance(plan.sub_frames, Clock::Waits);
         }
     }
 }

@@ -179,7 +179,7 @@ fn candidate<'a>(pack: &'a LoadedPack, rig: &Rig) -> Candidate<'a> {
 }
 
 /// Whether poses of one body are poses of the other: joints, hinges and contacts are the same.
-fn is_same_body(one: &Rig, other: &Rig) -> bool {
+pub fn is_same_body(one: &Rig, other: &Rig) -> bool {
     let (a, b) = (&one.skeleton, &other.skeleton);
     let contacts = |skeleton: &troupe_motion::Skeleton| {
         let contacts = skeleton.contacts.as_ref();

@@ -115,6 +115,10 @@ fn departure(left: Departure) -> v1::SessionProblem {
             id: id.clone(),
             field: String::new(),
         }),
+        Some(End::Moved) => problem(SessionError::Moved {
+            id: id.clone(),
+            field: String::new(),
+        }),
     };
     v1::SessionProblem {
         slot: left.slot,

@@ -9,7 +9,7 @@ use troupe_edge::{EdgeError, Front};
 /// Paths of live streams, over HTTP and gRPC.
 const STREAMS: [&str; 2] = ["/v1/drive", "/troupe.v1.Sessions/Drive"];
 /// The last part of paths with answers in parts, over HTTP and gRPC.
-const PARTS: [&str; 4] = ["generate", "describe", "Generate", "Describe"];
+const PARTS: [&str; 6] = ["generate", "describe", "replay", "Generate", "Describe", "Replay"];
 /// Prefixes of remote procedures' paths.
 const RPCS: [&str; 3] = ["/v1/", "/troupe.v1.", "/generate"];
 /// Paths for operators and their tools.

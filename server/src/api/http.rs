@@ -5,6 +5,7 @@ pub(super) mod json;
 pub(super) mod mmcp;
 mod packs;
 pub(super) mod parts;
+mod recordings;
 pub(super) mod scenes;
 pub(super) mod sessions;
 mod site;
@@ -56,6 +57,8 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(sessions::resume))
         .routes(routes!(sessions::get, sessions::close))
         .routes(routes!(sessions::peek))
+        .routes(routes!(recordings::get))
+        .routes(routes!(recordings::replay))
         .routes(routes!(sessions::command))
         .routes(routes!(sessions::step))
         .routes(routes!(ws::drive))

@@ -1,9 +1,15 @@
 //! The ranges of options.
 
 use super::{Config, ConfigError};
+use troupe_live::records::RecordsError;
 
 /// Largest memory for networks, MiB: more than any machine has.
 const MOST_NETWORK_MIB: u64 = 1 << 30;
+/// Most GPUs: more than any machine has.
+const MOST_GPUS: u64 = 1 << 10;
+
+/// The longest address of a server: that of a name in DNS, and a port.
+const MOST_ADDRESS_BYTES: usize = 260;
 
 /// The largest batch that an operator may ask for.
 const MOST_BATCH: usize = 4096;
@@ -41,6 +47,8 @@ impl Config {
             ("drain_delay_ms", self.drain_delay_ms, 3_600_000),
             ("watch_packs_s", self.watch_packs_s, 86_400),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
+            ("gpu_device", self.gpu_device.into(), MOST_GPUS - 1),
+            ("gpu_memory_mib", self.gpu_memory_mib, MOST_NETWORK_MIB),
             ("memory_limit_mib", self.memory_limit_mib, MOST_NETWORK_MIB),
             ("transfer_memory_mib", self.transfer_memory_mib, MOST_NETWORK_MIB),
         ];
@@ -74,9 +82,39 @@ impl Config {
                 allowed: "an address other than listen".to_owned(),
             });
         }
+        self.store_is_reachable()?;
         self.tls_is_whole()?;
         self.tokens_are_whole()?;
         Ok(self)
+    }
+
+    /// Checks the address of a shared store, and that other servers can name this one.
+    fn store_is_reachable(&self) -> Result<(), ConfigError> {
+        let Some(place) = self.shared_store() else {
+            return Ok(());
+        };
+        if let Err(RecordsError::Address { found, allowed }) = place {
+            return Err(ConfigError::Value {
+                option: "store",
+                found,
+                allowed: allowed.to_owned(),
+            });
+        }
+        let is_address = |address: &str| {
+            let port = address.rsplit_once(':').filter(|(host, _)| !host.is_empty());
+            port.is_some_and(|(_, port)| port.parse::<u16>().is_ok()) && address.len() <= MOST_ADDRESS_BYTES
+        };
+        let found = match &self.advertise {
+            Some(address) if is_address(address) => return Ok(()),
+            Some(address) => address.clone(),
+            None if self.listen.ip().is_unspecified() => "missing".to_owned(),
+            None => return Ok(()),
+        };
+        Err(ConfigError::Value {
+            option: "advertise",
+            found,
+            allowed: "HOST:PORT under which clients reach this server".to_owned(),
+        })
     }
 
     /// Checks that a certificate has its key, and that authorities of clients come with a

@@ -11,9 +11,12 @@ use troupe_batch::scheduler::Limits;
 use troupe_edge::clients::{Share, Shares};
 use troupe_edge::guard::Guard;
 use troupe_edge::port::{ConnectionLimits, TlsFiles};
+use troupe_engine::gpu::GpuOptions;
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
+use troupe_live::records::RecordsError;
+use troupe_live::records::shared::Place;
 use troupe_live::session::{SessionLimits, TenantOptions};
 use troupe_live::world::Folders;
 use troupe_service::inbetween::RequestLimits;
@@ -240,10 +243,18 @@ impl Config {
             std::fs::create_dir_all(&folder).ok().map(|()| folder)
         };
         match &self.store {
+            Some(_) if self.shared_store().is_some() => None,
             Some(folder) => Some(folder.clone()).filter(|folder| !folder.as_os_str().is_empty()),
             None if port == 0 => None,
             None => usual(),
         }
+    }
+
+    /// The store that servers share. `None`: this server has its own, or none. An error means that
+    /// its address cannot be read.
+    pub fn shared_store(&self) -> Option<Result<Place, RecordsError>> {
+        let text = self.store.as_ref()?.to_str()?;
+        Place::is_one(text).then(|| text.parse())
     }
 
     /// The workers of each pack, on the cores that this process may use within its container's
@@ -283,6 +294,10 @@ impl Config {
             accuracy_check: self.accuracy_check,
             workers: self.workers(),
             packs,
+            gpu: GpuOptions {
+                device: self.gpu_device,
+                memory_bytes: self.gpu_memory_mib << 20,
+            },
             // Idle inference threads sleep. Spinning is a little faster on an otherwise idle CPU,
             // and slower on any other.
             spin: false,

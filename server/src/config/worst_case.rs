@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::Config;
 use troupe_engine::pack::Pack;
+use troupe_live::session::recording::{MAX_RECORDING_BYTES, MAX_RECORDINGS, MAX_REPLAY_BYTES, MAX_REPLAYS};
 use troupe_live::session::{MAX_PERFORMERS, MAX_SESSION_BYTES, PERFORMER_BYTES};
 
 /// The program and its libraries, without packs and clients, bytes. With two packs of 10 million
@@ -78,6 +79,11 @@ impl Config {
                 "performances",
                 self.max_sessions.min(MAX_PERFORMERS) as u64 * PERFORMER_BYTES,
                 "max_sessions",
+            ),
+            part(
+                "recordings",
+                (MAX_RECORDINGS * MAX_RECORDING_BYTES + MAX_REPLAYS * MAX_REPLAY_BYTES) as u64,
+                "a constant",
             ),
             part("streams", self.max_streams as u64 * STREAM_BYTES, "max_streams"),
             part(

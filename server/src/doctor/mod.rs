@@ -172,6 +172,12 @@ impl Report {
                 tested: engine.is_tested(),
             })
             .collect();
+        if let (Some(gpu), false) = (self.machine.gpus.first(), runtime.offers(EngineKind::Cuda)) {
+            self.warnings.push(format!(
+                "there is a GPU ({}), but this library does not offer CUDA: `TROUPE_RUNTIME=gpu make runtime` fetches one that does",
+                gpu.name
+            ));
+        }
         if self.machine.has_bf16() && !runtime.offers(EngineKind::OpenvinoBf16) {
             self.warnings.push(
                 "the CPU computes in bf16, but this library does not offer OpenVINO: `make runtime` fetches one that \

@@ -44,6 +44,16 @@ impl Report {
             machine.memory_bytes as f64 / GIB,
             machine.host_memory_bytes as f64 / GIB
         )?;
+        for gpu in &machine.gpus {
+            writeln!(
+                f,
+                "  GPU {}     {}, {:.1} GiB, driver {}",
+                gpu.index,
+                gpu.name,
+                gpu.memory_bytes as f64 / GIB,
+                gpu.driver
+            )?;
+        }
         let (workers, threads) = (self.workers.count, self.workers.threads);
         writeln!(
             f,

@@ -3,6 +3,7 @@ use std::time::Duration;
 use crate::config::{MemoryUse, WorstCase};
 use crate::doctor::{Engine, Library, Speed, Trial};
 use troupe_engine::accuracy::Accuracy;
+use troupe_engine::gpu::Gpu;
 use troupe_engine::machine::Machine;
 use troupe_engine::onnx::Batching;
 use troupe_engine::{Check, Decision, EngineKind, Workers};
@@ -38,6 +39,12 @@ fn report() -> Report {
             host_cores: 64,
             memory_bytes: 4 << 30,
             host_memory_bytes: 256 << 30,
+            gpus: vec![Gpu {
+                index: 0,
+                name: "NVIDIA H200".into(),
+                driver: "580.159.04".into(),
+                memory_bytes: 143_771 << 20,
+            }],
         },
         workers,
         library: Some(Library {

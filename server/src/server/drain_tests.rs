@@ -205,7 +205,7 @@ async fn live(
     let around = Around {
         time: TimeSource::default(),
         executor: Executor::here(),
-        records: Box::new(move || on(&records).map(Some)),
+        records: Box::new(move |_| Ok(Some(Box::new(on(&records)?)))),
     };
     let address = SocketAddr::from(([127, 0, 0, 1], 8080));
     let served = serve_on(config.clone(), listener, address, around, || Ok(vec![packs]));
@@ -382,7 +382,7 @@ async fn check_kept(plan: &Plan, end: &End, log: &Log, disk: &Shared, sum: &mut 
     let sessions = Arc::new(sessions);
     let (packs, store) = (space.packs.clone(), space.store.clone());
     let spaces = Spaces::new(packs, store, sessions.clone(), TenantOptions::default());
-    let keeper = Keeper::new(&Arc::new(spaces), on(disk).unwrap(), telemetry);
+    let keeper = Keeper::new(&Arc::new(spaces), Box::new(on(disk).unwrap()), telemetry);
     drop(keeper.unwrap());
     let has_lost = matches!(end.stopped, Stopped::Forced | Stopped::Unkept);
     let kept_by = |at: Instant| plan.kept_by(end.begun, at);

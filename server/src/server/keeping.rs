@@ -1,5 +1,6 @@
 //! Saves sessions from the start of the service to its end.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,29 +10,40 @@ use tokio::task::{JoinHandle, spawn_blocking};
 use tokio::time::Instant;
 
 use crate::config::Config;
-use troupe_base::telemetry::Seldom;
-use troupe_live::records::{Records, RecordsError};
+use troupe_base::telemetry::{Seldom, Telemetry};
+use troupe_live::records::shared::{SharedRecords, Terms};
+use troupe_live::records::{RecordStore, Records, RecordsError};
 use troupe_live::session::{Backlog, Keeper};
 
 /// Time between two looks at a round that takes long.
 const LOOK_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Opens the records. None: nothing is kept. It blocks.
-pub(super) type OpenRecords = Box<dyn FnOnce() -> Result<Option<Records>, RecordsError> + Send>;
+pub(super) type OpenRecords =
+    Box<dyn FnOnce(&Telemetry) -> Result<Option<Box<dyn RecordStore>>, RecordsError> + Send>;
 
-/// The records that `config` asks for. The default folder may be unusable, for example on a
-/// read-only disk. Then a warning says that nothing is kept. A damaged file is always an error.
-pub(super) fn records_of(config: &Config) -> OpenRecords {
+/// The records that `config` asks for, of a server that listens on `address`. The default folder
+/// may be unusable, for example on a read-only disk. Then a warning says that nothing is kept. A
+/// damaged file is always an error. A shared store need not answer yet.
+pub(super) fn records_of(config: &Config, address: SocketAddr) -> OpenRecords {
+    if let Some(place) = config.shared_store() {
+        let address = config.advertise.clone().unwrap_or_else(|| address.to_string());
+        return Box::new(move |telemetry| {
+            let shared = SharedRecords::new(&place?, address.clone(), Terms::default(), telemetry);
+            tracing::info!(address, "sessions are shared with other servers");
+            Ok(Some(Box::new(shared)))
+        });
+    }
     let (folder, asked) = (config.store_folder(), config.store.is_some());
-    Box::new(move || open(folder, asked))
+    Box::new(move |_| open(folder, asked))
 }
 
-fn open(folder: Option<PathBuf>, asked: bool) -> Result<Option<Records>, RecordsError> {
+fn open(folder: Option<PathBuf>, asked: bool) -> Result<Option<Box<dyn RecordStore>>, RecordsError> {
     let Some(folder) = folder else {
         return Ok(None);
     };
     match Records::open(&folder) {
-        Ok(records) => Ok(Some(records)),
+        Ok(records) => Ok(Some(Box::new(records))),
         Err(error) if asked || matches!(error, RecordsError::Damaged { .. }) => Err(error),
         Err(error) => {
             tracing::warn!(%error, "sessions and uploads last until the server stops");

@@ -24,7 +24,7 @@ pub async fn serve_here(
     let around = Around {
         time: TimeSource::default(),
         executor: Executor::here(),
-        records: keeping::records_of(&config),
+        records: keeping::records_of(&config, address),
     };
     serve_on(config, listener, address, around, packs).await
 }

@@ -137,6 +137,40 @@ async fn a_key_opens_as_many_sessions_as_its_quota() {
 }
 
 #[tokio::test]
+async fn a_key_records_sessions_if_its_entry_says_so() {
+    let entries = [
+        ("never", Role::Drive, ""),
+        ("asked", Role::Drive, "record = \"asked\"\n"),
+        ("always", Role::Drive, "record = \"always\"\n"),
+    ];
+    let (keyed, keys) = Keyed::start(&entries).await;
+    let [never, asked, always] = [keys[0].as_str(), keys[1].as_str(), keys[2].as_str()];
+    let open = async |key, record| {
+        let body = json!({ "sessions": [{ "record": record }] });
+        keyed.post("/v1/sessions", key, Some(body)).await
+    };
+    let (status, body) = open(never, true).await;
+    assert_eq!(
+        (status, &body["error"]["field"]),
+        (StatusCode::BAD_REQUEST, &json!("sessions[0].record")),
+        "{body}"
+    );
+    for (key, record, recorded) in [
+        (never, false, false),
+        (asked, false, false),
+        (asked, true, true),
+        (always, false, true),
+    ] {
+        let (status, body) = open(key, record).await;
+        assert_eq!(
+            (status, &body["sessions"][0]["recorded"]),
+            (StatusCode::OK, &json!(recorded)),
+            "{body}"
+        );
+    }
+}
+
+#[tokio::test]
 async fn a_key_has_streams_and_memory_by_its_quota() {
     let more = "max_streams = 1\ntransfer_memory_mib = 1\n";
     let (keyed, keys) = Keyed::start(&[("small", Role::Drive, more)]).await;

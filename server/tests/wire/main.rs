@@ -26,6 +26,7 @@ mod overload;
 mod packs;
 mod pages;
 mod paths;
+mod recordings;
 mod restart;
 mod robots;
 mod scene_sessions;

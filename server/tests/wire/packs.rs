@@ -17,7 +17,7 @@ use troupe_server::config::Config;
 use troupe_server::server::{PackSource, Provider, StartError, serve_from};
 use troupe_service::{Offer, Stock};
 
-use crate::common::calls::{frames_of, open, step, stepped, walk};
+use crate::common::calls::{frames_of, options, step, stepped, walk};
 use crate::common::{Gate, HandClock, StraightLine, TestServer, pack, request};
 
 /// What is wrong with a pack.
@@ -153,7 +153,15 @@ fn largest_step(roots: &[f32]) -> f32 {
 async fn a_swap_under_a_live_session_loses_no_frame_and_makes_no_jump() {
     let server = start(&[("toy", "2.0.0", Flaw::None)]).await;
     let mut client = server.sessions().await;
-    open(&mut client, &["a"]).await;
+    let recorded = v1::SessionOptions {
+        record: true,
+        ..options("a")
+    };
+    let sessions = vec![recorded];
+    client
+        .create_sessions(v1::CreateSessionsRequest { sessions })
+        .await
+        .unwrap();
     let before = stepped(&mut client, step(&["a"], 60, vec![walk("a", 1, (0.0, 1.2))])).await;
     let swapped = server
         .grpc()
@@ -188,6 +196,15 @@ async fn a_swap_under_a_live_session_loses_no_frame_and_makes_no_jump() {
     assert!(
         made >= 60.0,
         "the session's plans come from the new version: {line}"
+    );
+    // Its frames are no longer those of the pack that the recording names.
+    let session_id = "a".to_owned();
+    let recording = client.get_recording(v1::GetRecordingRequest { session_id }).await;
+    let recording = recording.unwrap().into_inner();
+    let last = recording.lines.lines().last().unwrap();
+    assert!(
+        recording.ended && last.starts_with("{\"end\":{\"why\":\"swap\""),
+        "{last}"
     );
     all_left(&server).await;
     assert_eq!(versions(&server).await, ["other 1.2.3", "toy 2.0.0"]);

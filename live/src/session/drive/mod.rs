@@ -221,6 +221,7 @@ impl Driving {
             Some(Ask::Attach(v1::DriveAttach { session_ids })) => {
                 let path = root.field("attach");
                 units::length(&path.field("session_ids"), session_ids.len(), 1, most)?;
+                self.sessions.bring(&session_ids).await;
                 Ok(Some(Said::Attached(
                     self.roster.attach(&session_ids, self.form).await,
                 )))

@@ -185,8 +185,8 @@ impl Roster {
                     load,
                     budget::own_priority(live.priority, self.mean_priority),
                 );
-                live.character.under_load(strain);
-                live.character.advance(sub_frames, Clock::Runs);
+                live.under_load(strain);
+                live.advance(sub_frames, Clock::Runs);
                 live.sample(&mut self.out);
                 let wants = cell.settle(&mut live);
                 if cell.scene().is_some() {

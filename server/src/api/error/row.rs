@@ -28,6 +28,12 @@ pub(super) const NOT_NOW: Codes = codes(
     StatusCode::CONFLICT,
     "FAILED_PRECONDITION",
 );
+/// Another server serves what the request is about.
+pub(super) const MISDIRECTED: Codes = codes(
+    Code::FailedPrecondition,
+    StatusCode::MISDIRECTED_REQUEST,
+    "FAILED_PRECONDITION",
+);
 pub(super) const FULL: Codes = codes(
     Code::ResourceExhausted,
     StatusCode::TOO_MANY_REQUESTS,

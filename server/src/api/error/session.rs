@@ -2,13 +2,20 @@
 
 use std::time::Duration;
 
-use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
+use super::row::{
+    EXISTS, FULL, GONE, INTERNAL, INVALID, MISDIRECTED, NOT_FOUND, NOT_NOW, Row, TOO_LARGE, Tabled,
+    UNAVAILABLE,
+};
 use troupe_character::live::{CommandError, MAX_WAITING_COMMANDS};
 use troupe_live::packs::{CannotDo, UnknownBody, UnknownPack};
+use troupe_live::session::recording::RecordingError;
 use troupe_live::session::{SessionError, SpaceError};
 
 /// Retry hint if it is unknown when a place becomes free.
 const WHEN_A_PLACE_IS_FREE: Duration = Duration::from_secs(1);
+
+/// Retry hint while the store does not answer. It is asked twice a second.
+const WHEN_THE_STORE_IS_BACK: Duration = Duration::from_secs(1);
 
 impl Tabled for SessionError {
     fn row(&self) -> Row<'_> {
@@ -28,6 +35,21 @@ impl Tabled for SessionError {
                 .because("SESSION_EXISTS")
                 .field(field)
                 .allowed("an id that is free, or none"),
+            Self::Elsewhere {
+                owner,
+                ends_in_ms,
+                field,
+                ..
+            } => MISDIRECTED
+                .because("SESSION_ELSEWHERE")
+                .field(field)
+                .allowed(owner.as_str())
+                .retry_after(Duration::from_millis(*ends_in_ms)),
+            Self::Moved { field, .. } => MISDIRECTED.because("SESSION_MOVED").field(field),
+            Self::NoStore { field, .. } => UNAVAILABLE
+                .because("STORE_UNREACHABLE")
+                .field(field)
+                .retry_after(WHEN_THE_STORE_IS_BACK),
             Self::Busy { field, .. } => NOT_NOW.because("SESSION_BUSY").field(field),
             Self::TooMany { limit, .. } => no_place("TOO_MANY_SESSIONS", *limit),
             Self::TooManyStreams { limit } => no_place("TOO_MANY_STREAMS", *limit),
@@ -41,9 +63,28 @@ impl Tabled for SessionError {
                 .because("STYLE_IS_BUILT_IN")
                 .field(field)
                 .allowed("a name that none of the pack's own styles has"),
+            Self::NotRecorded { .. } => NOT_FOUND.because("UNKNOWN_RECORDING").field("session_id"),
+            Self::Recording(error) => error.row(),
+            Self::TooManyReplays { limit } => no_place("TOO_MANY_REPLAYS", *limit),
             Self::Plan(error) => error.row(),
             Self::Stopped(error) => error.row(),
         }
+    }
+}
+
+impl Tabled for RecordingError {
+    fn row(&self) -> Row<'_> {
+        let row = match self {
+            Self::TooLarge { most, .. } => TOO_LARGE
+                .because("RECORDING_TOO_LARGE")
+                .allowed(format!("at most {most} bytes")),
+            Self::Line { .. } => INVALID.because("MALFORMED_RECORDING"),
+            Self::Newer { .. } => INVALID.because("NEWER_RECORDING"),
+            Self::Differs(_) => NOT_NOW
+                .because("RECORDING_DIFFERS")
+                .allowed("a server like the one that recorded it, or anyway"),
+        };
+        row.field("recording")
     }
 }
 

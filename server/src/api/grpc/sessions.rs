@@ -8,7 +8,7 @@ use tonic::{Request, Response, Status, Streaming};
 use troupe_proto::v1;
 use troupe_proto::v1::sessions_server::Sessions;
 
-use super::answer;
+use super::{PartStream, answer, parts};
 use crate::api::ours::ours;
 use crate::api::{ApiError, answers, opening};
 use troupe_base::turns::Turns;
@@ -114,6 +114,7 @@ impl Sessions for SessionsApi {
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
         let service = ours(&self.service, &request).await?;
         let sessions = service.sessions();
+        sessions.bring(&request.get_ref().session_ids).await;
         let plan = sessions
             .plan_step(request.get_ref())
             .map_err(|error| ApiError::from(error).status())?;
@@ -124,6 +125,29 @@ impl Sessions for SessionsApi {
         let mut response = answer(stepped.map(answers::step))?;
         response.extensions_mut().insert(reserved);
         Ok(response)
+    }
+
+    async fn get_recording(
+        &self,
+        request: Request<v1::GetRecordingRequest>,
+    ) -> Result<Response<v1::SessionRecording>, Status> {
+        answer(
+            ours(&self.service, &request)
+                .await?
+                .sessions()
+                .recording(request.get_ref()),
+        )
+    }
+
+    type ReplayStream = PartStream<v1::ReplayResponse>;
+
+    async fn replay(
+        &self,
+        request: Request<v1::ReplayRequest>,
+    ) -> Result<Response<Self::ReplayStream>, Status> {
+        let service = ours(&self.service, &request).await?;
+        let turns = turns(&request);
+        parts(service.replay(request.into_inner(), turns))
     }
 
     type DriveStream = Pin<Box<dyn Stream<Item = Result<v1::DriveResponse, Status>> + Send>>;

@@ -19,7 +19,7 @@ use troupe_edge::clients::Client;
 use troupe_service::{ServiceError, Streamed};
 
 /// Content type of the answer: one JSON value per line.
-const LINES: &str = "application/x-ndjson";
+pub(super) const LINES: &str = "application/x-ndjson";
 
 /// Act out words, or follow a path
 ///
@@ -79,7 +79,7 @@ pub(crate) async fn describe(
 }
 
 /// An answer with one part per line.
-async fn lines<A: Streamed>(mut answer: A) -> Result<Response, ApiError> {
+pub(super) async fn lines<A: Streamed>(mut answer: A) -> Result<Response, ApiError> {
     // An error before the first part becomes an answer with its own status.
     let first = match answer.next().await {
         Some(Ok(part)) => Some(part),

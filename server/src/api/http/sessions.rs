@@ -211,6 +211,7 @@ pub(in crate::api) async fn command(
         (status = 404, description = "None of the sessions is open"),
         (status = 409, description = "Other clients drive all of these sessions"),
         (status = 410, description = "The sessions have expired"),
+        (status = 421, description = "Another server has the sessions: the one in `allowed`"),
         (status = 500, description = "Inference failed"),
         (status = 504, description = "Not served in time"),
     )
@@ -221,6 +222,7 @@ pub(in crate::api) async fn step(
     JsonBody(request): JsonBody<v1::StepRequest>,
 ) -> Result<Response, ApiError> {
     let sessions = service.sessions();
+    sessions.bring(&request.session_ids).await;
     let plan = sessions.plan_step(&request)?;
     let bytes = plan.answer_bytes() * traffic::COPIES_AS_JSON;
     let reserved = traffic::reserve(Some(&client), bytes)?;

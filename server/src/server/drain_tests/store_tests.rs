@@ -58,7 +58,7 @@ async fn serve_with(disk: &Shared, id: &str) -> ServerHandle {
     let around = Around {
         time: TimeSource::default(),
         executor: Executor::here(),
-        records: Box::new(move || on(&records).map(Some)),
+        records: Box::new(move |_| Ok(Some(Box::new(on(&records)?)))),
     };
     let address = SocketAddr::from(([127, 0, 0, 1], 8080));
     let (_, listener) = port();
