@@ -1,7 +1,7 @@
 //! The callers' interface to a pack's workers.
 
 use std::pin::Pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::task::{Context, Poll, ready};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -34,8 +34,38 @@ pub struct Batcher(Arc<Owner>);
 #[derive(Debug)]
 struct Owner {
     shared: Arc<Shared>,
-    /// The workers' threads that have not been joined.
-    threads: Mutex<Vec<JoinHandle<()>>>,
+    threads: Arc<Threads>,
+}
+
+/// The workers' threads that have not been joined.
+#[derive(Debug, Default)]
+struct Threads(Mutex<Vec<JoinHandle<()>>>);
+
+impl Threads {
+    fn add(&self, thread: JoinHandle<()>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(thread);
+    }
+
+    fn have_ended(&self) -> bool {
+        let threads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        threads.iter().all(JoinHandle::is_finished)
+    }
+
+    /// Waits until `deadline` for their ends. Answers whether all have ended.
+    fn join(&self, deadline: Instant) -> bool {
+        let mut threads = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        while !threads.iter().all(JoinHandle::is_finished) {
+            if Instant::now() >= deadline {
+                return false;
+            }
+            std::thread::sleep(JOIN_INTERVAL);
+        }
+        for thread in threads.drain(..) {
+            // A worker that panicked has reported it.
+            let _ = thread.join();
+        }
+        true
+    }
 }
 
 impl Drop for Owner {
@@ -67,7 +97,7 @@ impl Batcher {
         // If a worker does not start, dropping this ends the others.
         let batcher = Self(Arc::new(Owner {
             shared: shared.clone(),
-            threads: Mutex::default(),
+            threads: Arc::default(),
         }));
         let mut starting = Vec::with_capacity(limits.workers);
         for number in 0..limits.workers {
@@ -77,8 +107,7 @@ impl Batcher {
                 .name(format!("worker-{number}-{name}"))
                 .spawn(move || worker::run(shared, number, &factory, started))
                 .map_err(|error| EngineError::Library(format!("cannot start a worker's thread: {error}")))?;
-            let threads = batcher.0.threads.lock();
-            threads.unwrap_or_else(PoisonError::into_inner).push(thread);
+            batcher.0.threads.add(thread);
             starting.push(has_started);
         }
         for started in starting {
@@ -100,18 +129,16 @@ impl Batcher {
     /// Waits for the ends of the workers' threads, until `deadline`. Answers whether all have
     /// ended. Call [`Batcher::stop`] first. This blocks.
     pub fn join(&self, deadline: Instant) -> bool {
-        let mut threads = self.0.threads.lock().unwrap_or_else(PoisonError::into_inner);
-        while !threads.iter().all(JoinHandle::is_finished) {
-            if Instant::now() >= deadline {
-                return false;
-            }
-            std::thread::sleep(JOIN_INTERVAL);
+        self.0.threads.join(deadline)
+    }
+
+    /// A handle to the workers that does not keep them alive.
+    pub fn leaving(&self) -> Leaving {
+        Leaving {
+            owner: Arc::downgrade(&self.0),
+            shared: self.shared().clone(),
+            threads: self.0.threads.clone(),
         }
-        for thread in threads.drain(..) {
-            // A worker that panicked has reported it.
-            let _ = thread.join();
-        }
-        true
     }
 
     fn admit(&self, tasks: Vec<Task>, order: Order, reply: Reply) -> Result<PendingRequest, SubmitError> {
@@ -187,6 +214,37 @@ impl Batcher {
             pieces,
             place: Some(place),
         })
+    }
+}
+
+/// The workers of a batcher that new callers do not get any more. They end after the last clone of
+/// the batcher is dropped.
+#[derive(Debug)]
+pub struct Leaving {
+    owner: Weak<Owner>,
+    shared: Arc<Shared>,
+    threads: Arc<Threads>,
+}
+
+impl Leaving {
+    /// Whether the batcher has clones left.
+    pub fn is_held(&self) -> bool {
+        self.owner.strong_count() > 0
+    }
+
+    /// Whether all workers have ended, and their generators are gone.
+    pub fn has_ended(&self) -> bool {
+        !self.is_held() && self.threads.have_ended()
+    }
+
+    /// As [`Batcher::stop`].
+    pub fn stop(&self) {
+        self.shared.stop();
+    }
+
+    /// As [`Batcher::join`].
+    pub fn join(&self, deadline: Instant) -> bool {
+        self.threads.join(deadline)
     }
 }
 

@@ -95,7 +95,7 @@ impl Stages for Gate {
 /// A batcher of which each worker waits for permits.
 pub(super) struct Setup {
     pub(super) batcher: Batcher,
-    permits: Vec<blocking::Sender<()>>,
+    pub(super) permits: Vec<blocking::Sender<()>>,
     sizes: Vec<Arc<Mutex<Vec<usize>>>>,
     telemetry: Telemetry,
 }

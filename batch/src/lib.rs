@@ -25,7 +25,7 @@ mod state;
 mod trace;
 mod worker;
 
-pub use batcher::{Answer, AnswerStream, Batcher};
+pub use batcher::{Answer, AnswerStream, Batcher, Leaving};
 pub use error::SubmitError;
 pub use metrics::{PackMetrics, Rejection};
 pub use order::{Class, Order, OwnerId};

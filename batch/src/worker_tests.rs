@@ -41,6 +41,25 @@ async fn a_request_is_split_over_idle_workers_and_joined_in_order() {
 }
 
 #[tokio::test]
+async fn workers_leave_with_the_last_clone_and_answer_what_was_asked() {
+    let setup = setup(limits(1), [Trouble::None]).await;
+    let answer = setup.enqueue(0..1);
+    setup.dispatched(1).await;
+    let (leaving, clone) = (setup.batcher.leaving(), setup.batcher.clone());
+    setup.permit(0);
+    assert_eq!(marks(answer.await.unwrap()), [0.0]);
+    let waiting = setup.enqueue(1..2);
+    drop(setup.batcher);
+    assert!(leaving.is_held() && !leaving.has_ended());
+    drop(clone);
+    assert!(!leaving.is_held() && !leaving.has_ended());
+    setup.permits[0].send(()).unwrap();
+    assert_eq!(marks(waiting.await.unwrap()), [1.0]);
+    until("the worker has ended", || leaving.has_ended()).await;
+    assert!(leaving.join(Instant::now()));
+}
+
+#[tokio::test]
 async fn a_step_for_several_characters_counts_once() {
     let setup = setup(limits(1), [Trouble::None]).await;
     let answer = setup.enqueue(0..4);

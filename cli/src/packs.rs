@@ -1,23 +1,33 @@
 //! `troupe packs`.
 
+mod life;
+
 use clap::Args;
 use comfy_table::Cell;
 use serde_json::{Value, json};
 use troupe_client::Pack;
 use troupe_proto::v1;
 
+use self::life::Change;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::output::{print, table};
 
-/// List the packs that the server has loaded, or describe one.
+/// List the packs that the server has loaded, describe one, or load, unload and swap them.
 #[derive(Debug, Args)]
-#[command(after_long_help = "\
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_long_help = "\
 Examples:
   troupe packs
   troupe packs human
-  troupe packs human --json | jq .figures")]
+  troupe packs human --json | jq .figures
+  troupe packs swap human 0.4.0"
+)]
 pub(crate) struct Packs {
+    #[command(subcommand)]
+    change: Option<Change>,
+
     /// Describe this pack: skeleton, limits, licence, credits, training and evaluation figures.
     pub(crate) name: Option<String>,
 
@@ -27,6 +37,9 @@ pub(crate) struct Packs {
 }
 
 pub(super) async fn run(context: &Context, command: &Packs) -> Result<(), Failure> {
+    if let Some(change) = &command.change {
+        return life::run(context, change).await;
+    }
     let client = context.connect().await?;
     let text = match &command.name {
         Some(name) => {

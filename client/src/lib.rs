@@ -41,6 +41,7 @@ mod connection;
 mod error;
 mod generate;
 mod inbetween;
+mod life;
 pub mod live;
 mod metrics;
 mod pack;

@@ -56,8 +56,9 @@ impl Access {
             (None, None) => return Err(EdgeError::NoKey),
         };
         let Identity { role, ref tenant, .. } = admitted.identity;
-        if needed == Role::Metrics && role == Role::Admin && tenant.is_some() {
-            return Err(EdgeError::OfTenant);
+        let is_of_all = matches!(needed, Role::Metrics | Role::Admin);
+        if is_of_all && role == Role::Admin && tenant.is_some() {
+            return Err(EdgeError::OfTenant { needed });
         }
         if !role.may(needed) {
             tracing::debug!(key = %admitted.identity.name, path, "a key's role does not allow a call");
@@ -157,6 +158,48 @@ mod tests {
             tenant: Some("a".into()),
         };
         assert_eq!(text, format!("{expected:?}"));
+    }
+
+    #[tokio::test]
+    async fn the_packs_of_all_tenants_are_not_a_tenants_admins() {
+        let of_tenant = keys::entry("studio", Role::Admin, "studio") + "tenant = \"a\"\n";
+        let entries =
+            of_tenant + &keys::entry("ops", Role::Admin, "ops") + &keys::entry("game", Role::Author, "game");
+        let credentials = Credentials::new(Keys::read(&entries).unwrap(), Keys::default(), None);
+        let share = Share {
+            bytes: 1024,
+            streams: 1,
+            sessions: 1,
+        };
+        let shares = Shares {
+            client: share,
+            address: share,
+            all: share,
+        };
+        let access = Access {
+            credentials: Arc::new(credentials),
+            clients: Arc::new(Clients::new(shares, &Telemetry::new().unwrap())),
+            front: Front {
+                needed: |_, _| Some(Role::Admin),
+                ..FRONT
+            },
+        };
+        let allowed = |key: &str| {
+            let request = Request::builder().header(header::AUTHORIZATION, format!("Bearer {key}"));
+            let request = request.body(axum::body::Body::empty()).unwrap();
+            access
+                .allowed(&request)
+                .map(|_| ())
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(allowed("ops"), Ok(()));
+        let refused = "the key is of a tenant, and packs are of all tenants; allowed: a key of the role admin \
+                       without a tenant";
+        assert_eq!(allowed("studio"), Err(refused.to_owned()));
+        assert_eq!(
+            allowed("game"),
+            Err("the key's role is author; allowed: admin".to_owned())
+        );
     }
 
     #[test]

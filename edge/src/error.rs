@@ -51,9 +51,15 @@ pub enum EdgeError {
     /// The token of an open stream, or of a ticket, has expired.
     #[error("the token has expired, so its streams end")]
     TokenExpired,
-    /// A tenant's key that would read the metrics of all tenants.
-    #[error("the key is of a tenant, and metrics are of all tenants; allowed: {METRICS_KEYS}")]
-    OfTenant,
+    /// A tenant's key that would read the metrics of all tenants, or change their packs.
+    #[error(
+        "the key is of a tenant, and {} are of all tenants; allowed: {}",
+        if *needed == Role::Metrics { "metrics" } else { "packs" }, needed.of_all()
+    )]
+    OfTenant {
+        /// The role that the call needs.
+        needed: Role,
+    },
     /// A ticket that is unknown, used or expired.
     #[error(
         "ticket is unknown, used or expired; allowed: an unused one from POST /v1/tickets, at most 30 s old"

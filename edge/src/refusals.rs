@@ -64,7 +64,7 @@ impl RequestRefusal {
             EdgeError::NotAllowed { .. } => Some(Self::Host),
             EdgeError::NoKey => Some(Self::KeyMissing),
             EdgeError::UnknownKey | EdgeError::KeyRemoved => Some(Self::KeyUnknown),
-            EdgeError::RoleTooLow { .. } | EdgeError::OfTenant => Some(Self::Role),
+            EdgeError::RoleTooLow { .. } | EdgeError::OfTenant { .. } => Some(Self::Role),
             EdgeError::HeadersTooLarge { .. } => Some(Self::Headers),
             EdgeError::Token(_) | EdgeError::TokenExpired | EdgeError::UnknownTicket => Some(Self::Other),
             EdgeError::Exhausted(_)

@@ -61,6 +61,31 @@ impl Machine {
     }
 }
 
+/// Memory that this process can still take, bytes: what the machine has available, within the
+/// container's limit. None if the system does not say.
+pub fn free_memory_bytes() -> Option<u64> {
+    use sysinfo::{MemoryRefreshKind, RefreshKind, System};
+    let what = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
+    let system = System::new_with_specifics(what);
+    let limit = system
+        .cgroup_limits()
+        .map_or(u64::MAX, |limits| limits.total_memory.saturating_sub(limits.rss));
+    let free = system.available_memory().min(limit);
+    (free > 0).then_some(free)
+}
+
+/// Memory of this process, bytes. None where the system does not say.
+pub fn resident_bytes() -> Option<u64> {
+    resident_in(&std::fs::read_to_string("/proc/self/status").ok()?)
+}
+
+/// The line `VmRSS` of `/proc/PID/status`, in bytes.
+fn resident_in(status: &str) -> Option<u64> {
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib << 10)
+}
+
 /// Cores that this process may use, within its affinity and its container's limits.
 pub fn available_cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
@@ -120,6 +145,14 @@ mod tests {
     }
 
     #[test]
+    fn resident_memory_is_read_in_bytes() {
+        let status = "VmPeak:\t  900 kB\nVmRSS:\t   12 kB\nRssAnon:\t 4 kB\n";
+        assert_eq!(resident_in(status), Some(12 << 10));
+        assert_eq!(resident_in("VmPeak:\t  900 kB\n"), None);
+        assert_eq!(resident_in("VmRSS:\t many kB\n"), None);
+    }
+
+    #[test]
     fn this_machine_has_cores_and_memory() {
         let machine = Machine::detect();
         assert!(
@@ -127,6 +160,7 @@ mod tests {
             "{machine:?}"
         );
         assert!(machine.memory_bytes > 0 && machine.memory_bytes <= machine.host_memory_bytes);
+        assert!(free_memory_bytes().unwrap() <= machine.host_memory_bytes);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! The packs that a server has loaded.
 
+mod fit;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,6 +12,8 @@ use troupe_character::skill::Skills;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::pack::Pack;
 use troupe_motion::model::{Capability, Rig};
+
+pub use fit::Shape;
 
 /// Maximum number of characters of a requested name that an error repeats.
 const MAX_ECHO: usize = 64;
@@ -235,7 +239,7 @@ impl LoadedPack {
 }
 
 /// All packs of a server, by name.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct PackTable {
     packs: BTreeMap<String, Arc<LoadedPack>>,
     default: String,
@@ -278,6 +282,25 @@ impl PackTable {
             packs: self.all().map(of).collect::<Result<_, StyleError>>()?,
             default: self.default.clone(),
         })
+    }
+
+    /// The pack called `name`. `None`: it is not loaded.
+    pub fn get(&self, name: &str) -> Option<&Arc<LoadedPack>> {
+        self.packs.get(name)
+    }
+
+    /// A table with `loaded` too, which takes the place of a pack of its name.
+    pub(crate) fn with(&self, loaded: Arc<LoadedPack>) -> Self {
+        let mut table = self.clone();
+        table.packs.insert(loaded.pack.name().to_owned(), loaded);
+        table
+    }
+
+    /// A table without the pack called `name`.
+    pub(crate) fn without(&self, name: &str) -> Self {
+        let mut table = self.clone();
+        table.packs.remove(name);
+        table
     }
 
     /// All packs, sorted by name.

@@ -152,6 +152,17 @@ pub struct Options {
     )]
     pub packs: PathBuf,
 
+    /// Time between two looks at the folder of packs while the server runs, in seconds. A new
+    /// folder is loaded, a changed one or a newer version takes its pack's place, and the pack of a
+    /// folder that is gone is unloaded. A folder counts once two looks have seen the same files. 0:
+    /// packs change only when an operator asks for it, as `troupe packs load` does.
+    #[config(
+        env = "TROUPE_WATCH_PACKS_S",
+        default = 0,
+        layer_attr(arg(long, value_name = "SECONDS"))
+    )]
+    pub watch_packs_s: u64,
+
     /// Pack for requests that name none. Left out: `human` if it is loaded, otherwise the first by
     /// name.
     #[config(env = "TROUPE_DEFAULT_PACK", layer_attr(arg(long, value_name = "NAME")))]

@@ -4,13 +4,16 @@ mod access;
 #[cfg(test)]
 mod drain_tests;
 mod error;
+mod folder;
 mod gpus;
 mod handle;
 mod health_port;
 mod keeping;
 mod limits;
+mod shelf;
 #[cfg(feature = "testing")]
 pub mod testing;
+mod watching;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -24,8 +27,10 @@ use tonic_health::server::HealthReporter;
 use crate::api;
 use crate::config::Config;
 use access::Access;
+use folder::FolderPacks;
 use gpus::GpuMetrics;
 use keeping::{Keeping, OpenRecords};
+use shelf::ServerShelf;
 use troupe_base::telemetry::Telemetry;
 use troupe_batch::scheduler::Limits;
 use troupe_batch::{Batcher, GeneratorFactory, PackMetrics};
@@ -34,15 +39,17 @@ use troupe_edge::port::{self, ConnectionSlots, Listen, Port, Tls, TlsError, TlsF
 use troupe_edge::reload::{self, Source};
 use troupe_engine::generator::Generator;
 use troupe_engine::gpu::{gpu_use, gpus};
+use troupe_engine::machine::resident_bytes;
 use troupe_engine::onnx::Batching;
-use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
+use troupe_engine::pack::Pack;
 use troupe_engine::{Decision, EngineError, Pipeline, Stages};
 use troupe_live::packs::{LoadedPack, PackTable, load_skills, load_styles};
 use troupe_live::session::{Executor, Sessions, TimeSource};
 use troupe_live::world::Store;
-use troupe_service::Service;
+use troupe_service::{Service, ServiceError};
 
 pub use error::StartError;
+pub use folder::{FilePrint, Provider, Seen, load_packs, packs_of};
 pub use handle::{ServerHandle, Stopped};
 
 /// Name of the pack that is the default if the configuration names none.
@@ -53,6 +60,8 @@ const CALLERS_ENGINE: &str = "other";
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
 /// Extra time for streams to end, after the time for requests.
 const FAREWELL: Duration = Duration::from_millis(500);
+/// Interval at which it is asked whether the packs are loaded.
+const START_INTERVAL: Duration = Duration::from_millis(100);
 /// Interval at which expired sessions are removed. Sessions expire on time without this.
 const SWEEP_INTERVAL: Duration = Duration::from_millis(500);
 
@@ -100,48 +109,6 @@ pub fn max_connections(config: &Config) -> Result<usize, StartError> {
     Ok(port::max_connections(config.max_connections)?)
 }
 
-/// The packs that `config` names, checked but without their networks.
-///
-/// # Errors
-/// [`StartError`] if a pack cannot be used, or if two packs have the same name.
-pub fn load_packs(config: &Config) -> Result<Vec<Pack>, StartError> {
-    let mut packs: Vec<Pack> = Vec::new();
-    for folder in find_packs(&config.packs)? {
-        let pack = Pack::load(&folder)?;
-        if packs.iter().any(|other| other.name() == pack.name()) {
-            let problem = PackProblem::DuplicateName(pack.name().to_owned());
-            return Err(PackError { folder, problem }.into());
-        }
-        packs.push(pack);
-    }
-    Ok(packs)
-}
-
-/// The packs that `config` names, each with its best engine.
-///
-/// # Errors
-/// [`StartError`] if a pack or the requested engine cannot be used.
-pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
-    let packs = load_packs(config)?;
-    let selector = config.selector(packs.len()).map_err(StartError::Library)?;
-    let decisions = selector.choose_all(&packs);
-    let mut sources = Vec::with_capacity(packs.len());
-    for (pack, decision) in packs.into_iter().zip(decisions) {
-        let decision = decision.map_err(|error| StartError::Engine {
-            pack: pack.name().to_owned(),
-            error,
-        })?;
-        let (selector, engine) = (selector.clone(), decision.engine);
-        sources.push(PackSource {
-            pack,
-            workers: decision.workers.count,
-            generator: Box::new(move |pack, max_batch| selector.generator(pack, engine, max_batch)),
-            decision: Some(decision),
-        });
-    }
-    Ok(sources)
-}
-
 /// Starts a server on `listener` with the packs that `config` names. The port answers at once.
 /// Requests are served after [`ServerHandle::ready`].
 ///
@@ -149,8 +116,50 @@ pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
 /// [`StartError`] if the server cannot be set up. Packs load later, and [`ServerHandle::ready`]
 /// returns their errors.
 pub async fn serve(config: Config, listener: TcpListener) -> Result<ServerHandle, StartError> {
-    let for_packs = config.clone();
-    serve_packs(config, listener, move || packs_of(&for_packs)).await
+    let packs = Arc::new(FolderPacks::new(config.clone()));
+    serve_from(config, listener, packs).await
+}
+
+/// [`serve`] with packs of a `provider`, which may be loaded, unloaded and swapped later.
+///
+/// # Errors
+/// [`StartError`] if the server cannot be set up.
+pub async fn serve_from(
+    config: Config,
+    listener: TcpListener,
+    provider: Arc<dyn Provider>,
+) -> Result<ServerHandle, StartError> {
+    let (first, before) = (provider.clone(), resident_bytes());
+    let mut handle = serve_packs(config.clone(), listener, move || first.first()).await?;
+    let (service, telemetry) = (handle.service.clone(), handle.service.telemetry().clone());
+    let max_connections = max_connections(&config)?;
+    let shelf = ServerShelf::new(config.clone(), max_connections, telemetry, provider.clone());
+    let shelf = Arc::new(shelf);
+    service.set_shelf(shelf.clone());
+    let every = config.watch_packs();
+    handle.watching = Some(tokio::spawn(async move {
+        let Some(table) = opened(&service).await else {
+            return;
+        };
+        let packs = table.all().map(|loaded| &*loaded.pack);
+        shelf.measured(packs, "", (before, resident_bytes()));
+        drop(table);
+        if let Some(every) = every {
+            watching::watch(service, provider, every).await;
+        }
+    }));
+    Ok(handle)
+}
+
+/// The packs, once the service has them.
+async fn opened(service: &Service) -> Option<Arc<PackTable>> {
+    loop {
+        match service.table() {
+            Ok(table) => return Some(table),
+            Err(ServiceError::Starting) => tokio::time::sleep(START_INTERVAL).await,
+            Err(_) => return None,
+        }
+    }
 }
 
 /// [`serve`] with packs and engines of the caller's choice. `packs` runs on the pool for blocking
@@ -291,6 +300,7 @@ async fn serve_on(
         connections,
         health_port,
         upkeep,
+        watching: None,
         reloading: tokio::spawn(reloading),
         reload,
         reloads,
@@ -365,7 +375,9 @@ async fn start(
     };
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
     let default = default_pack(&config, &sources)?;
-    let loading = sources.into_iter().map(|source| load(&config, &service, source));
+    let loading = sources
+        .into_iter()
+        .map(|source| load(&config, service.telemetry(), source));
     // Wait for all of them: the library must not be unloaded while workers of another pack still
     // use it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
@@ -397,14 +409,15 @@ fn default_pack(config: &Config, sources: &[PackSource]) -> Result<String, Start
     }
 }
 
-async fn load(config: &Config, service: &Service, source: PackSource) -> Result<LoadedPack, StartError> {
+/// Starts the workers of a pack.
+async fn load(config: &Config, telemetry: &Telemetry, source: PackSource) -> Result<LoadedPack, StartError> {
     let PackSource {
         pack,
         workers,
         generator,
         decision,
     } = source;
-    let metrics = PackMetrics::new(service.telemetry(), pack.name(), &pack.manifest.version);
+    let metrics = PackMetrics::new(telemetry, pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
     let (for_styles, folder) = (pack.clone(), config.styles_folder());
     let read = move || Ok::<_, StartError>((load_styles(&for_styles, folder)?, load_skills(&for_styles)?));

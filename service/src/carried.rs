@@ -91,7 +91,7 @@ impl Service {
             let table = space.packs.table();
             let loaded = table.find("pack", &pack)?;
             let of = (&**loaded, place);
-            Ok::<_, ServiceError>(space.store.skeletons().carrier(of, word.as_deref(), table))
+            Ok::<_, ServiceError>(space.store.skeletons().carrier(of, word.as_deref(), &table))
         });
         found.await?
     }

@@ -34,7 +34,7 @@ impl Service {
     /// queue is full.
     pub fn describe(&self, request: &v1::DescribeRequest) -> Result<Description, ServiceError> {
         let arrived = Instant::now();
-        let loaded = self.table()?.find("pack", &request.pack)?;
+        let loaded = self.pack(&request.pack)?;
         loaded.require(Capability::Describe, "pack")?;
         if !request.others.is_empty() {
             loaded.require(Capability::Agents, "pack")?;

@@ -1,6 +1,7 @@
 //! Errors of calls, below the edge.
 
 use crate::inbetween::NotFeasible;
+use crate::life::LifeError;
 use troupe_base::offload::WorkerStopped;
 use troupe_batch::SubmitError;
 use troupe_character::FieldError;
@@ -43,6 +44,9 @@ pub enum ServiceError {
     /// Only for calls about sessions or styles.
     #[error(transparent)]
     Session(SessionError),
+    /// A pack was not loaded, unloaded or swapped.
+    #[error(transparent)]
+    Life(#[from] LifeError),
     /// An error of a pack's queue or engine.
     #[error(transparent)]
     Batch(#[from] SubmitError),

@@ -67,7 +67,7 @@ impl Service {
     }
 
     /// The first pack with the body of `words` that fills gaps. The default pack goes first.
-    fn filler(&self, words: &LoadedPack) -> Result<Option<&Arc<LoadedPack>>, ServiceError> {
+    fn filler(&self, words: &LoadedPack) -> Result<Option<Arc<LoadedPack>>, ServiceError> {
         let table = self.table()?;
         let fills = |loaded: &&Arc<LoadedPack>| {
             loaded.pack.manifest.capabilities.has(Capability::Inbetween)
@@ -76,7 +76,7 @@ impl Service {
         let default = table
             .all()
             .find(|loaded| table.is_default(loaded) && fills(loaded));
-        Ok(default.or_else(|| table.all().find(fills)))
+        Ok(default.or_else(|| table.all().find(fills)).cloned())
     }
 }
 

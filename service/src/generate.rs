@@ -258,7 +258,7 @@ impl Service {
     /// queue is full.
     pub async fn generate(&self, request: v1::GenerateRequest) -> Result<Generation, ServiceError> {
         let arrived = Instant::now();
-        let loaded = self.table()?.find("pack", &request.pack)?;
+        let loaded = &*self.pack(&request.pack)?;
         require(&request, loaded)?;
         let planned = match self.carried(&request, loaded).await? {
             Planning::Carried(planned) => *planned,

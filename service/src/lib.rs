@@ -7,6 +7,7 @@ mod error;
 mod gap;
 mod generate;
 pub mod inbetween;
+mod life;
 mod metrics;
 mod own;
 mod pack;
@@ -25,6 +26,7 @@ use troupe_proto::v1;
 use crate::inbetween::{
     Plan, RequestLimits, count_in_between, finish_judged, prepare, refuse, refuse_keyframes,
 };
+use life::Life;
 use metrics::ServiceMetrics;
 use own::{OwnSegment, take_in_between};
 use pack::describe;
@@ -48,6 +50,7 @@ use troupe_motion::model::{Capability, KeyframeTask, Output, Rig};
 pub use describe::Description;
 pub use error::ServiceError;
 pub use generate::Generation;
+pub use life::{LifeError, Loading, Offer, PackChange, Shelf, Stock, by_age};
 pub use streamed::Streamed;
 
 /// Most characters of a request that is checked and finished on its own task. Larger requests go to
@@ -81,6 +84,8 @@ struct Common {
     /// Sessions of callers without a tenant.
     sessions: Arc<Sessions>,
     metrics: ServiceMetrics,
+    /// Packs that come and go while the server runs.
+    life: Life,
     telemetry: Telemetry,
 }
 
@@ -96,6 +101,7 @@ impl Service {
                 timeout,
                 sessions: Arc::new(sessions),
                 metrics: ServiceMetrics::new(&telemetry),
+                life: Life::new(&telemetry),
                 telemetry,
             }),
             space: None,
@@ -174,6 +180,7 @@ impl Service {
         if let Some(backlog) = self.common.backlog.get() {
             backlog.look();
         }
+        self.sweep_packs();
         self.common
             .metrics
             .look(self.ready().is_ok(), self.common.spaces.get());
@@ -198,14 +205,19 @@ impl Service {
     }
 
     /// Ends the workers of all packs, and waits for their running steps until `deadline`. Answers
-    /// whether all have ended. This blocks.
+    /// whether all have ended, and no pack is being loaded. This blocks.
     pub fn end_workers(&self, deadline: Instant) -> bool {
         let Some(spaces) = self.common.spaces.get() else {
             return true;
         };
-        let batchers = || spaces.common().packs.table().all().map(|loaded| &loaded.batcher);
+        let table = spaces.common().packs.table();
+        let batchers = || table.all().map(|loaded| &loaded.batcher);
         batchers().for_each(Batcher::stop);
-        batchers().all(|batcher| batcher.join(deadline))
+        self.common.life.stop();
+        // All are waited for, even if one is too slow.
+        let ended = batchers().map(|batcher| batcher.join(deadline));
+        let left = self.common.life.join(deadline) && self.common.life.is_quiet();
+        ended.fold(left, |all, ended| all && ended)
     }
 
     /// The tenant's packs, sessions, scenes and definitions.
@@ -230,12 +242,18 @@ impl Service {
         self.common.limits.max_characters
     }
 
-    /// The packs in the order that the configuration names them.
+    /// The packs as they are now.
     ///
     /// # Errors
     /// [`ServiceError::Starting`] while the server starts.
-    pub fn table(&self) -> Result<&PackTable, ServiceError> {
+    pub fn table(&self) -> Result<Arc<PackTable>, ServiceError> {
         self.space().map(|space| space.packs.table())
+    }
+
+    /// The pack that the field `pack` of a request names. It stays in memory for as long as the
+    /// caller has it.
+    fn pack(&self, name: &str) -> Result<Arc<LoadedPack>, ServiceError> {
+        Ok(self.table()?.find("pack", name)?.clone())
     }
 
     /// The scenes and object definitions.
@@ -253,7 +271,7 @@ impl Service {
     pub fn list_packs(&self) -> Result<v1::ListPacksResponse, ServiceError> {
         let table = self.table()?;
         Ok(v1::ListPacksResponse {
-            packs: table.all().map(|pack| summary(described(table, pack))).collect(),
+            packs: table.all().map(|pack| summary(described(&table, pack))).collect(),
         })
     }
 
@@ -263,13 +281,13 @@ impl Service {
     /// [`ServiceError::UnknownPack`], or [`ServiceError::Starting`] while the server starts.
     pub fn get_pack(&self, name: &str) -> Result<v1::Pack, ServiceError> {
         let table = self.table()?;
-        Ok(described(table, table.find("name", name)?))
+        Ok(described(&table, table.find("name", name)?))
     }
 
     /// Why the queue of a pack would refuse a client's call with one character of usual work now.
     /// None: it has room, or there is no such pack.
     pub fn refusal_of(&self, pack: &str, client: ClientId) -> Option<ServiceError> {
-        let loaded = self.table().ok()?.find("pack", pack).ok()?;
+        let loaded = self.pack(pack).ok()?;
         let order = streamed::order(Instant::now(), self.common.timeout, client);
         loaded.batcher.refuse(&order, 1).map(Into::into)
     }
@@ -278,7 +296,8 @@ impl Service {
     /// one has room.
     pub fn refusal_of_all(&self, client: ClientId) -> Option<ServiceError> {
         let order = streamed::order(Instant::now(), self.common.timeout, client);
-        let mut packs = self.table().ok()?.all();
+        let table = self.table().ok()?;
+        let mut packs = table.all();
         match packs.any(|loaded| loaded.batcher.has_room(&order, 1)) {
             true => None,
             false => self.refusal_of("", client),
@@ -294,7 +313,7 @@ impl Service {
         request: v1::InBetweenRequest,
     ) -> Result<v1::InBetweenResponse, ServiceError> {
         let arrived = Instant::now();
-        let loaded = self.table()?.find("pack", &request.pack)?;
+        let loaded = &*self.pack(&request.pack)?;
         loaded.require(Capability::Inbetween, "pack")?;
         if !request.skeleton.is_empty() {
             count_in_between(&request, &loaded.pack.rig.dims)?;

@@ -109,7 +109,7 @@ impl Service {
         &self,
         request: v1::PutObjectDefinitionRequest,
     ) -> Result<v1::PutObjectDefinitionResponse, ServiceError> {
-        let pack = self.table()?.find("pack", &request.pack)?.pack.rig.clone();
+        let pack = self.pack(&request.pack)?.pack.rig.clone();
         let put = self
             .blocking(move |store| store.put_object(&request, &pack))
             .await?;

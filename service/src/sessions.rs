@@ -64,8 +64,8 @@ impl Service {
         &self,
         request: &v1::ListStylesRequest,
     ) -> Result<v1::ListStylesResponse, ServiceError> {
-        let loaded = self.table()?.find("pack", &request.pack)?;
-        Ok(styles::list(loaded, &request.body)?)
+        let loaded = self.pack(&request.pack)?;
+        Ok(styles::list(&loaded, &request.body)?)
     }
 
     /// `troupe.v1.Sessions/GetStyle`.
@@ -75,7 +75,7 @@ impl Service {
     /// while the server starts.
     pub fn get_style(&self, request: &v1::GetStyleRequest) -> Result<v1::Style, ServiceError> {
         Ok(styles::get(
-            self.table()?.find("pack", &request.pack)?,
+            &*self.pack(&request.pack)?,
             &request.body,
             &request.style,
         )?)
@@ -86,7 +86,7 @@ impl Service {
     /// # Errors
     /// [`ServiceError`] for the first value that is not accepted, or if the style cannot be saved.
     pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ServiceError> {
-        let pack = self.table()?.find("pack", &request.pack)?.clone();
+        let pack = self.pack(&request.pack)?;
         let memory = self.space()?.store.memory().clone();
         // This may write a file.
         let put = move || styles::put(&pack, &request.body, request.style.as_ref(), &memory);

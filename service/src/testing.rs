@@ -31,8 +31,8 @@ impl Service {
         })?;
         Ok(Surroundings {
             rig: pack.rig().clone(),
-            styles: pack.styles().clone(),
-            skills: pack.loaded.skills.clone(),
+            styles: pack.styles(),
+            skills: pack.loaded().skills.clone(),
             world: Some(World {
                 scene: cell,
                 definitions: store.definitions().clone(),

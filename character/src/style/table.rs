@@ -29,7 +29,7 @@ type Styles = BTreeMap<String, Arc<Style>>;
 pub struct StyleTable {
     pack: String,
     skeleton: Arc<Skeleton>,
-    takes: Arc<[Take]>,
+    takes: ArcSwap<Arc<[Take]>>,
     styles: ArcSwap<Styles>,
     /// Where added styles are kept for the next start; none if they are not.
     folder: Option<PathBuf>,
@@ -113,7 +113,7 @@ impl StyleTable {
     pub fn beside(&self, rig: &Rig, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let mut own = Styles::clone(&self.styles.load());
         own.retain(|_, style| style.built_in);
-        Self::with_added(own, Arc::clone(&self.takes), rig, folder)
+        Self::with_added(own, Arc::clone(&self.takes.load()), rig, folder)
     }
 
     fn with_added(
@@ -150,7 +150,7 @@ impl StyleTable {
         Ok(Self {
             pack: rig.name().to_owned(),
             skeleton: Arc::clone(&rig.skeleton),
-            takes,
+            takes: ArcSwap::from_pointee(takes),
             styles: ArcSwap::from_pointee(own),
             folder,
             writing: Mutex::new(()),
@@ -220,10 +220,32 @@ impl StyleTable {
                 cause,
             })?;
         }
-        let (name, style) = ready(style, &self.skeleton, &self.takes);
+        let (name, style) = ready(style, &self.skeleton, &self.takes.load());
         styles.insert(name, Arc::clone(&style));
         self.styles.store(Arc::new(styles));
         Ok(style)
+    }
+
+    /// Replaces the pack's own styles with those of `newer`, the table of another version of the
+    /// pack with the same skeleton. Added styles stay, except those with a name that the pack's own
+    /// styles now have.
+    pub fn renew(&self, newer: &Self) {
+        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let takes = newer.takes.load_full();
+        let mut styles = Styles::clone(&newer.styles.load());
+        styles.retain(|_, style| style.built_in);
+        for (name, style) in &**self.styles.load() {
+            if style.built_in || styles.contains_key(name) {
+                continue;
+            }
+            let mut style = Style::clone(style);
+            if style.words.is_none() {
+                style.takes = Arc::clone(&takes);
+            }
+            styles.insert(name.clone(), Arc::new(style));
+        }
+        self.takes.store(takes);
+        self.styles.store(Arc::new(styles));
     }
 }
 
@@ -271,6 +293,22 @@ mod tests {
         assert!(error.to_string().contains("walkers has no styles"), "{error}");
         table.put(named("mine")).unwrap();
         assert_eq!(table.resolve("").unwrap().name, "mine");
+    }
+
+    #[test]
+    fn another_version_brings_its_own_styles_and_leaves_the_added_ones() {
+        let (old, new) = (TempFolder::new("renew-old"), TempFolder::new("renew-new"));
+        let table = table_with(&old, &["brisk", "gone"], None).unwrap();
+        table.put(named("mine")).unwrap();
+        table.put(named("taken")).unwrap();
+        table.renew(&table_with(&new, &["brisk", "taken"], None).unwrap());
+        let listed: Vec<_> = (table.list().iter())
+            .map(|style| (style.name.clone(), style.built_in))
+            .collect();
+        let expected = [("brisk", true), ("mine", false), ("taken", true)];
+        assert_eq!(listed, expected.map(|(name, own)| (name.to_owned(), own)));
+        assert!(matches!(table.put(named("taken")), Err(PutError::BuiltIn(_))));
+        table.put(named("mine")).unwrap();
     }
 
     #[test]

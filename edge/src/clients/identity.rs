@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::error::METRICS_KEYS;
 use troupe_base::tenant::Tenant;
 
 /// The calls that a caller may use.
@@ -14,7 +15,7 @@ pub enum Role {
     Drive,
     /// As `Drive`, and writes styles, scenes and object definitions.
     Author,
-    /// As `Author`, and reads metrics.
+    /// As `Author`, reads metrics, and loads, unloads and swaps packs.
     Admin,
 }
 
@@ -34,6 +35,14 @@ impl Role {
         match needed {
             Self::Metrics => matches!(self, Self::Metrics | Self::Admin),
             needed => self >= needed,
+        }
+    }
+
+    /// The keys that allow a call about all tenants, for messages.
+    pub fn of_all(self) -> &'static str {
+        match self {
+            Self::Metrics => METRICS_KEYS,
+            _ => "a key of the role admin without a tenant",
         }
     }
 

@@ -126,7 +126,7 @@ fn words(
     let Some(Asked::Perform(asked)) = &command.intent else {
         return Ok(None);
     };
-    (cell.pack().words.command(&path.field("perform"), asked)).map(Some)
+    (cell.pack().words().command(&path.field("perform"), asked)).map(Some)
 }
 
 /// The intent of a command in the native convention. `None` for sentences: [`words`] reads those.
@@ -241,7 +241,7 @@ fn style(path: &Path<'_>, name: &str, cell: &SessionCell, live: &Live) -> Result
     }
     let styles = cell.pack().styles();
     let found = styles.get(name);
-    found.ok_or_else(|| unknown_style(&path.field("style"), name, styles))
+    found.ok_or_else(|| unknown_style(&path.field("style"), name, &styles))
 }
 
 /// The path that a message asks for, in the native convention.

@@ -70,7 +70,7 @@ pub use registry::MAX_SESSION_BYTES;
 pub use results::{CommandResult, SessionProblem};
 pub use resume::Resumed;
 pub use sessions::Sessions;
-pub use space::{Space, SpaceError, Spaces, TenantOptions};
+pub use space::{ChangeError, Space, SpaceError, Spaces, TenantOptions};
 pub use step::{StepPlan, Stepped};
 pub use time::TimeSource;
 pub use words::{MAX_PERFORMERS, PERFORMER_BYTES};

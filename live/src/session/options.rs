@@ -40,10 +40,10 @@ pub(super) fn parts(
     limits: &SessionLimits,
 ) -> Result<SessionParts, SessionError> {
     let id = id::wanted(&path.field("id"), &options.id)?;
-    let pack = packs.find(path, &options.pack, &options.body)?.clone();
-    pack.loaded.require(Capability::Live, path.field("pack"))?;
+    let pack = packs.find(path, &options.pack, &options.body)?;
+    pack.loaded().require(Capability::Live, path.field("pack"))?;
     let (pack, dress) = wearing(&path.field("skeleton"), &options.skeleton, pack, packs, store)?;
-    let style = style(&path.field("style"), &options.style, pack.styles())?;
+    let style = style(&path.field("style"), &options.style, &pack.styles())?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
     let (start, given) = start(path, options, convention, &pack)?;
     let ttl = ttl(path, options, limits)?;
@@ -65,7 +65,7 @@ pub(super) fn parts(
         height_m: None,
     };
     let character = Character::in_world(pack.rig().clone(), character, start, command, world);
-    let character = character.with_skills(pack.loaded.skills.clone());
+    let character = character.with_skills(pack.loaded().skills.clone());
     Ok(SessionParts {
         id,
         convention,
@@ -93,7 +93,7 @@ fn wearing(
         return Ok((pack, None));
     }
     let field = path.to_string();
-    let (pack, dress) = store.skeletons().wear(&field, name, &pack, packs.table())?;
+    let (pack, dress) = store.skeletons().wear(&field, name, &pack, &packs.table())?;
     Ok((pack, Some(dress)))
 }
 

@@ -31,11 +31,12 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
         number,
         answered: false,
     };
-    let Some(words) = cell.pack().words.get(&request.command.pack) else {
+    let packs = cell.pack().words();
+    let Some(words) = packs.get(&request.command.pack) else {
         let name = &request.command.pack;
         return awaited.failed(&format!("the pack {name:?} is no longer loaded"));
     };
-    let Some(place) = cell.pack().words.places.take() else {
+    let Some(place) = packs.places.take() else {
         return awaited.failed(&format!(
             "{MAX_PERFORMERS} characters perform already; allowed: at most {MAX_PERFORMERS}"
         ));

@@ -13,6 +13,7 @@ use super::LivePack;
 use super::cell::SessionCell;
 use super::performer;
 use super::wants::{Patience, Wants};
+use crate::packs::LoadedPack;
 use troupe_base::turns::Turns;
 use troupe_batch::{Order, Served, SubmitError};
 use troupe_character::live::load::ClientLoad;
@@ -44,14 +45,15 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let awaited = Awaited::new(cell.clone(), load.clone(), request.number);
     let cell = cell.clone();
     let deadline = deadline(&cell, &request);
-    let task = task(cell.pack(), request.item);
+    let loaded = cell.pack().loaded();
+    let task = task(&loaded, cell.pack().place(), request.item);
     let (shape, pins) = (request.shape, request.pins);
     // On a stream, a plan enters the queue now, so the order is that of the calls. Its task may run
     // later.
     let entered = match patience {
         Patience::Fails => {
             let order = Order::live(cell.owner_id(), deadline).of(turns.client());
-            Ok((cell.pack().loaded.batcher).enqueue(vec![task], order))
+            Ok(loaded.batcher.enqueue(vec![task], order))
         }
         Patience::Waits => Err((task, turns.clone())),
     };
@@ -63,7 +65,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
         };
         if let Ok(served) = &result {
             load.measured(asked.elapsed(), served.work);
-            cell.pack().loaded.metrics.trace_plan(asked, served);
+            cell.pack().loaded().metrics.trace_plan(asked, served);
         }
         let plan = result.and_then(|served| finish(served, &shape, pins.as_deref(), cell.pack()));
         awaited.arrived(plan);
@@ -85,10 +87,8 @@ async fn step_plan(
     let _place = turns.plan().await;
     let order = Order::step(cell.owner_id(), deadline).of(turns.client());
     loop {
-        let result = (cell.pack().loaded.batcher)
-            .submit(vec![task.clone()], order)
-            .await;
-        match result {
+        let loaded = cell.pack().loaded();
+        match loaded.batcher.submit(vec![task.clone()], order).await {
             Err(SubmitError::QueueFull { retry_after, .. }) if cell.end().is_none() => {
                 tokio::time::sleep(retry_after.max(MIN_RETRY)).await;
             }
@@ -107,23 +107,22 @@ pub async fn make(
     turns: &Turns,
 ) -> Result<LivePlan, SubmitError> {
     let deadline = deadline(cell, &request);
-    let task = task(cell.pack(), request.item);
+    let task = task(&cell.pack().loaded(), cell.pack().place(), request.item);
     let served = step_plan(cell, task, deadline, turns).await?;
     finish(served, &request.shape, request.pins.as_deref(), cell.pack())
 }
 
 /// The task of a plan for the pack's generator.
-fn task(pack: &LivePack, item: PlanItem) -> Task {
-    match (item, pack.body()) {
+fn task(loaded: &LoadedPack, place: usize, item: PlanItem) -> Task {
+    match (item, loaded.pack.bodies.get(place)) {
         (PlanItem::Keyframes(task), _) => task.into(),
-        (PlanItem::Path(item), Some(body)) => path_task(pack, body, item).into(),
+        (PlanItem::Path(item), Some(body)) => path_task(&loaded.pack, body, item).into(),
         // Only rigs of bodies use plans by path.
         (PlanItem::Path(_), None) => unreachable!("a plan by a path for a pack without bodies"),
     }
 }
 
-fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
-    let own: &Pack = &pack.loaded.pack;
+fn path_task(own: &Pack, body: &Arc<Body>, item: PathItem) -> PathTask {
     let weight = |word: &String| {
         let given = item.words.iter().find(|(given, _)| given == word);
         given.map_or(0.0, |(_, weight)| *weight)
@@ -206,7 +205,7 @@ fn finish(
         Some(pins) => pins.pin_to_targets(&mut plan, &pack.rig().skeleton),
         None => hold_plan(pack.rig(), &mut plan),
     }
-    pack.loaded.metrics.planned(plan.roots.len());
+    pack.loaded().metrics.planned(plan.roots.len());
     Ok(plan)
 }
 
@@ -235,6 +234,7 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
             Err(PlanFailed)
         }
     };
+    live.record_pack(&cell.pack().loaded());
     if let Arrival::InTime { lead_frames } = live.plan_arrived(number, plan) {
         cell.pack().metrics.came(f64::from(lead_frames / fps));
     }

@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 use super::{LivePacks, Sessions};
-use crate::world::{Folders, Store};
+use crate::packs::{LoadedPack, Shape};
+use crate::world::{Folders, LoadError, Store};
 use troupe_base::tenant::Tenant;
 use troupe_character::style::StyleTable;
 
@@ -52,7 +53,8 @@ impl Space {
     }
 
     fn added_styles(&self) -> usize {
-        let tables = self.packs.table().all().flat_map(|loaded| &loaded.styles);
+        let packs = self.packs.table();
+        let tables = packs.all().flat_map(|loaded| &loaded.styles);
         let added = |table: &Arc<StyleTable>| table.list().iter().filter(|style| !style.built_in).count();
         tables.map(added).sum()
     }
@@ -106,9 +108,16 @@ pub enum SpaceError {
 }
 
 /// Counts added styles as memory of uploads.
-fn count_styles(packs: &LivePacks, store: &Store) {
-    for table in packs.table().all().flat_map(|loaded| &loaded.styles) {
+fn count_styles<'a>(packs: impl IntoIterator<Item = &'a Arc<LoadedPack>>, store: &Store) {
+    for table in packs.into_iter().flat_map(|loaded| &loaded.styles) {
         store.memory().count(table);
+    }
+}
+
+fn unreadable(tenant: &Arc<str>, error: &dyn std::fmt::Display) -> SpaceError {
+    tracing::error!(%error, %tenant, "the files of a tenant cannot be read");
+    SpaceError::Unreadable {
+        tenant: tenant.clone(),
     }
 }
 
@@ -118,18 +127,22 @@ pub struct Spaces {
     /// For callers without a tenant.
     common: Arc<Space>,
     tenants: RwLock<ByTenant>,
-    /// Held while a space is made, so that only one is made at a time.
-    making: Mutex<()>,
+    /// Held while a space is made or packs change, so that only one is made at a time, and all have
+    /// the same packs. It has the shapes of packs that were served before.
+    making: Mutex<Shapes>,
     uses: AtomicU64,
     options: TenantOptions,
 }
+
+/// By the names of packs.
+type Shapes = BTreeMap<String, Shape>;
 
 type ByTenant = BTreeMap<Arc<str>, Arc<Space>>;
 
 impl Spaces {
     /// Starts with the space of callers without a tenant. Other spaces are made on first use.
     pub fn new(packs: LivePacks, store: Arc<Store>, sessions: Arc<Sessions>, options: TenantOptions) -> Self {
-        count_styles(&packs, &store);
+        count_styles(packs.table().all(), &store);
         Self {
             common: Arc::new(Space {
                 tenant: None,
@@ -180,7 +193,7 @@ impl Spaces {
             return Ok(self.common.clone());
         };
         // Files are read without the lock of `tenants`, so callers of other tenants do not wait.
-        let making = self.making.lock().unwrap_or_else(PoisonError::into_inner);
+        let making = self.making();
         if let Some(space) = self.known(tenant) {
             return Ok(space);
         }
@@ -209,27 +222,26 @@ impl Spaces {
         Ok(())
     }
 
+    /// A folder of a tenant.
+    fn folder_of(&self, tenant: &Arc<str>, name: &str) -> Option<PathBuf> {
+        let all = self.options.folder.as_ref()?;
+        Some(all.join(&**tenant).join(name))
+    }
+
     fn make(&self, tenant: &Arc<str>) -> Result<Space, SpaceError> {
-        let folder = self.options.folder.as_ref().map(|all| all.join(&**tenant));
-        let inside = |name: &str| folder.as_ref().map(|folder| folder.join(name));
-        let styles = inside("styles");
-        let packs = self.common.packs.of_tenant(styles.as_deref());
-        let unreadable = |error: &dyn std::fmt::Display| {
-            tracing::error!(%error, %tenant, "the files of a tenant cannot be read");
-            SpaceError::Unreadable {
-                tenant: tenant.clone(),
-            }
-        };
-        let packs = packs.map_err(|error| unreadable(&error))?;
+        let inside = |name: &str| self.folder_of(tenant, name);
+        let packs = self.common.packs.of_tenant(inside("styles").as_deref());
+        let packs = packs.map_err(|error| unreadable(tenant, &error))?;
         let folders = Folders {
             scenes: inside("scenes"),
             objects: inside("objects"),
             skeletons: inside("skeletons"),
         };
-        let rigs = packs.table().all().map(|loaded| &*loaded.pack.rig);
+        let table = packs.table();
+        let rigs = table.all().map(|loaded| &*loaded.pack.rig);
         let store = self.common.store.beside(folders, rigs);
-        let store = store.map_err(|error| unreadable(&error))?;
-        count_styles(&packs, &store);
+        let store = store.map_err(|error| unreadable(tenant, &error))?;
+        count_styles(table.all(), &store);
         let tenant = Some(tenant.clone());
         Ok(Space {
             sessions: Arc::new(self.common.sessions.of_tenant(tenant.clone())),
@@ -240,6 +252,10 @@ impl Spaces {
         })
     }
 
+    fn making(&self) -> MutexGuard<'_, Shapes> {
+        self.making.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// All spaces. The iterator holds one at a time: a space that is held cannot make room.
     pub fn all(&self) -> impl Iterator<Item = Arc<Space>> {
         let tenants: Vec<_> = self.read().keys().cloned().collect();
@@ -248,6 +264,10 @@ impl Spaces {
         std::iter::once(self.common.clone()).chain(others)
     }
 }
+
+mod change;
+
+pub use change::ChangeError;
 
 #[cfg(test)]
 mod tests {

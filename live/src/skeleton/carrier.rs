@@ -60,7 +60,8 @@ pub enum NoCarrier {
 }
 
 /// The ways from packs to bodies of other packs, by the body's pack and place and the other pack.
-/// The packs of a server are loaded once, so there are at most as many as pairs.
+/// A name of a pack has the same bodies as long as the server runs, so there are at most as many as
+/// pairs of names.
 #[derive(Debug, Default)]
 pub(super) struct Ways(Mutex<BTreeMap<(String, usize, String), Way>>);
 

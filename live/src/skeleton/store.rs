@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, Weak};
 
 use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
 use troupe_character::{FieldError, Path};
@@ -58,8 +58,8 @@ struct Fit {
     pack: String,
     place: usize,
     worn: Arc<Worn>,
-    /// The pack as sessions have it; none before the first.
-    live: Option<Arc<LivePack>>,
+    /// The pack as its newest sessions have it. It ends with them.
+    live: Weak<LivePack>,
 }
 
 impl Own {
@@ -108,7 +108,7 @@ impl Own {
             pack: loaded.pack.name().to_owned(),
             place,
             worn: worn.clone(),
-            live: None,
+            live: Weak::new(),
         });
         Ok(worn)
     }
@@ -393,7 +393,7 @@ impl Skeletons {
     ) -> Result<(Arc<LivePack>, Dress), SkeletonError> {
         loop {
             let own = self.get(field, name)?;
-            let worn = own.fit((&pack.loaded, pack.place()), table, field)?;
+            let worn = own.fit((&pack.loaded(), pack.place()), table, field)?;
             // While this lock is held, the skeleton is neither replaced nor deleted.
             let all = self.all();
             if !all.get(name).is_some_and(|now| Arc::ptr_eq(now, &own)) {
@@ -403,10 +403,13 @@ impl Skeletons {
             let mut fits = own.fits();
             let fit = fits.iter_mut().find(|fit| Arc::ptr_eq(&fit.worn, &worn));
             let live = || Arc::new(pack.wearing(worn.clone()));
-            let live = match fit {
-                Some(fit) => fit.live.get_or_insert_with(live).clone(),
-                None => live(),
-            };
+            let known = fit.as_ref().and_then(|fit| fit.live.upgrade());
+            let live = known
+                .filter(|known| known.is_version_of(pack))
+                .unwrap_or_else(live);
+            if let Some(fit) = fit {
+                fit.live = Arc::downgrade(&live);
+            }
             return Ok((live, dress));
         }
     }

@@ -176,6 +176,28 @@ impl Store {
         })
     }
 
+    /// Reads the definitions of a pack that is loaded while the server runs. Those that are there
+    /// stay.
+    ///
+    /// # Errors
+    /// [`LoadError`] if the folder cannot be read, or there are too many definitions.
+    pub(crate) fn read_definitions_of(&self, pack: &Rig) -> Result<(), LoadError> {
+        let Some(folder) = &self.folders.objects else {
+            return Ok(());
+        };
+        // No upload or deletion comes between.
+        let _one = self.kept();
+        let listed = self.definitions.snapshot();
+        let mut all: Vec<Definition> = Vec::new();
+        read_definitions(&folder.join(pack.name()), pack, &mut all)?;
+        for definition in all {
+            if listed.get(&definition.name).is_err() {
+                self.definitions.upload(definition, &self.scenes)?;
+            }
+        }
+        Ok(())
+    }
+
     /// All scenes by name, with the sessions in them.
     pub fn scenes(&self) -> &SceneTable {
         &self.scenes

@@ -2,12 +2,14 @@
 //! HTTP status and body, MMCP code and metric label.
 //!
 //! The layers below have their own error types. Each domain has a file with its rows of the table
-//! ([`row`]): [`edge`], [`batch`], [`world`], [`skeleton`], [`session`]. Rows of the API's own
+//! ([`row`]): [`edge`], [`batch`], [`world`], [`skeleton`], [`session`],
+//! [`life`]. Rows of the API's own
 //! errors are here. [`form`] turns rows into answers, [`mmcp`] into answers of that protocol.
 
 mod batch;
 mod edge;
 mod form;
+mod life;
 mod mmcp;
 mod row;
 mod session;
@@ -147,6 +149,7 @@ impl Tabled for ServiceError {
             },
             Self::UnknownPack(error) => error.row(),
             Self::CannotDo(error) => error.row(),
+            Self::Life(error) => error.row(),
             Self::Skeleton(error) => error.row(),
             Self::World(error) => error.row(),
             Self::Session(error) => error.row(),

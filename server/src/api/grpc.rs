@@ -126,6 +126,27 @@ impl Motion for MotionApi {
     async fn get_pack(&self, request: Request<v1::GetPackRequest>) -> Result<Response<v1::Pack>, Status> {
         answer(self.0.get_pack(&request.into_inner().name))
     }
+
+    async fn load_pack(
+        &self,
+        request: Request<v1::LoadPackRequest>,
+    ) -> Result<Response<v1::PackChange>, Status> {
+        answer(self.0.load_pack(request.into_inner()).await)
+    }
+
+    async fn unload_pack(
+        &self,
+        request: Request<v1::UnloadPackRequest>,
+    ) -> Result<Response<v1::PackChange>, Status> {
+        answer(self.0.unload_pack(request.into_inner()).await)
+    }
+
+    async fn swap_pack(
+        &self,
+        request: Request<v1::SwapPackRequest>,
+    ) -> Result<Response<v1::PackChange>, Status> {
+        answer(self.0.swap_pack(request.into_inner()).await)
+    }
 }
 
 /// The routes of gRPC's health service.

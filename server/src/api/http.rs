@@ -3,6 +3,7 @@
 mod files;
 pub(super) mod json;
 pub(super) mod mmcp;
+mod packs;
 pub(super) mod parts;
 mod recordings;
 pub(super) mod scenes;
@@ -47,6 +48,9 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(parts::describe))
         .routes(routes!(list_packs))
         .routes(routes!(get_pack))
+        .routes(routes!(packs::load))
+        .routes(routes!(packs::unload))
+        .routes(routes!(packs::swap))
         .routes(routes!(sessions::list_styles))
         .routes(routes!(sessions::get_style, sessions::put_style))
         .routes(routes!(sessions::create, sessions::list))

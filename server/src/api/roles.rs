@@ -11,6 +11,8 @@ use troupe_edge::clients::Role;
 const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
 /// Prefixes of the procedures that write styles, scenes, definitions and skeletons.
 const WRITES: [&str; 5] = ["Put", "Delete", "Add", "Move", "Remove"];
+/// Procedures that change the packs of all tenants.
+const OPERATES: [&str; 3] = ["LoadPack", "UnloadPack", "SwapPack"];
 /// Endings of HTTP paths that write with a method other than PUT and DELETE.
 const HTTP_WRITES: [&str; 3] = ["/add", "/move", "/remove"];
 
@@ -26,9 +28,15 @@ pub(super) fn needed(method: &Method, path: &str) -> Option<Role> {
     if path == "/metrics" {
         return Some(Role::Metrics);
     }
+    if *method == Method::POST && path.starts_with("/v1/packs/") {
+        return Some(Role::Admin);
+    }
     let writes = match path.starts_with("/troupe.v1.") {
         true => {
             let rpc = path.rsplit('/').next().unwrap_or_default();
+            if OPERATES.contains(&rpc) {
+                return Some(Role::Admin);
+            }
             WRITES.iter().any(|verb| rpc.starts_with(verb))
         }
         false => match *method {
@@ -66,6 +74,7 @@ mod tests {
     #[test]
     fn authors_write_and_all_others_read_and_drive() {
         let role = |rpc: &str| match AUTHORS.contains(&rpc) {
+            _ if rpc.ends_with("Pack") && rpc != "GetPack" => Some(Role::Admin),
             true => Some(Role::Author),
             false => Some(Role::Drive),
         };
@@ -97,7 +106,7 @@ mod tests {
                 count += 1;
             }
         }
-        assert!(count > 25, "{count}");
+        assert!(count > 28, "{count}");
         assert_eq!(needed(&Method::GET, "/v1/nowhere"), Some(Role::Drive));
         assert_eq!(needed(&Method::PATCH, "/v1/scenes/a"), Some(Role::Author));
         assert_eq!(needed(&Method::GET, "/docsx"), Some(Role::Drive));

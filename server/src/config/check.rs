@@ -45,6 +45,7 @@ impl Config {
         let at_most = [
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
             ("drain_delay_ms", self.drain_delay_ms, 3_600_000),
+            ("watch_packs_s", self.watch_packs_s, 86_400),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
             ("gpu_device", self.gpu_device.into(), MOST_GPUS - 1),
             ("gpu_memory_mib", self.gpu_memory_mib, MOST_NETWORK_MIB),

@@ -271,6 +271,11 @@ impl Config {
         }
     }
 
+    /// Time between two looks at the folder of packs. None: nobody looks.
+    pub fn watch_packs(&self) -> Option<Duration> {
+        (self.watch_packs_s > 0).then(|| Duration::from_secs(self.watch_packs_s))
+    }
+
     /// The option `memory_limit_mib` in bytes. 0: no limit.
     pub fn memory_limit_bytes(&self) -> u64 {
         self.memory_limit_mib << 20

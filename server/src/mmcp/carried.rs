@@ -110,7 +110,7 @@ fn find(asking: &Asking<'_>, space: &Space) -> Result<(Carried, f32), NotCarried
     let model = asking.model;
     let of = (&*model.loaded, model.place);
     let skeletons = space.store.skeletons();
-    let carrier = skeletons.carrier(of, asking.word, space.packs.table());
+    let carrier = skeletons.carrier(of, asking.word, &space.packs.table());
     let carrier = carrier.map_err(NotCarried::None)?;
     let by = Model {
         id: carrier.loaded.pack.name().to_owned(),

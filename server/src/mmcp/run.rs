@@ -104,7 +104,7 @@ pub async fn generate(service: &Service, body: RequestOrBatch) -> Result<Reply, 
 
 /// Checks a request, or each request of a batch.
 fn read(value: Value, space: &Space, most: usize) -> Result<Vec<Result<Asked, Failure>>, Fault> {
-    let models = models(space.packs.table());
+    let models = models(&space.packs.table());
     if value.get("requests").is_none() {
         let take = check(value, &models, space)?;
         if take.samples > most {

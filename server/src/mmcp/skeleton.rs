@@ -154,7 +154,7 @@ pub fn check(skeleton: &Skeleton, model: &Model, space: &Space) -> Result<Joints
             rest,
             worn: None,
         }),
-        Err(fault) if !model.can_be_worn(space.packs.table()) => Err(fault),
+        Err(fault) if !model.can_be_worn(&space.packs.table()) => Err(fault),
         Err(_) => carried(rest, model, space),
     }
 }
@@ -230,7 +230,7 @@ pub(super) fn worn(rest: &[GltfJoint], model: &Model, space: &Space) -> Result<A
     };
     let of = (&*model.loaded, model.place);
     let skeletons = space.store.skeletons();
-    let worn = skeletons.guest("skeleton", guest, of, space.packs.table());
+    let worn = skeletons.guest("skeleton", guest, of, &space.packs.table());
     worn.map_err(unfit)
 }
 

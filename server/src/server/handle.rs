@@ -40,6 +40,8 @@ pub struct ServerHandle {
     pub(super) connections: JoinHandle<bool>,
     pub(super) health_port: Option<HealthPort>,
     pub(super) upkeep: JoinHandle<()>,
+    /// Watches the packs.
+    pub(super) watching: Option<JoinHandle<()>>,
     pub(super) reloading: JoinHandle<()>,
     pub(super) reload: Arc<Notify>,
     pub(super) reloads: bool,
@@ -169,6 +171,9 @@ impl ServerHandle {
         }
         self.upkeep.abort();
         self.reloading.abort();
+        if let Some(watching) = &self.watching {
+            watching.abort();
+        }
         // Connections that became WebSockets are not among those above.
         let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
         let ended = streams.await.is_ok();

@@ -23,6 +23,7 @@ mod mmcp;
 mod observe;
 mod openapi;
 mod overload;
+mod packs;
 mod pages;
 mod paths;
 mod recordings;

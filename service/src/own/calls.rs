@@ -27,7 +27,7 @@ impl Service {
         request: v1::PutSkeletonRequest,
     ) -> Result<v1::OwnSkeleton, ServiceError> {
         let put = self.with_skeletons(move |space| {
-            let (table, store) = (space.packs.table(), &space.store);
+            let (table, store) = (&space.packs.table(), &space.store);
             store.skeletons().put_call(&request, table, store.memory())
         });
         let put = put.await?;
@@ -43,7 +43,7 @@ impl Service {
         &self,
         request: v1::GetSkeletonRequest,
     ) -> Result<v1::OwnSkeleton, ServiceError> {
-        self.with_skeletons(move |space| space.store.skeletons().get_call(&request, space.packs.table()))
+        self.with_skeletons(move |space| space.store.skeletons().get_call(&request, &space.packs.table()))
             .await
     }
 

@@ -48,7 +48,7 @@ impl Service {
             space
                 .store
                 .skeletons()
-                .worn("skeleton", &name, (loaded, place), table)
+                .worn("skeleton", &name, (loaded, place), &table)
         });
         Ok(Some(worn.await??))
     }

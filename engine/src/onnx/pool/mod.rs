@@ -32,8 +32,9 @@ use state::Key;
 /// A pack's networks, once the first worker has opened them.
 type Opened = OnceLock<Result<Arc<PackNetworks>, EngineError>>;
 
-/// By folder and number of threads.
-type Packs = HashMap<(PathBuf, usize), Arc<Opened>>;
+/// By folder, content and number of threads. A folder may get other networks while those that were
+/// there still run.
+type Packs = HashMap<(PathBuf, String, usize), Arc<Opened>>;
 
 /// Open networks. Clones share one pool. The thread that opens networks ends with the last clone.
 #[derive(Clone)]
@@ -70,7 +71,9 @@ impl NetworkPool {
     ) -> Result<Arc<PackNetworks>, EngineError> {
         let entry = {
             let mut packs = self.packs.lock().unwrap_or_else(PoisonError::into_inner);
-            packs.entry((pack.folder.clone(), threads)).or_default().clone()
+            let content = pack.manifest.content_hash.clone();
+            let key = (pack.folder.clone(), content, threads);
+            packs.entry(key).or_default().clone()
         };
         let open = || {
             let networks = PackNetworks::read(runtime, pack, threads, look()?)?;
@@ -98,10 +101,11 @@ impl NetworkPool {
     }
 
     /// Closes a pack's networks, which no worker runs any more.
-    pub(crate) fn forget(&self, pack: &Pack) {
+    pub fn forget(&self, pack: &Pack) {
         let mut packs = self.packs.lock().unwrap_or_else(PoisonError::into_inner);
+        let content = &pack.manifest.content_hash;
         let removed: Vec<_> = packs
-            .extract_if(|(folder, _), _| *folder == pack.folder)
+            .extract_if(|(folder, found, _), _| *folder == pack.folder && *found == *content)
             .collect();
         drop(packs);
         let networks = removed.iter().filter_map(|(_, entry)| entry.get()?.as_ref().ok());

@@ -220,7 +220,7 @@ impl Roster {
     pub fn read_load(&self) {
         let now = Instant::now();
         for (pack, load) in &self.packs {
-            let workers = pack.loaded.batcher.workers();
+            let workers = pack.loaded().batcher.workers();
             load.read(now, workers);
             if let Some(highest) = pack.load.read(now, workers) {
                 pack.metrics.pressed(highest);
@@ -242,7 +242,7 @@ impl Roster {
 fn strain(pack: &LivePack, load: &ClientLoad, priority: f32) -> Strain {
     let fps = pack.rig().fps;
     Strain {
-        expected_frames: load.expected_frames(pack.loaded.batcher.workers(), fps),
+        expected_frames: load.expected_frames(pack.loaded().batcher.workers(), fps),
         lead_frames: load.lead_frames(fps),
         stretch: budget::stretch(load.pressure(), priority),
     }

@@ -73,11 +73,11 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     }
     let pack = packs.find(&Path::root(), record.pack, record.body);
     let pack = pack.map_err(|error| text(&error))?;
-    (pack.loaded.require(Capability::Live, "pack")).map_err(|error| text(&error))?;
+    (pack.loaded().require(Capability::Live, "pack")).map_err(|error| text(&error))?;
     let (pack, dress) = match record.skeleton {
-        "" => (pack.clone(), None),
+        "" => (pack, None),
         name => {
-            let worn = world.skeletons().wear("skeleton", name, pack, packs.table());
+            let worn = world.skeletons().wear("skeleton", name, &pack, &packs.table());
             let (pack, mut dress) = worn.map_err(|error| text(&error))?;
             if !record.worn.is_some_and(|last| dress.resume(last)) {
                 return Err(format!("skeleton {name:?} has other joints now"));
@@ -99,8 +99,8 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
         (record.scene.map(|name| world.scenes().enter(name)).transpose()).map_err(|error| text(&error))?;
     let around = Surroundings {
         rig: pack.rig().clone(),
-        styles: pack.styles().clone(),
-        skills: pack.loaded.skills.clone(),
+        styles: pack.styles(),
+        skills: pack.loaded().skills.clone(),
         world: resident.as_ref().map(|resident| World {
             scene: resident.cell().clone(),
             definitions: world.definitions().clone(),

@@ -190,6 +190,8 @@ pub(super) enum Why {
     Full,
     /// A command asked for a sentence. When its parts come is not recorded.
     Sentence,
+    /// Another version took the place of the session's pack.
+    Swap,
 }
 
 impl Why {
@@ -199,6 +201,7 @@ impl Why {
             Self::SessionEnded => "the session ended",
             Self::Full => "it was full",
             Self::Sentence => "a command asked for a sentence, which is not recorded",
+            Self::Swap => "another version took the place of its pack",
         }
     }
 }

@@ -1,7 +1,7 @@
 //! How a session writes its recording: every input of its character, in the order in which the
 //! character takes them.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, OnceLock, Weak};
 use std::time::Instant;
 
 use troupe_character::live::{Advance, Arrival, Clock, FrameOut, LivePlan, PlanFailed, Strain};
@@ -13,12 +13,15 @@ use troupe_proto::v1::command::Intent;
 use super::digest::{self, Digest};
 use super::format::{Event, FORMAT, Head, Load, Origin, Why};
 use super::tape::Tape;
+use crate::packs::LoadedPack;
 use crate::session::cell::{Live, SessionCell};
 
 /// Writes the recording of one session.
 #[derive(Debug)]
 pub(crate) struct Recorder {
     tape: Arc<Tape>,
+    /// What made the plans so far.
+    pack: Weak<LoadedPack>,
     /// The newest of each, as written.
     clock: Option<Clock>,
     load: Option<Strain>,
@@ -46,6 +49,7 @@ impl Recorder {
         };
         Self {
             tape: Arc::new(Tape::new(&head)),
+            pack: Arc::downgrade(&cell.pack().loaded()),
             clock: None,
             load: None,
             style,
@@ -79,6 +83,13 @@ impl Recorder {
         if !Arc::ptr_eq(style, &self.style) {
             self.style = style.clone();
             self.write(&Event::Style(style.name.clone(), Digest::of_style(style)));
+        }
+    }
+
+    fn made_by(&mut self, loaded: &Arc<LoadedPack>) {
+        if self.goes_on && !Weak::ptr_eq(&self.pack, &Arc::downgrade(loaded)) {
+            self.goes_on = false;
+            self.tape.end(Why::Swap);
         }
     }
 
@@ -153,6 +164,13 @@ impl Live {
         arrival
     }
 
+    /// Ends the recording if another version of its pack makes the plans.
+    pub(crate) fn record_pack(&mut self, loaded: &Arc<LoadedPack>) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.made_by(loaded);
+        }
+    }
+
     /// Records a command that the session accepted.
     pub(crate) fn record_command(&mut self, command: &v1::Command) {
         if let Some(recorder) = &mut self.recorder {
@@ -165,14 +183,15 @@ impl Origin {
     /// What decides the frames of this session on this server. `style` is the one at its start.
     pub(super) fn of(cell: &SessionCell, style: &Style) -> Self {
         let pack = cell.pack();
-        let manifest = &pack.loaded.pack.manifest;
+        let loaded = pack.loaded();
+        let manifest = &loaded.pack.manifest;
         Self {
             server: env!("CARGO_PKG_VERSION").to_owned(),
             pack: pack.name().to_owned(),
             pack_version: manifest.version.clone(),
             content_hash: manifest.content_hash.clone(),
             body: pack.body_name().to_owned(),
-            engine: pack.loaded.engine.to_owned(),
+            engine: loaded.engine.to_owned(),
             cpu: cpu().to_owned(),
             style: Digest::of_style(style),
             skeleton: pack.worn().map(|worn| Digest::of_skeleton(worn)),

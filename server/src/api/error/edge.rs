@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::row::{FORBIDDEN, FULL, HEADERS, NOT_NOW, Row, Tabled, UNAUTHENTICATED, UNAVAILABLE};
-use troupe_edge::{BEARER, EdgeError, MAX_HEAD_BYTES, METRICS_KEYS};
+use troupe_edge::{BEARER, EdgeError, MAX_HEAD_BYTES};
 
 /// Retry hint if a connection or transfer memory may become free at any time.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
@@ -41,10 +41,10 @@ impl Tabled for EdgeError {
                 .allowed(BEARER),
             Self::KeyRemoved => UNAUTHENTICATED.because("KEY_REMOVED"),
             Self::TokenExpired => UNAUTHENTICATED.because("TOKEN_EXPIRED"),
-            Self::OfTenant => FORBIDDEN
+            Self::OfTenant { needed } => FORBIDDEN
                 .because("ROLE_TOO_LOW")
                 .field("Authorization")
-                .allowed(METRICS_KEYS),
+                .allowed(needed.of_all()),
             Self::UnknownTicket => UNAUTHENTICATED
                 .because("TICKET_UNKNOWN")
                 .field("ticket")

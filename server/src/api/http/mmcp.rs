@@ -56,7 +56,7 @@ pub(crate) async fn capabilities(
     limits: Extension<BodyLimits>,
 ) -> Result<Json<Capabilities>, ApiError> {
     let most = limits.bytes.min(MAX_REQUEST_BYTES);
-    Ok(Json(Capabilities::of(service.table()?, most)))
+    Ok(Json(Capabilities::of(&*service.table()?, most)))
 }
 
 /// Make motion for a tool that speaks MMCP
