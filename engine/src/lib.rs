@@ -13,6 +13,7 @@ pub mod families;
 mod fill;
 pub mod generator;
 pub mod machine;
+mod made_up;
 mod motionbricks;
 pub mod onnx;
 pub mod pack;
@@ -22,6 +23,11 @@ mod raw;
 mod sampling;
 mod select;
 mod sizes;
+#[cfg_attr(
+    not(any(test, feature = "testing")),
+    allow(dead_code, unused_imports, reason = "some of it is for `families` alone")
+)]
+mod sonic_planner;
 mod specs;
 mod tensors;
 #[cfg(any(test, feature = "testing"))]
