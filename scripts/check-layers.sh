@@ -48,7 +48,7 @@ code() {
 }
 
 # Model families have names in the engine alone: the crates above go by what a pack can do and says of itself.
-families='motion_?bricks|uni_?mo_?gen|ver_?mo\b'
+families='motion_?bricks|uni_?mo_?gen|ver_?mo\b|sonic_?planner'
 while read -r file; do
     found=$(code "$file" | grep -inE "$families" | head -3 || true)
     [ -z "$found" ] || fail "$file names a model family: $found"

@@ -9,6 +9,11 @@ pub mod unimogen {
     pub use crate::unimogen::{CALL_ROWS, Call, Denoiser, PATH_FEATURES, ROW_CHANNELS, UniMoGen, probe_task};
 }
 
+/// NVIDIA's planner for the G1: one graph from a direction, a speed and a mode to frames.
+pub mod sonic_planner {
+    pub use crate::sonic_planner::{Inputs, Planner, SonicPlanner, probe_task};
+}
+
 /// VerMo: a language model of text, motion and audio.
 pub mod vermo {
     use crate::pack::Pack;

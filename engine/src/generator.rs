@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use troupe_motion::model::{Output, Task};
+use troupe_motion::model::{Motion, Output, PathTask, Task};
 
 use crate::{EngineError, TrialRun};
 
@@ -86,4 +86,35 @@ pub trait Generator: Send {
     fn trial(&self) -> Option<TrialRun> {
         None
     }
+}
+
+/// The motions of these tasks, in the same order. The generator must have no jobs.
+///
+/// # Errors
+/// [`EngineError`] of the first task that fails.
+pub(crate) fn run_paths(
+    generator: &mut dyn Generator,
+    tasks: &[PathTask],
+) -> Result<Vec<Motion>, EngineError> {
+    for (index, task) in tasks.iter().enumerate() {
+        let id = JobId {
+            request: index as u64,
+            character: 0,
+        };
+        generator.admit(id, Task::Path(task.clone()));
+    }
+    let mut motions = vec![Motion::default(); tasks.len()];
+    let mut failed = None;
+    while !generator.is_idle() {
+        let stepped = generator.step(&mut |id, progress| match progress {
+            Progress::Done(Output::Motion(motion)) => motions[id.request as usize] = motion,
+            Progress::Failed(error) => failed = Some(error),
+            Progress::Done(_) | Progress::Part(_) => {}
+        });
+        if let Some(error) = stepped.err().or(failed.take()) {
+            generator.clear();
+            return Err(error);
+        }
+    }
+    Ok(motions)
 }

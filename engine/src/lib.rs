@@ -14,6 +14,7 @@ mod fill;
 pub mod generator;
 pub mod gpu;
 pub mod machine;
+mod made_up;
 mod motionbricks;
 pub mod onnx;
 pub mod pack;
@@ -23,6 +24,11 @@ mod raw;
 mod sampling;
 mod select;
 mod sizes;
+#[cfg_attr(
+    not(any(test, feature = "testing")),
+    allow(dead_code, unused_imports, reason = "some of it is for `families` alone")
+)]
+mod sonic_planner;
 mod specs;
 mod tensors;
 #[cfg(any(test, feature = "testing"))]

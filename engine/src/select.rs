@@ -4,17 +4,19 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{Accuracy, Probe, compare, compare_paths, probe};
+use super::accuracy::{Accuracy, Probe, compare, compare_paths, compare_planners, probe};
 use super::checks::{self, CheckCache};
 use super::generator::Generator;
 use super::machine::Machine;
 use super::onnx::vermo::OnnxVerMo;
 use super::onnx::{
-    Batching, Growth, NetworkPool, OnnxDenoiser, OnnxStages, Runtime, SessionOptions, no_fixed_shapes,
+    Batching, Growth, NetworkPool, OnnxDenoiser, OnnxPlanner, OnnxStages, Runtime, SessionOptions,
+    no_fixed_shapes,
 };
 use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Pipeline, Stages, Workers};
 use crate::gpu::{GpuOptions, GpuShare};
 use crate::pack::{Family, Pack};
+use crate::sonic_planner::SonicPlanner;
 use crate::unimogen::UniMoGen;
 use crate::vermo::VerMo;
 
@@ -105,6 +107,7 @@ impl Selector {
             batching: match family {
                 Family::UniMoGen => Batching::of_unimogen(engine),
                 Family::VerMo => Batching::of_vermo(),
+                Family::SonicPlanner => Batching::of_sonic_planner(),
                 Family::MotionBricks => Batching::of(engine, no_fixed_shapes.is_none()),
             },
             why,
@@ -175,6 +178,12 @@ impl Selector {
                 generator.warm_up()?;
                 Ok(Box::new(generator))
             }
+            Family::SonicPlanner => {
+                let planner = Box::new(self.load_planner(pack, engine)?);
+                let mut generator = SonicPlanner::new(pack, planner, max_batch)?;
+                generator.warm_up(pack)?;
+                Ok(Box::new(generator))
+            }
             Family::MotionBricks => {
                 let stages = self.load(pack, engine)?;
                 let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), max_batch);
@@ -209,6 +218,14 @@ impl Selector {
     /// [`EngineError`] if it does not load.
     pub fn load_denoiser(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxDenoiser, EngineError> {
         OnnxDenoiser::load(&self.runtime, pack, self.any_shape(pack, engine))
+    }
+
+    /// The graph of one worker for a pack of NVIDIA's planner.
+    ///
+    /// # Errors
+    /// [`EngineError`] if it does not load.
+    pub fn load_planner(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxPlanner, EngineError> {
+        OnnxPlanner::load(&self.runtime, pack, self.any_shape(engine))
     }
 
     /// The networks of one worker for a pack with a language model.
@@ -335,6 +352,11 @@ impl Selector {
                 let reference = OnnxDenoiser::load(&self.runtime, pack, reference)?;
                 let candidate = self.load_denoiser(pack, engine)?;
                 compare_paths(pack, Box::new(reference), Box::new(candidate))?
+            }
+            Family::SonicPlanner => {
+                let reference = OnnxPlanner::load(&self.runtime, pack, reference)?;
+                let candidate = self.load_planner(pack, engine)?;
+                compare_planners(pack, Box::new(reference), Box::new(candidate))?
             }
             Family::MotionBricks => self.compare_stages(pack, reference, engine)?,
         };

@@ -4,6 +4,7 @@ use troupe_motion::model::PathTask;
 
 use crate::pack::{Family, Pack};
 use crate::select::known;
+use crate::sonic_planner::{self, SonicPlanner};
 use crate::unimogen::{UniMoGen, probe_task};
 use crate::vermo::VerMo;
 use crate::{EngineError, EngineKind, Pipeline, RawLoop, Selector};
@@ -15,6 +16,7 @@ enum Loaded {
     Stages(Box<Pipeline>),
     Paths(Box<UniMoGen>),
     Words(Box<VerMo>),
+    Plans(Box<SonicPlanner>),
 }
 
 impl Selector {
@@ -38,6 +40,10 @@ impl Selector {
                 let networks = Box::new(self.load_language(pack, engine)?);
                 Loaded::Words(Box::new(VerMo::new(pack, networks, max_batch)?))
             }
+            Family::SonicPlanner => {
+                let planner = Box::new(self.load_planner(pack, engine)?);
+                Loaded::Plans(Box::new(SonicPlanner::new(pack, planner, max_batch)?))
+            }
             Family::MotionBricks => {
                 let stages = Box::new(self.load(pack, engine)?);
                 Loaded::Stages(Box::new(Pipeline::new(pack.rig.dims, stages, max_batch)))
@@ -57,6 +63,7 @@ impl Networks {
             Loaded::Stages(pipeline) => pipeline.warm_up(),
             Loaded::Paths(generator) => generator.warm_up(pack),
             Loaded::Words(generator) => generator.warm_up(),
+            Loaded::Plans(generator) => generator.warm_up(pack),
         }
     }
 
@@ -71,6 +78,7 @@ impl Networks {
             }
             Loaded::Paths(generator) => Looped::Paths(generator, Vec::new()),
             Loaded::Words(generator) => Looped::Words(generator, 0, frames),
+            Loaded::Plans(generator) => Looped::Plans(generator, Vec::new()),
         })
     }
 }
@@ -83,6 +91,7 @@ enum Looped {
     Paths(Box<UniMoGen>, Vec<PathTask>),
     /// With the number of jobs of a batch, and the frames of each.
     Words(Box<VerMo>, usize, usize),
+    Plans(Box<SonicPlanner>, Vec<PathTask>),
 }
 
 impl NetworkLoop {
@@ -97,6 +106,11 @@ impl NetworkLoop {
                     .collect();
             }
             Looped::Words(_, jobs, _) => *jobs = batch,
+            Looped::Plans(_, tasks) => {
+                *tasks = (0..batch)
+                    .filter_map(|index| sonic_planner::probe_task(pack, index, frames))
+                    .collect();
+            }
         }
     }
 
@@ -109,6 +123,7 @@ impl NetworkLoop {
         match &mut self.0 {
             Looped::Stages(stages) => stages.run().map(|_| ()),
             Looped::Paths(generator, tasks) => generator.run(tasks).map(|_| ()),
+            Looped::Plans(generator, tasks) => generator.run(tasks).map(|_| ()),
             Looped::Words(generator, jobs, frames) => generator.run_trial(*jobs, *frames).map(|_| ()),
         }
     }

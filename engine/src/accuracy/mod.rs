@@ -22,7 +22,7 @@ use super::{
 use crate::pack::Pack;
 
 pub use bars::Bar;
-pub use paths::compare_paths;
+pub use paths::{compare_paths, compare_planners};
 pub use probe::{PROBE_BATCH, Probe, probe};
 
 /// Contact probability from which on there is contact.

@@ -1,8 +1,8 @@
-//! The check of a family with one network for many bodies: compares the motions of both engines,
-//! with all steps of the sampler.
+//! The check of families whose bodies move along paths: compares whole motions of both engines,
+//! with all steps of a sampler.
 //!
-//! Engines start from the same noise. A difference in one step continues into the next, as it does
-//! for callers.
+//! Engines start from the same noise or seed. A difference in one step continues into the next, as
+//! it does for callers.
 
 use troupe_motion::model::{Body, GLOBAL_ROOT, Motion, PathTask, SIX_D};
 use troupe_motion::root::wrap_angle;
@@ -12,6 +12,7 @@ use troupe_motion::{Quat, Vec3};
 use super::{Accuracy, CONTACT, Kind, Sums, finite_or_huge, global_roots};
 use crate::EngineError;
 use crate::pack::Pack;
+use crate::sonic_planner::{self, Planner, SonicPlanner};
 use crate::unimogen::{Denoiser, LIVE_FRAMES, UniMoGen, probe_task};
 
 /// Number of tasks for each body.
@@ -35,16 +36,48 @@ pub fn compare_paths(
         .filter_map(|index| probe_task(pack, index, frames(index)))
         .collect();
     let motions = |denoiser| UniMoGen::new(pack, denoiser, tasks.len())?.run(&tasks);
-    let (expected, found) = (motions(reference)?, motions(candidate)?);
+    Ok(compare_motions(
+        &tasks,
+        &motions(reference)?,
+        &motions(candidate)?,
+    ))
+}
+
+/// Compares two engines for the graph of a pack with NVIDIA's planner: a task of each mode, the
+/// longest plans and those of live characters in turns.
+///
+/// # Errors
+/// [`EngineError`] if either fails.
+pub fn compare_planners(
+    pack: &Pack,
+    reference: Box<dyn Planner>,
+    candidate: Box<dyn Planner>,
+) -> Result<Accuracy, EngineError> {
+    let frames = |index: usize| match index.is_multiple_of(2) {
+        true => sonic_planner::LIVE_FRAMES,
+        false => pack.rig.dims.max_frames(),
+    };
+    let tasks: Vec<PathTask> = (0..pack.words.len())
+        .filter_map(|index| sonic_planner::probe_task(pack, index, frames(index)))
+        .collect();
+    let motions = |planner| SonicPlanner::new(pack, planner, tasks.len())?.run(&tasks);
+    Ok(compare_motions(
+        &tasks,
+        &motions(reference)?,
+        &motions(candidate)?,
+    ))
+}
+
+fn compare_motions(tasks: &[PathTask], expected: &[Motion], found: &[Motion]) -> Accuracy {
     let mut sums = Sums::default();
-    for ((task, a), b) in tasks.iter().zip(&expected).zip(&found) {
+    for ((task, a), b) in tasks.iter().zip(expected).zip(found) {
         sums.add_motions(&task.body, a, b);
     }
-    Ok(Accuracy {
+    Accuracy {
         kind: Kind::Paths,
         characters: tasks.len(),
         ..sums.accuracy()
-    })
+    }
 }
 
 impl Sums {

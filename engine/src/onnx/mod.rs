@@ -6,6 +6,7 @@ mod exit;
 mod network;
 mod openvino;
 mod outlets;
+mod planner;
 mod pool;
 mod provider;
 mod runtime;
@@ -28,6 +29,7 @@ use crate::vermo::SLOTS;
 use calls::CALL_ROWS;
 pub use denoiser::OnnxDenoiser;
 use network::{FixedNetworks, Given, Inputs, Network, Number};
+pub use planner::OnnxPlanner;
 pub use pool::NetworkPool;
 use pool::PackWorker;
 pub use runtime::{LIBRARY_VARIABLE, Runtime};
@@ -76,6 +78,15 @@ impl Batching {
         Self {
             any_size: true,
             usual_most: SLOTS,
+            call_rows: 0,
+        }
+    }
+
+    /// For a pack of NVIDIA's planner: a call is one job, and more would only wait at the worker.
+    pub(crate) fn of_sonic_planner() -> Self {
+        Self {
+            any_size: true,
+            usual_most: 1,
             call_rows: 0,
         }
     }

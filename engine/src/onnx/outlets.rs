@@ -28,6 +28,14 @@ pub(super) fn check(
     Ok(())
 }
 
+/// The axes of a graph's tensor; none for anything else.
+pub(super) fn axes(outlet: &Outlet) -> &[i64] {
+    match outlet.dtype() {
+        ValueType::Tensor { shape, .. } => shape,
+        _ => &[],
+    }
+}
+
 fn check_outlet(kind: &str, &(name, element, axes): &Wanted<'_>, outlets: &[Outlet]) -> Result<(), String> {
     let outlet = outlets.iter().find(|outlet| outlet.name() == name);
     let outlet = outlet.ok_or_else(|| format!("the {kind} {name} is missing"))?;

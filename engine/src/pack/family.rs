@@ -11,11 +11,18 @@ pub(crate) enum Family {
     UniMoGen,
     /// A language model of text, motion and audio.
     VerMo,
+    /// NVIDIA's planner for the G1: one graph from a direction, a speed and a mode to frames.
+    SonicPlanner,
 }
 
 impl Family {
     /// All families that the engine runs.
-    pub(crate) const ALL: [Self; 3] = [Self::MotionBricks, Self::UniMoGen, Self::VerMo];
+    pub(crate) const ALL: [Self; 4] = [
+        Self::MotionBricks,
+        Self::UniMoGen,
+        Self::VerMo,
+        Self::SonicPlanner,
+    ];
 
     /// The family that a manifest names. None for a name that the engine does not know: the caller
     /// that loads such a pack must bring its own generator.
@@ -29,6 +36,7 @@ impl Family {
             Self::MotionBricks => "motionbricks",
             Self::UniMoGen => "unimogen",
             Self::VerMo => "vermo",
+            Self::SonicPlanner => "sonic_planner",
         }
     }
 }

@@ -8,6 +8,7 @@ use troupe_motion::robot::RobotDoc;
 
 use super::PackProblem;
 use super::family::Family;
+use super::sonic_planner::SonicPlannerDoc;
 use super::unimogen::UniMoGenDoc;
 use super::vermo::VerMoDoc;
 
@@ -82,6 +83,9 @@ pub struct Manifest {
     /// Fields of packs of the family VerMo alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) vermo: Option<VerMoDoc>,
+    /// Fields of packs of NVIDIA's planner alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) sonic_planner: Option<SonicPlannerDoc>,
     /// How the pack was trained; free.
     #[serde(default)]
     pub training: toml::Table,
@@ -144,7 +148,7 @@ impl Manifest {
         }
         let family = self.family();
         let least_targets = match family {
-            Some(Family::VerMo) => 0,
+            Some(Family::VerMo | Family::SonicPlanner) => 0,
             Some(Family::MotionBricks | Family::UniMoGen) | None => 1,
         };
         let ranges = [
@@ -232,6 +236,12 @@ impl Manifest {
                 self.vermo.is_some(),
                 family == Some(Family::VerMo),
             ),
+            (
+                "sonic_planner",
+                "the table [sonic_planner]",
+                self.sonic_planner.is_some(),
+                family == Some(Family::SonicPlanner),
+            ),
         ] {
             match (has, needs) {
                 (false, true) => return Err(field(name, "missing", allowed)),
@@ -245,7 +255,19 @@ impl Manifest {
         if let Some(table) = &self.vermo {
             table.check(dims, self.capabilities)?;
         }
+        if let Some(table) = &self.sonic_planner {
+            table.check(dims, self.capabilities)?;
+        }
         Ok(())
+    }
+
+    /// The words that the network knows; none for a family without words.
+    pub(super) fn words(&self) -> &[String] {
+        match (&self.unimogen, &self.sonic_planner) {
+            (Some(table), _) => &table.words,
+            (None, Some(table)) => &table.modes,
+            (None, None) => &[],
+        }
     }
 
     /// The family that runs the pack; none if the engine does not know the name.

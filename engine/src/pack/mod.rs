@@ -3,11 +3,13 @@
 //! Loading checks the manifest and the files' content hash; [`crate::onnx`] checks every tensor of
 //! every stage. So a wrong pack fails when the server starts, with an error that names the cause.
 
+mod bodies;
 mod error;
 mod facts;
 mod family;
 mod lexicon;
 mod manifest;
+pub(crate) mod sonic_planner;
 #[cfg(feature = "testing")]
 pub mod testing;
 mod unimogen;
@@ -25,6 +27,7 @@ pub use facts::{Language, SamplerSteps, TaskRefusal};
 pub(crate) use family::Family;
 pub use lexicon::Lexicon;
 pub use manifest::Manifest;
+pub use sonic_planner::PLANNER_FILE;
 pub(crate) use unimogen::UniMoGenDoc;
 pub use unimogen::{DENOISER_FILE, RATE};
 pub use vermo::{
@@ -117,6 +120,10 @@ impl Pack {
             let bodies = table.read_bodies(folder, pack.manifest.fps, &pack.rig.dims)?;
             pack.bodies = bodies.into_iter().map(Arc::new).collect();
         }
+        if let Some(table) = &pack.manifest.sonic_planner {
+            let body = table.read_body(folder, pack.manifest.fps, &pack.rig.dims)?;
+            pack.bodies = vec![Arc::new(body)];
+        }
         if let Some(table) = &pack.manifest.vermo {
             pack.lexicon = Some(Arc::new(Lexicon::load(folder, table)?));
         }
@@ -142,7 +149,7 @@ impl Pack {
         Ok(Self {
             bodies: Vec::new(),
             lexicon: None,
-            words: (manifest.unimogen.as_ref()).map_or_else(Vec::new, |table| table.words.clone()),
+            words: manifest.words().to_vec(),
             manifest,
             rig: Arc::new(rig),
             folder: folder.to_owned(),
@@ -155,6 +162,7 @@ impl Pack {
         match self.manifest.family() {
             Some(Family::MotionBricks) => &["root.onnx", "pose.onnx", "decoder.onnx"],
             Some(Family::UniMoGen) => &[DENOISER_FILE],
+            Some(Family::SonicPlanner) => &[PLANNER_FILE],
             Some(Family::VerMo) => self.manifest.vermo.as_ref().map_or(&[], VerMoDoc::files),
             None => &[],
         }
@@ -184,7 +192,7 @@ impl Pack {
 
     /// Path of one body's file.
     pub fn body_file(&self, name: &str) -> PathBuf {
-        unimogen::body_file(&self.folder, name)
+        bodies::body_file(&self.folder, name)
     }
 
     /// Path of one stage's file.
@@ -269,6 +277,8 @@ fn read_text(path: &Path) -> Result<String, PackProblem> {
     })
 }
 
+#[cfg(test)]
+mod sonic_planner_tests;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

@@ -38,6 +38,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         limits: None,
         unimogen: None,
         vermo: None,
+        sonic_planner: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };

@@ -1,19 +1,14 @@
 //! The parts of a pack that only UniMoGen packs have: the table `[unimogen]`, and a file for each
 //! body (docs/unimogen-pack.md).
 
-use std::collections::HashSet;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use troupe_motion::Skeleton;
-use troupe_motion::feasibility::{Limits, LimitsDoc};
-use troupe_motion::model::{Body, BodyParts, DESCRIPTION, Dims, SLOTS};
-use troupe_motion::robot::RobotDoc;
-use troupe_motion::rotation::from_wxyz;
+use troupe_motion::model::{Body, DESCRIPTION, Dims, SLOTS};
 
+use super::PackProblem;
+use super::bodies::{check_names, read_body};
 use super::manifest::field;
-use super::{PackProblem, read_text};
 
 /// File name of the network.
 pub const DENOISER_FILE: &str = "denoiser.onnx";
@@ -111,16 +106,8 @@ impl UniMoGenDoc {
                 return Err(field(name, value, format!("{low} to {high}")));
             }
         }
-        let names = self.bodies.iter().chain(&self.words);
-        if let Some(name) = names.clone().find(|name| !is_name(name)) {
-            return Err(field("unimogen", name, "names of 1 to 64 of a-z, 0-9, - and _"));
-        }
-        for (what, list) in [("unimogen.bodies", &self.bodies), ("unimogen.words", &self.words)] {
-            let mut seen = HashSet::new();
-            if let Some(twice) = list.iter().find(|name| !seen.insert(*name)) {
-                return Err(field(what, twice, "each name once"));
-            }
-        }
+        check_names("unimogen.bodies", &self.bodies)?;
+        check_names("unimogen.words", &self.words)?;
         if !self.bodies.contains(&self.default_body) {
             return Err(field(
                 "unimogen.default_body",
@@ -162,95 +149,10 @@ impl UniMoGenDoc {
     /// Reads the files of all bodies.
     ///
     /// # Errors
-    /// [`PackProblem::Read`], [`PackProblem::BodyFile`], [`PackProblem::Body`] or
-    /// [`PackProblem::BodyLimits`].
+    /// Those of [`read_body`].
     pub(super) fn read_bodies(&self, folder: &Path, fps: f32, dims: &Dims) -> Result<Vec<Body>, PackProblem> {
-        let read = |name: &String| {
-            let text = read_text(&body_file(folder, name))?;
-            let doc: BodyDoc = toml::from_str(&text).map_err(|cause| PackProblem::BodyFile {
-                body: name.clone(),
-                cause: Box::new(cause),
-            })?;
-            let failed = |problem| PackProblem::Body {
-                body: name.clone(),
-                problem: Box::new(problem),
-            };
-            if &doc.name != name {
-                return Err(field(
-                    "unimogen.bodies",
-                    name,
-                    format!("{:?}, the name of its file", doc.name),
-                ));
-            }
-            if let Some(word) = doc.words.iter().find(|word| !self.words.contains(word)) {
-                return Err(field(
-                    "unimogen.words",
-                    word,
-                    format!("words of the pack, in bodies/{name}.toml"),
-                ));
-            }
-            let limits = doc.limits.clone();
-            let mut body = Body::new(doc.parts()?, fps, dims).map_err(failed)?;
-            if let Some(doc) = limits {
-                let limits = Limits::new(&doc, &body.rig.skeleton);
-                let limits = limits.map_err(|problem| PackProblem::BodyLimits {
-                    body: name.clone(),
-                    problem: Box::new(problem),
-                })?;
-                Arc::make_mut(&mut body.rig).limits = Some(Arc::new(limits));
-            }
-            Ok(body)
-        };
+        let fields = ["unimogen.bodies", "unimogen.words"];
+        let read = |name: &String| read_body(folder, name, (&self.words, fields), fps, dims);
         self.bodies.iter().map(read).collect()
-    }
-}
-
-/// Path of one body's file in a pack's folder.
-pub(super) fn body_file(folder: &Path, name: &str) -> PathBuf {
-    folder.join("bodies").join(format!("{name}.toml"))
-}
-
-fn is_name(name: &str) -> bool {
-    let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
-    (1..=64).contains(&name.len()) && name.chars().all(allowed)
-}
-
-/// A file in the folder `bodies`.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BodyDoc {
-    name: String,
-    words: Vec<String>,
-    height_m: f32,
-    size_m: f32,
-    neutral: NeutralDoc,
-    skeleton: Skeleton,
-    robot: Option<RobotDoc>,
-    limits: Option<LimitsDoc>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NeutralDoc {
-    sides: Vec<i8>,
-    /// (w, x, y, z) of each joint, in world space.
-    rotations: Vec<[f32; 4]>,
-}
-
-impl BodyDoc {
-    fn parts(self) -> Result<BodyParts, PackProblem> {
-        let skeleton = match &self.robot {
-            Some(robot) => self.skeleton.with_robot(robot)?,
-            None => self.skeleton,
-        };
-        Ok(BodyParts {
-            name: self.name,
-            skeleton,
-            neutral: self.neutral.rotations.into_iter().map(from_wxyz).collect(),
-            sides: self.neutral.sides,
-            height_m: Some(self.height_m),
-            size_m: Some(self.size_m),
-            words: self.words,
-        })
     }
 }

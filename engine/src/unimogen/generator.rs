@@ -11,7 +11,7 @@ use super::network::Denoiser;
 use super::probe::probe_task;
 use super::rows::Coding;
 use super::schedule::Schedule;
-use crate::generator::{Generator, JobId, Progress, StepReport};
+use crate::generator::{Generator, JobId, Progress, StepReport, run_paths};
 use crate::pack::{DENOISER_FILE, Pack};
 use crate::{EngineError, TrialRun};
 
@@ -107,27 +107,7 @@ impl UniMoGen {
     /// # Errors
     /// [`EngineError`] of the first task that fails.
     pub fn run(&mut self, tasks: &[PathTask]) -> Result<Vec<Motion>, EngineError> {
-        for (index, task) in tasks.iter().enumerate() {
-            let id = JobId {
-                request: index as u64,
-                character: 0,
-            };
-            self.admit(id, Task::Path(task.clone()));
-        }
-        let mut motions = vec![Motion::default(); tasks.len()];
-        let mut failed = None;
-        while !self.is_idle() {
-            let stepped = self.step(&mut |id, progress| match progress {
-                Progress::Done(Output::Motion(motion)) => motions[id.request as usize] = motion,
-                Progress::Failed(error) => failed = Some(error),
-                Progress::Done(_) | Progress::Part(_) => {}
-            });
-            if let Some(error) = stepped.err().or(failed.take()) {
-                self.clear();
-                return Err(error);
-            }
-        }
-        Ok(motions)
+        run_paths(self, tasks)
     }
 
     /// Indices of the jobs of the next call, in rising order: the oldest job, then jobs with as

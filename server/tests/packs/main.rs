@@ -14,6 +14,7 @@ mod live;
 mod objects;
 mod onnx;
 mod performances;
+mod planner;
 mod program;
 mod sessions;
 mod walks;

@@ -50,8 +50,12 @@ def write_manifest(
     """Writes the manifest.
 
     ``networks`` are the sizes that the server goes by, ``digest`` is the SHA-256 of the ONNX files, ``checks`` are their
-    largest differences to PyTorch.
+    largest differences to PyTorch, empty for files that do not come from it.
     """
+    compared = [
+        *("", "# Largest difference between ONNX Runtime and PyTorch.", "[training.onnx_check]"),
+        *(f"{stage} = {difference:.2e}" for stage, difference in checks.items()),
+    ]
     lines = [
         "# Written by `troupe-train export`. The server refuses the pack if the hash does not fit the ONNX files.",
         f"format = {FORMAT}",
@@ -68,8 +72,7 @@ def write_manifest(
         *skeleton_lines(skeleton),
         *("", "[training]"),
         *(f"{key} = {json.dumps(value)}" for key, value in about.training.items()),
-        *("", "# Largest difference between ONNX Runtime and PyTorch.", "[training.onnx_check]"),
-        *(f"{stage} = {difference:.2e}" for stage, difference in checks.items()),
+        *(compared if checks else []),
     ]
     (pack / "pack.toml").write_text("\n".join(lines) + "\n")
 

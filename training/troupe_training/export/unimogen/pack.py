@@ -21,8 +21,8 @@ from torch import Tensor, nn
 from troupe_training.data.bodies import DESCRIPTION, SLOTS, Body
 from troupe_training.data.conventions import CONTEXT_FRAMES, MAX_TARGETS
 from troupe_training.data.corpus import CorpusClip
-from troupe_training.data.rotations import matrix_to_quat
-from troupe_training.export.manifest import About, Family, skeleton_lines, write_manifest
+from troupe_training.export.bodies import write_body
+from troupe_training.export.manifest import About, Family, write_manifest
 from troupe_training.export.onnx import Axes, Session, graph_of, round_to_half, store_as_half
 from troupe_training.models.unimogen.config import DIFFUSION_STEPS, RATE, SAMPLER_STEPS
 from troupe_training.models.unimogen.diffusion import cosine_signal
@@ -89,7 +89,7 @@ def export_pack(
     """
     fresh = out.with_name(out.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
-    (fresh / "bodies").mkdir(parents=True)
+    fresh.mkdir(parents=True)
     model = copy.deepcopy(trained.model).eval().requires_grad_(False)
     round_to_half(model)
     several = list(bodies.values())
@@ -112,7 +112,7 @@ def export_pack(
     with (fresh / "pack.toml").open("a", encoding="utf-8") as file:
         file.write("\n".join(_family_lines(trained.words, list(bodies), main.name, trained.limits)) + "\n")
     for name, body in bodies.items():
-        (fresh / "bodies" / f"{name}.toml").write_text("\n".join(body_lines(body, words.get(name, []))) + "\n")
+        write_body(fresh, body, words.get(name, []), "troupe-train unimogen export")
     shutil.rmtree(out / "bodies", ignore_errors=True)
     out.mkdir(parents=True, exist_ok=True)
     for path in fresh.iterdir():  # only a pack that passed replaces the one before
@@ -142,26 +142,6 @@ def _family_lines(words: list[str], bodies: list[str], main: str, limits: Range)
         f"bend_gain = {BEND_GAIN}",
         f"max_turn_rad_per_s = {MAX_TURN}",
     ]
-
-
-def body_lines(body: Body, words: list[str]) -> list[str]:
-    """A body's file: skeleton and robot as a manifest has them, then its neutral pose and what it was seen to do."""
-    quats = matrix_to_quat(torch.tensor(body.rotations))
-    lines = [
-        "# Written by `troupe-train unimogen export`.",
-        f"name = {json.dumps(body.name)}",
-        f"words = {json.dumps(words)}",
-        f"height_m = {body.height_m}",
-        f"size_m = {body.size_m}",
-        "",
-        "# World rotations (w, x, y, z) of the neutral pose, and 1 left, -1 right, 0 middle: in the order of the joints.",
-        "[neutral]",
-        f"sides = {json.dumps(body.sides)}",
-        "rotations = [",
-        *(f"  {json.dumps([round(float(v), 9) for v in quat])}," for quat in quats),
-        "]",
-    ]
-    return lines + skeleton_lines(body.skeleton)
 
 
 def example(model: UniMoGen, bodies: Sequence[Body], which: Sequence[int], frames: int, seed: int) -> dict[str, Tensor]:
