@@ -225,7 +225,7 @@ impl Selector {
     /// # Errors
     /// [`EngineError`] if it does not load.
     pub fn load_planner(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxPlanner, EngineError> {
-        OnnxPlanner::load(&self.runtime, pack, self.any_shape(engine))
+        OnnxPlanner::load(&self.runtime, pack, self.any_shape(pack, engine))
     }
 
     /// The networks of one worker for a pack with a language model.

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use troupe_engine::accuracy::{Accuracy, Kind, compare_planners};
 use troupe_engine::families::sonic_planner::{Inputs, Planner, SonicPlanner, probe_task};
+use troupe_engine::gpu::GpuShare;
 use troupe_engine::onnx::{Growth, OnnxPlanner, Runtime, SessionOptions};
 use troupe_engine::pack::{MANIFEST_FILE, PLANNER_FILE, Pack, content_hash};
 use troupe_engine::{EngineError, EngineKind};
@@ -27,6 +28,7 @@ fn load(pack: &Pack) -> Result<OnnxPlanner, EngineError> {
         spin: false,
         fixed_shapes: false,
         growth: Growth::None,
+        gpu: GpuShare::default(),
     };
     OnnxPlanner::load(&Runtime::new(None).unwrap(), pack, options)
 }

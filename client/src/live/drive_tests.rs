@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::*;
+use crate::Pack;
 use crate::live::options::SessionOptions;
 use crate::live::testing::{block, problem, scripted};
 

@@ -360,7 +360,8 @@ fn each_step_is_a_call_for_the_oldest_job() {
 fn answers_that_are_no_motion_fail_alone() {
     let pack = pack();
     let plan = task(&pack, straight(24, Vec3::Z, 0.0), &[]);
-    let cases: [(usize, fn(&mut [f32]), &str); 3] = [
+    type Spoil = fn(&mut [f32]);
+    let cases: [(usize, Spoil, &str); 3] = [
         (4, |_| {}, "it gave 28 frames, expected 24"),
         (0, |qpos| qpos[40] = f32::INFINITY, "values that are not finite"),
         (

@@ -59,7 +59,7 @@ fn a_skeleton_that_a_session_wears_keeps_its_file() {
         pack: "human".to_owned(),
         place: 0,
         worn: worn.clone(),
-        live: None,
+        live: Weak::new(),
     });
     let kept = || Skeletons::load(Some(folder.path().to_owned())).unwrap();
     let dress = worn.dress_for_session();

@@ -176,6 +176,8 @@ fn the_descriptor_set_describes_the_service() {
             "Step",
             "Drive",
             "Peek",
+            "GetRecording",
+            "Replay",
             "ListStyles",
             "GetStyle",
             "PutStyle"

@@ -202,7 +202,7 @@ fn a_named_engine_that_is_not_there_is_explained() {
             error.starts_with(&format!("the engine {engine} cannot serve")),
             "{error}"
         );
-        assert!(error.contains("onnxruntime-gpu"), "{error}");
+        assert!(error.contains("TROUPE_RUNTIME=gpu make runtime"), "{error}");
     }
 }
 

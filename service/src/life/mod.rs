@@ -91,7 +91,7 @@ impl Life {
     pub(crate) fn join(&self, deadline: Instant) -> bool {
         let left = self.leaving();
         let ended = left.iter().map(|left| left.workers.join(deadline));
-        ended.fold(true, |all, ended| all && ended)
+        ended.filter(|ended| !ended).count() == 0
     }
 
     /// Whether no pack is being loaded.
