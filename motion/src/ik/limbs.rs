@@ -14,8 +14,8 @@ use crate::skeleton::Skeleton;
 
 use super::two_bone::SHORTEST_BONE_M;
 
-/// Most legs that are found.
-pub const MAX_LEGS: usize = 4;
+/// Most legs that are found: a spider's.
+pub const MAX_LEGS: usize = MOST_CONTACTS;
 
 /// The shorter bone of a leg is at least this share of the longer.
 const LEAST_LEG_RATIO: f32 = 0.4;
