@@ -52,6 +52,7 @@ pub(in crate::api) async fn get(Ours(service): Ours, id: Named<String>) -> Resul
         (status = 404, description = "No such pack"),
         (status = 409, description = "The recording was made with another server, pack, engine, style or skeleton"),
         (status = 429, description = "As many recordings are played as may be at the same time"),
+        (status = 503, description = "Not ready yet"),
     )
 )]
 pub(in crate::api) async fn replay(
