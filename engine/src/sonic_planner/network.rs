@@ -5,8 +5,8 @@ use crate::EngineError;
 
 /// Runs the graph of one pack: one robot a call.
 pub trait Planner: Send {
-    /// Writes the frames that the graph predicts into `qpos`: 36 numbers each, as many frames as the
-    /// graph counts.
+    /// Writes the frames that the graph predicts into `qpos`: 36 numbers each, and as many frames
+    /// as the graph counts.
     ///
     /// # Errors
     /// [`EngineError`] if the engine fails.
