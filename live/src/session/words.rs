@@ -122,11 +122,6 @@ impl WordsPacks {
         self.by_name.get(name)?.as_ref().ok()
     }
 
-    /// Name of the pack for commands that name none. `None` if no pack fits.
-    pub fn default_name(&self) -> Option<&str> {
-        self.default.as_deref()
-    }
-
     /// The pack called `name`, which the field at `path` has. An empty name means the default.
     fn find(&self, path: &Path<'_>, name: &str) -> Result<&WordsPack, SessionError> {
         let allowed = || {
