@@ -214,10 +214,8 @@ impl Service {
         let batchers = || table.all().map(|loaded| &loaded.batcher);
         batchers().for_each(Batcher::stop);
         self.common.life.stop();
-        // All are waited for, even if one is too slow.
-        let ended = batchers().map(|batcher| batcher.join(deadline));
-        let left = self.common.life.join(deadline) && self.common.life.is_quiet();
-        ended.fold(left, |all, ended| all && ended)
+        let ended = batchers().all(|batcher| batcher.join(deadline));
+        ended && self.common.life.join(deadline) && self.common.life.is_quiet()
     }
 
     /// The tenant's packs, sessions, scenes and definitions.

@@ -271,7 +271,7 @@ impl Config {
         }
     }
 
-    /// Time between two looks at the folder of packs. None: nobody looks.
+    /// Time between two looks at the folder of packs. None: the packs are not watched.
     pub fn watch_packs(&self) -> Option<Duration> {
         (self.watch_packs_s > 0).then(|| Duration::from_secs(self.watch_packs_s))
     }

@@ -90,8 +90,7 @@ impl Life {
     /// blocks.
     pub(crate) fn join(&self, deadline: Instant) -> bool {
         let left = self.leaving();
-        let ended = left.iter().map(|left| left.workers.join(deadline));
-        ended.filter(|ended| !ended).count() == 0
+        left.iter().all(|left| left.workers.join(deadline))
     }
 
     /// Whether no pack is being loaded.
@@ -241,7 +240,7 @@ impl Service {
         task.await.map_err(|_| WorkerStopped)?
     }
 
-    /// Drops what is kept of packs that nobody holds any more.
+    /// Drops what is kept of packs that have no holder any more.
     pub(crate) fn sweep_packs(&self) {
         if let Some(spaces) = self.common.spaces.get() {
             self.common.life.sweep(&spaces.common().packs.table());
