@@ -39,7 +39,7 @@ def crowd(cluster):
 def check(cluster: Cluster, crowd, breaks: bool = True):
     """What holds after every failure."""
     since = time.monotonic()
-    until(lambda: crowd.all_walk(since), "all still walk", 10)
+    until(lambda: crowd.all_walk(since), "all still walk", 30)
     report = crowd.end()
     print(f"breaks {sorted(report.breaks_s)[-5:]}, usual {report.usual}, seams {report.seams}")
     assert report.lost == []
@@ -56,7 +56,7 @@ def kill(cluster: Cluster, crowd, name: str):
     """Kills a server, waits until its characters walk elsewhere, and starts it again."""
     cluster.replicas[name].kill()
     died = time.monotonic()
-    until(lambda: crowd.all_walk(died), "all walk again", 10)
+    until(lambda: crowd.all_walk(died), "all walk again", 30)
     cluster.replicas[name].start()
     cluster.replicas[name].wait_ready()
 
@@ -109,7 +109,7 @@ def test_a_session_that_another_server_took_over_meanwhile_follows_it(cluster, c
     cluster.cables[old].is_cut.clear()
     until(lambda: cluster.replicas[old].leases("lost") >= lost + len(stream), "the old one learns of it", 10)
     healed = time.monotonic()
-    until(lambda: crowd.all_walk(healed), "all walk again", 10)
+    until(lambda: crowd.all_walk(healed), "all walk again", 30)
     assert cluster.witness.owner(session) in others
     check(cluster, crowd)
 
