@@ -115,13 +115,13 @@ def test_a_session_that_another_server_took_over_meanwhile_follows_it(cluster, c
 
 
 def takes(client, names: list[str]) -> bool:
-    """Whether a server has these sessions. It takes those that no server has a lease of."""
-    from troupe import io
+    """Whether a server has these sessions. A command takes those that no server has a lease of."""
+    from troupe import errors, io
     from troupe.v1 import session_pb2
 
-    asked = [session_pb2.SessionResume(session_id=name) for name in names]
-    answer = client._connection.run(io.ask(io.RESUME_SESSIONS, session_pb2.ResumeSessionsRequest(sessions=asked)))
-    return len(answer.sessions) == len(names)
+    commands = [session_pb2.Command(session_id=name, sequence=1, priority=0.5) for name in names]
+    answer = client._connection.run(io.ask(io.COMMAND, session_pb2.CommandRequest(commands=commands)))
+    return not any(result.problem.reason in errors.PASSING for result in answer.results)
 
 
 def test_a_server_that_stops_gives_its_sessions_away(cluster, crowd):
