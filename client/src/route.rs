@@ -71,7 +71,11 @@ impl Way {
         };
         let name = route.name();
         let is_name = !name.is_empty() && name.chars().all(|c| c.is_ascii_graphic());
-        let value = name.parse().ok().filter(|_| is_name).ok_or_else(fault)?;
+        let value = name
+            .parse::<MetadataValue<Ascii>>()
+            .ok()
+            .filter(|_| is_name)
+            .ok_or_else(fault)?;
         Ok(Self {
             key: (route.header(), value),
             server: Arc::default(),
@@ -91,7 +95,7 @@ impl Way {
     /// From now on, calls go to the server that this problem names. Returns whether that is
     /// another one than before, so that the call may be repeated.
     pub(crate) fn follow(&self, problem: &Problem) -> bool {
-        let owner = match problem.kind {
+        let owner: Option<MetadataValue<Ascii>> = match problem.kind {
             ProblemKind::SessionElsewhere => problem.allowed.as_deref().and_then(|owner| owner.parse().ok()),
             // Any server knows which one has it.
             ProblemKind::SessionMoved => None,

@@ -58,7 +58,7 @@ class Report:
         if pause_s > BREAK_S:
             self.breaks_s.append(pause_s)
             one.since_break = 0
-        one.backwards += frame <= one.frame
+        one.backwards += frame < one.frame
         frames = max(frame - one.frame, 1)
         cosines = np.abs(np.sum(rotations * one.rotations, axis=-1)).clip(0, 1)
         step = (float(np.linalg.norm(root - one.root)) / frames, float(2 * np.arccos(cosines.min())) / frames)
