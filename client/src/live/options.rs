@@ -67,7 +67,8 @@ impl SessionOptions {
     }
 
     /// Has the server record the session, for
-    /// [`Client::recording_of`](crate::Client::recording_of). A session in a scene cannot be recorded.
+    /// [`Client::recording_of`](crate::Client::recording_of). A session in a scene cannot be
+    /// recorded.
     #[must_use]
     pub fn record(mut self, record: bool) -> Self {
         self.message.record = record;

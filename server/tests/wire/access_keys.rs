@@ -145,7 +145,7 @@ async fn a_key_records_sessions_if_its_entry_says_so() {
     ];
     let (keyed, keys) = Keyed::start(&entries).await;
     let [never, asked, always] = [keys[0].as_str(), keys[1].as_str(), keys[2].as_str()];
-    let open = async |key, record| {
+    let open = async |key: &str, record: bool| {
         let body = json!({ "sessions": [{ "record": record }] });
         keyed.post("/v1/sessions", key, Some(body)).await
     };

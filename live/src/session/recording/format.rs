@@ -184,7 +184,7 @@ pub(super) struct Ending {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Why {
-    /// The session ended.
+    /// A client closed the session, or it expired or moved to another server.
     SessionEnded,
     /// The recording had as many bytes as it may have.
     Full,
