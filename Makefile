@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-figure c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-figure kubernetes-test c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -26,7 +26,7 @@ docs:
 	scripts/docs.sh $(or $(ARGS),build)
 
 # The site is built before the tests, which look at it.
-test: docs-check lint rust-test python-test python-client web-test mmcp-test sonic-test ros2-test cluster-test c-client
+test: docs-check lint rust-test python-test python-client web-test mmcp-test sonic-test ros2-test cluster-test kubernetes-test c-client
 
 .PHONY: docs-check
 docs-check:
@@ -118,6 +118,12 @@ cluster-figure: runtime
 	tests/cluster/setup.sh
 	cargo build --release --package troupe-server --package troupe-loadtest
 	TROUPE_SERVER=target/release/troupe-server target/cluster/venv/bin/python tests/cluster/figure.py $(ARGS)
+
+# The manifests and the page that plans: rendered by kubectl and checked against Kubernetes' own schemas. Without kubectl they are left
+# out, aloud.
+kubernetes-test:
+	tests/kubernetes/setup.sh
+	target/kubernetes/venv/bin/python -m pytest --quiet -rs tests/kubernetes
 
 # Every figure of budgets.toml beside its limit. Those of the image are measured by `make image`.
 budgets:

@@ -161,7 +161,13 @@ def test_prometheus_can_read_the_queries_of_the_adapter(tmp_path: Path):
     file = tmp_path / "rules.yml"
     file.write_text(yaml.safe_dump({"groups": [{"name": "adapter", "rules": queries}]}))
     subprocess.run([promtool, "check", "rules", file], check=True)
-    subprocess.run([promtool, "check", "config", "--syntax-only", rendered.FOLDER / "prometheus.yml"], check=True)
+    # Debian's promtool was built without the discovery of pods.
+    config = yaml.safe_load((rendered.FOLDER / "prometheus.yml").read_text())
+    for scrape in config["scrape_configs"]:
+        assert scrape.pop("kubernetes_sd_configs")
+    file = tmp_path / "prometheus.yml"
+    file.write_text(yaml.safe_dump(config))
+    subprocess.run([promtool, "check", "config", "--syntax-only", file], check=True)
 
 
 def compose_schema() -> dict:
