@@ -94,7 +94,7 @@ async fn sessions_of_all_tenants_go_on_with_the_version_that_takes_a_place() {
         );
     }
     assert!(Arc::ptr_eq(&find(common, "").metrics, &find(own, "").metrics));
-    assert!(!workers.is_held(), "nobody holds the version before");
+    assert!(!workers.is_held(), "the version before has no holder");
     let later = spaces.of(&Some("later".into())).unwrap();
     assert_eq!(version(&find(&later.packs, "")), "2");
 }

@@ -314,7 +314,7 @@ async fn a_pack_is_unloaded_under_a_session_which_goes_on() {
 async fn what_cannot_be_done_says_what_can() {
     let server = start(&[("toy", "2", Flaw::None), ("new", "1", Flaw::None)]).await;
     let unknown = v1::LoadPackRequest {
-        name: "nobody".into(),
+        name: "missing".into(),
         version: "7".into(),
     };
     let error = server.grpc().await.load_pack(unknown).await.unwrap_err();
@@ -330,8 +330,8 @@ async fn what_cannot_be_done_says_what_can() {
         error.message()
     );
     for (path, version, status, reason) in [
-        ("nobody/swap", "", StatusCode::NOT_FOUND, "UNKNOWN_PACK"),
-        ("nobody/unload", "", StatusCode::NOT_FOUND, "UNKNOWN_PACK"),
+        ("missing/swap", "", StatusCode::NOT_FOUND, "UNKNOWN_PACK"),
+        ("missing/unload", "", StatusCode::NOT_FOUND, "UNKNOWN_PACK"),
         ("toy/swap", "9", StatusCode::NOT_FOUND, "UNKNOWN_PACK"),
         ("toy/load", "2", StatusCode::CONFLICT, "OTHER_VERSION"),
         ("other/unload", "2", StatusCode::CONFLICT, "OTHER_VERSION"),
