@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The table of docs/planning.md: what a number of live characters needs, by figures that other pages have measured.
 
-plan.py [--characters N] [--cores N] prints it; plan.py --check compares the page with it. A figure is read where it is measured,
+plan.py [--characters N] [--cores N] prints it; plan.py --check compares the page with it. A figure is read from the page of its measurement,
 so that a new measurement changes the plan.
 """
 

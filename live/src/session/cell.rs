@@ -342,8 +342,8 @@ impl SessionCell {
         }
     }
 
-    /// Stops the words that are being generated, ends the recording, and takes the user's skeleton off: a plan that is
-    /// under way keeps the session in memory, but not the skeleton in use.
+    /// Stops the words that are being generated, ends the recording, and takes the user's skeleton
+    /// off: a plan that is under way keeps the session in memory, but not the skeleton in use.
     fn let_go(&self) {
         let mut live = self.live();
         if let Some(dress) = &mut live.dress {
