@@ -73,7 +73,7 @@ impl Report {
                 None if engine.tested => "can serve".to_owned(),
                 None => "is offered; the authors never ran it".to_owned(),
                 Some(missing) if engine.tested => missing.clone(),
-                Some(_) => "is not offered (and the authors never ran it)".to_owned(),
+                Some(missing) => format!("{missing} (and the authors never ran it)"),
             };
             writeln!(f, "  {:<14} {state}", engine.engine.name())?;
         }
