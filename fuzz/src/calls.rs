@@ -40,7 +40,7 @@ const SKELETONS: Option<&str> = Some("Skeletons");
 #[rustfmt::skip]
 /// Every call. The first byte of an input is an index into this array, plus [`HTTP`] for the call
 /// over HTTP.
-pub const CALLS: [Call; 36] = [
+pub const CALLS: [Call; 39] = [
     Call { rpc: "InBetween", service: MOTION, method: Method::POST, path: "/v1/inbetween", changes: Changes::Nothing },
     Call { rpc: "Generate", service: MOTION, method: Method::POST, path: "/v1/generate", changes: Changes::Nothing },
     Call { rpc: "ListPacks", service: MOTION, method: Method::GET, path: "/v1/packs", changes: Changes::Nothing },
@@ -77,6 +77,10 @@ pub const CALLS: [Call; 36] = [
     Call { rpc: "DeleteSkeleton", service: SKELETONS, method: Method::DELETE, path: "/v1/skeletons/", changes: Changes::World },
     Call { rpc: "GetRecording", service: SESSIONS, method: Method::GET, path: "/v1/sessions/a/recording", changes: Changes::Nothing },
     Call { rpc: "Replay", service: SESSIONS, method: Method::POST, path: "/v1/replay", changes: Changes::Nothing },
+    // The only pack is the default one, which stays.
+    Call { rpc: "LoadPack", service: MOTION, method: Method::POST, path: "/v1/packs/toy/load", changes: Changes::Nothing },
+    Call { rpc: "UnloadPack", service: MOTION, method: Method::POST, path: "/v1/packs/toy/unload", changes: Changes::Nothing },
+    Call { rpc: "SwapPack", service: MOTION, method: Method::POST, path: "/v1/packs/toy/swap", changes: Changes::Nothing },
 ];
 
 /// The bit of the first byte that asks for HTTP.

@@ -42,6 +42,8 @@ pub(crate) struct Which {
 
     /// The version in its manifest. Left out: the newest in the server's folder of packs; for
     /// `unload`, the version that is loaded.
+    // `--version` has the id `version`.
+    #[arg(id = "pack_version", value_name = "VERSION")]
     version: Option<String>,
 
     /// Print JSON.

@@ -162,7 +162,16 @@ fn the_descriptor_set_describes_the_service() {
     };
     assert_eq!(
         methods("Motion"),
-        ["InBetween", "Generate", "Describe", "ListPacks", "GetPack"]
+        [
+            "InBetween",
+            "Generate",
+            "Describe",
+            "ListPacks",
+            "GetPack",
+            "LoadPack",
+            "UnloadPack",
+            "SwapPack"
+        ]
     );
     assert_eq!(
         methods("Sessions"),

@@ -490,6 +490,56 @@ class GetPackRequest(_message.Message):
     name: str
     def __init__(self, name: _Optional[str] = ...) -> None: ...
 
+class LoadPackRequest(_message.Message):
+    __slots__ = ("name", "version")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    version: str
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ...) -> None: ...
+
+class UnloadPackRequest(_message.Message):
+    __slots__ = ("name", "version")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    version: str
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ...) -> None: ...
+
+class SwapPackRequest(_message.Message):
+    __slots__ = ("name", "version")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    version: str
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ...) -> None: ...
+
+class PackChange(_message.Message):
+    __slots__ = ("name", "version", "changed", "replaced_version", "estimated_bytes", "leaving")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    CHANGED_FIELD_NUMBER: _ClassVar[int]
+    REPLACED_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ESTIMATED_BYTES_FIELD_NUMBER: _ClassVar[int]
+    LEAVING_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    version: str
+    changed: bool
+    replaced_version: str
+    estimated_bytes: int
+    leaving: _containers.RepeatedCompositeFieldContainer[LeavingPack]
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., changed: _Optional[bool] = ..., replaced_version: _Optional[str] = ..., estimated_bytes: _Optional[int] = ..., leaving: _Optional[_Iterable[_Union[LeavingPack, _Mapping]]] = ...) -> None: ...
+
+class LeavingPack(_message.Message):
+    __slots__ = ("name", "version", "held_ms")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    HELD_MS_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    version: str
+    held_ms: int
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., held_ms: _Optional[int] = ...) -> None: ...
+
 class Joint(_message.Message):
     __slots__ = ("name", "parent", "offset")
     NAME_FIELD_NUMBER: _ClassVar[int]

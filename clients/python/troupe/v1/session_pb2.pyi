@@ -50,7 +50,7 @@ ENCODING_COMPACT: Encoding
 ENCODING_QPOS: Encoding
 
 class SessionOptions(_message.Message):
-    __slots__ = ("id", "pack", "style", "seed", "convention", "position", "heading", "context", "ttl_ms", "look_ahead_frames", "replan_interval_frames", "root_ratio", "temperature", "priority", "scene", "body", "skeleton")
+    __slots__ = ("id", "pack", "style", "seed", "convention", "position", "heading", "context", "ttl_ms", "look_ahead_frames", "replan_interval_frames", "root_ratio", "temperature", "priority", "scene", "body", "skeleton", "record")
     ID_FIELD_NUMBER: _ClassVar[int]
     PACK_FIELD_NUMBER: _ClassVar[int]
     STYLE_FIELD_NUMBER: _ClassVar[int]
@@ -68,6 +68,7 @@ class SessionOptions(_message.Message):
     SCENE_FIELD_NUMBER: _ClassVar[int]
     BODY_FIELD_NUMBER: _ClassVar[int]
     SKELETON_FIELD_NUMBER: _ClassVar[int]
+    RECORD_FIELD_NUMBER: _ClassVar[int]
     id: str
     pack: str
     style: str
@@ -85,7 +86,8 @@ class SessionOptions(_message.Message):
     scene: str
     body: str
     skeleton: str
-    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., context: _Optional[_Iterable[_Union[_motion_pb2.Keyframe, _Mapping]]] = ..., ttl_ms: _Optional[int] = ..., look_ahead_frames: _Optional[int] = ..., replan_interval_frames: _Optional[int] = ..., root_ratio: _Optional[float] = ..., temperature: _Optional[float] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ...) -> None: ...
+    record: bool
+    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., context: _Optional[_Iterable[_Union[_motion_pb2.Keyframe, _Mapping]]] = ..., ttl_ms: _Optional[int] = ..., look_ahead_frames: _Optional[int] = ..., replan_interval_frames: _Optional[int] = ..., root_ratio: _Optional[float] = ..., temperature: _Optional[float] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ..., record: _Optional[bool] = ...) -> None: ...
 
 class CreateSessionsRequest(_message.Message):
     __slots__ = ("sessions",)
@@ -120,7 +122,7 @@ class SessionStats(_message.Message):
     def __init__(self, plans_for_command: _Optional[int] = ..., plans_for_low_buffer: _Optional[int] = ..., plans_for_interval: _Optional[int] = ..., late_plans: _Optional[int] = ..., underruns: _Optional[int] = ..., failed_plans: _Optional[int] = ..., events_dropped: _Optional[int] = ..., plans_for_object: _Optional[int] = ...) -> None: ...
 
 class Session(_message.Message):
-    __slots__ = ("id", "pack", "style", "seed", "convention", "frame", "position", "heading", "speed", "last_sequence", "clock", "ttl_ms", "expires_in_ms", "buffered_frames", "stats", "priority", "scene", "activity", "held", "body", "skeleton")
+    __slots__ = ("id", "pack", "style", "seed", "convention", "frame", "position", "heading", "speed", "last_sequence", "clock", "ttl_ms", "expires_in_ms", "buffered_frames", "stats", "priority", "scene", "activity", "held", "body", "skeleton", "recorded")
     ID_FIELD_NUMBER: _ClassVar[int]
     PACK_FIELD_NUMBER: _ClassVar[int]
     STYLE_FIELD_NUMBER: _ClassVar[int]
@@ -142,6 +144,7 @@ class Session(_message.Message):
     HELD_FIELD_NUMBER: _ClassVar[int]
     BODY_FIELD_NUMBER: _ClassVar[int]
     SKELETON_FIELD_NUMBER: _ClassVar[int]
+    RECORDED_FIELD_NUMBER: _ClassVar[int]
     id: str
     pack: str
     style: str
@@ -163,7 +166,8 @@ class Session(_message.Message):
     held: _event_pb2.HeldObject
     body: str
     skeleton: str
-    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., frame: _Optional[int] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., speed: _Optional[float] = ..., last_sequence: _Optional[int] = ..., clock: _Optional[_Union[Clock, str]] = ..., ttl_ms: _Optional[int] = ..., expires_in_ms: _Optional[int] = ..., buffered_frames: _Optional[int] = ..., stats: _Optional[_Union[SessionStats, _Mapping]] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., activity: _Optional[_Union[_event_pb2.Activity, _Mapping]] = ..., held: _Optional[_Union[_event_pb2.HeldObject, _Mapping]] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ...) -> None: ...
+    recorded: bool
+    def __init__(self, id: _Optional[str] = ..., pack: _Optional[str] = ..., style: _Optional[str] = ..., seed: _Optional[int] = ..., convention: _Optional[_Union[Convention, str]] = ..., frame: _Optional[int] = ..., position: _Optional[_Union[_motion_pb2.Vec3, _Mapping]] = ..., heading: _Optional[float] = ..., speed: _Optional[float] = ..., last_sequence: _Optional[int] = ..., clock: _Optional[_Union[Clock, str]] = ..., ttl_ms: _Optional[int] = ..., expires_in_ms: _Optional[int] = ..., buffered_frames: _Optional[int] = ..., stats: _Optional[_Union[SessionStats, _Mapping]] = ..., priority: _Optional[float] = ..., scene: _Optional[str] = ..., activity: _Optional[_Union[_event_pb2.Activity, _Mapping]] = ..., held: _Optional[_Union[_event_pb2.HeldObject, _Mapping]] = ..., body: _Optional[str] = ..., skeleton: _Optional[str] = ..., recorded: _Optional[bool] = ...) -> None: ...
 
 class SessionResume(_message.Message):
     __slots__ = ("session_id", "frame", "pose")
@@ -618,6 +622,58 @@ class PeekResponse(_message.Message):
     in_flight: bool
     waiting: Command
     def __init__(self, session: _Optional[_Union[Session, _Mapping]] = ..., future: _Optional[_Union[FrameBlock, _Mapping]] = ..., plan: _Optional[_Union[PlanView, _Mapping]] = ..., in_flight: _Optional[bool] = ..., waiting: _Optional[_Union[Command, _Mapping]] = ...) -> None: ...
+
+class GetRecordingRequest(_message.Message):
+    __slots__ = ("session_id",)
+    SESSION_ID_FIELD_NUMBER: _ClassVar[int]
+    session_id: str
+    def __init__(self, session_id: _Optional[str] = ...) -> None: ...
+
+class SessionRecording(_message.Message):
+    __slots__ = ("session_id", "lines", "ended")
+    SESSION_ID_FIELD_NUMBER: _ClassVar[int]
+    LINES_FIELD_NUMBER: _ClassVar[int]
+    ENDED_FIELD_NUMBER: _ClassVar[int]
+    session_id: str
+    lines: str
+    ended: bool
+    def __init__(self, session_id: _Optional[str] = ..., lines: _Optional[str] = ..., ended: _Optional[bool] = ...) -> None: ...
+
+class ReplayRequest(_message.Message):
+    __slots__ = ("recording", "anyway")
+    RECORDING_FIELD_NUMBER: _ClassVar[int]
+    ANYWAY_FIELD_NUMBER: _ClassVar[int]
+    recording: str
+    anyway: bool
+    def __init__(self, recording: _Optional[str] = ..., anyway: _Optional[bool] = ...) -> None: ...
+
+class ReplayDifference(_message.Message):
+    __slots__ = ("frame", "field", "message")
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    FIELD_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    frame: int
+    field: str
+    message: str
+    def __init__(self, frame: _Optional[int] = ..., field: _Optional[str] = ..., message: _Optional[str] = ...) -> None: ...
+
+class ReplayResponse(_message.Message):
+    __slots__ = ("frames", "is_last", "equal", "difference", "commands", "underruns", "notes")
+    FRAMES_FIELD_NUMBER: _ClassVar[int]
+    IS_LAST_FIELD_NUMBER: _ClassVar[int]
+    EQUAL_FIELD_NUMBER: _ClassVar[int]
+    DIFFERENCE_FIELD_NUMBER: _ClassVar[int]
+    COMMANDS_FIELD_NUMBER: _ClassVar[int]
+    UNDERRUNS_FIELD_NUMBER: _ClassVar[int]
+    NOTES_FIELD_NUMBER: _ClassVar[int]
+    frames: int
+    is_last: bool
+    equal: bool
+    difference: ReplayDifference
+    commands: int
+    underruns: int
+    notes: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, frames: _Optional[int] = ..., is_last: _Optional[bool] = ..., equal: _Optional[bool] = ..., difference: _Optional[_Union[ReplayDifference, _Mapping]] = ..., commands: _Optional[int] = ..., underruns: _Optional[int] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class ListStylesRequest(_message.Message):
     __slots__ = ("pack", "body")

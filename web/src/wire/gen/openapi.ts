@@ -331,6 +331,28 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/replay": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Play a recording again and compare its frames
+         * @description The server sends parts while it plays, one JSON object per line. The last one has `is_last` and
+         *     the result. An error after the first part is a separate line with the member `error`, and ends
+         *     the answer.
+         */
+        post: operations["Replay"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/scenes": {
         parameters: {
             query?: never;
@@ -495,6 +517,26 @@ export interface paths {
         };
         /** Look at a session's buffered future and the plan behind it */
         get: operations["Peek"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/sessions/{id}/recording": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * The recording of a session, also for an hour after the session's end
+         * @description The answer is the file that `troupe replay` plays: one JSON object per line.
+         */
+        get: operations["GetRecording"];
         put?: never;
         post?: never;
         delete?: never;
@@ -3190,6 +3232,76 @@ export interface components {
              */
             scene: string;
         };
+        /** @description The first difference between a recording and its replay. */
+        ReplayDifference: {
+            /**
+             * @description What differs: root, rotations, contacts, hinges, frame, command or plan.
+             * @default
+             */
+            field: string;
+            /**
+             * Format: uint64
+             * @description Frame of the session's timeline.
+             * @default 0
+             */
+            frame: string;
+            /**
+             * @description The difference for people.
+             * @default
+             */
+            message: string;
+        };
+        /** @description Plays a recording again. */
+        ReplayRequest: {
+            /**
+             * @description Play it even if this server has another version, engine, pack, style or skeleton than the recording. Otherwise such a recording is refused (RECORDING_DIFFERS).
+             * @default false
+             */
+            anyway: boolean;
+            /**
+             * @description The lines of a recording, at most 4 MiB.
+             * @default
+             */
+            recording: string;
+        };
+        /** @description A part of a replay's answer. */
+        ReplayResponse: {
+            /**
+             * Format: uint64
+             * @description In the last part: commands that were given.
+             * @default 0
+             */
+            commands: string;
+            /** @description In the last part: the first difference. Left out: there is none. */
+            difference?: components["schemas"]["ReplayDifference"];
+            /**
+             * @description In the last part: whether all frames were equal, bit for bit.
+             * @default false
+             */
+            equal: boolean;
+            /**
+             * Format: uint64
+             * @description Frames that were compared so far.
+             * @default 0
+             */
+            frames: string;
+            /**
+             * @description Whether this is the last part.
+             * @default false
+             */
+            is_last: boolean;
+            /**
+             * @description In the last part: what limits the result, such as why the recording ends before its session.
+             * @default []
+             */
+            notes: string[];
+            /**
+             * Format: uint64
+             * @description In the last part: times that the session had to slow down because a plan was late.
+             * @default 0
+             */
+            underruns: string;
+        };
         /** @description Resumes sessions. */
         ResumeSessionsRequest: {
             /**
@@ -3520,6 +3632,11 @@ export interface components {
              */
             priority: number;
             /**
+             * @description Whether there is a recording of it.
+             * @default false
+             */
+            recorded: boolean;
+            /**
              * @description Name of the scene that it lives in. Empty: none.
              * @default
              */
@@ -3662,6 +3779,11 @@ export interface components {
              * @description Share of its stream's plans that this character gets if the networks cannot serve all: 0 for one far from the camera, 1 for the hero. 0 to 1, default 0.5. Without such a shortage it has no effect.
              */
             priority?: number;
+            /**
+             * @description Record the session, so that GetRecording returns what it takes to play it again. A session in a scene cannot be recorded. If the server asks for keys, the key must allow it.
+             * @default false
+             */
+            record: boolean;
             /**
              * Format: uint32
              * @description Frames between plans: 3 to 30, in effect no fewer than look_ahead_frames. Left out: the style's. If a stream has more characters than the networks can serve, the server raises it, by priority.
@@ -5667,6 +5789,102 @@ export interface operations {
             };
         };
     };
+    Replay: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ReplayRequest"];
+            };
+        };
+        responses: {
+            /** @description The parts, one per line */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["ReplayResponse"];
+                };
+            };
+            /** @description A body that is no recording, or one of a newer server */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The key is missing or unknown */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No such pack */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The recording was made with another server, pack, engine, style or skeleton */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The Content-Type is not application/json */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description As many recordings are played as may be at the same time */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     ListScenes: {
         parameters: {
             query?: never;
@@ -6639,6 +6857,65 @@ export interface operations {
             };
         };
     };
+    GetRecording: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The session's id */
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The lines so far */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": string;
+                };
+            };
+            /** @description A value that is not accepted */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The key is missing or unknown */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No session of this id was recorded */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     ListSkeletons: {
         parameters: {
             query?: never;
@@ -7034,6 +7311,15 @@ export interface operations {
             };
             /** @description The Content-Type is not application/json */
             415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Another server has the sessions: the one in `allowed` */
+            421: {
                 headers: {
                     [name: string]: unknown;
                 };

@@ -16,7 +16,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/motion.proto.
  */
 export const file_troupe_v1_motion: GenFile = /*@__PURE__*/
-  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJcChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXISEAoIc2tlbGV0b24YAyABKAkijAIKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNEhoKEmhpbmdlX3NwZWVkX3JhdGlvcxgKIAMoAhIWCg5mYXN0ZXN0X2hpbmdlcxgLIAMoDRIbChNoaW5nZV9hY2NlbGVyYXRpb25zGAwgAygCIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IoUGCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIxCgtoaW5nZV9zcGVlZBgQIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRI4ChJoaW5nZV9hY2NlbGVyYXRpb24YESABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUingEKD0NoYXJhY3RlclJlc3VsdBIKCgJpZBgBIAEoCRIhCgZmcmFtZXMYAiABKAsyES50cm91cGUudjEuRnJhbWVzEi8KDWludGVybWVkaWF0ZXMYAyABKAsyGC50cm91cGUudjEuSW50ZXJtZWRpYXRlcxIrCgtmZWFzaWJpbGl0eRgEIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eSKLAgoPR2VuZXJhdGVSZXF1ZXN0EgwKBHBhY2sYASABKAkSIwoGcHJvbXB0GAIgASgLMhEudHJvdXBlLnYxLlByb21wdEgAEiMKBHBhdGgYByABKAsyEy50cm91cGUudjEuUGF0aEdvYWxIABIhCgRwYXN0GAQgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEgwKBHNlZWQYBSABKAQSJQoIc2FtcGxpbmcYCCABKAsyEy50cm91cGUudjEuU2FtcGxpbmcSEAoIc2tlbGV0b24YCSABKAkSCwoDcmF3GAogASgIQgYKBGdvYWxKBAgDEARKBAgGEAdSCGRlc2NyaWJlUgt0ZW1wZXJhdHVyZSKYAQoIU2FtcGxpbmcSGAoLdGVtcGVyYXR1cmUYASABKAJIAIgBARISCgV0b3BfaxgCIAEoDUgBiAEBEhIKBXRvcF9wGAMgASgCSAKIAQESFwoKcmVwZXRpdGlvbhgEIAEoAkgDiAEBQg4KDF90ZW1wZXJhdHVyZUIICgZfdG9wX2tCCAoGX3RvcF9wQg0KC19yZXBldGl0aW9uIvMBCgZQcm9tcHQSDAoEdGV4dBgBIAEoCRIYCgtmcmFtZV9jb3VudBgCIAEoDUgAiAEBEhQKB3NlY29uZHMYAyABKAJIAYgBARIkCgd0YXJnZXRzGAQgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEiAKBm90aGVycxgFIAMoCzIQLnRyb3VwZS52MS5BZ2VudBIfCgVhdWRpbxgGIAEoCzIQLnRyb3VwZS52MS5BdWRpbxIXCgpmbG93X3N0ZXBzGAcgASgNSAKIAQFCDgoMX2ZyYW1lX2NvdW50QgoKCF9zZWNvbmRzQg0KC19mbG93X3N0ZXBzIjgKBUFnZW50EgwKBHRleHQYASABKAkSIQoEcGFzdBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSI3CgVBdWRpbxIfCgVzb3VuZBgBIAEoDjIQLnRyb3VwZS52MS5Tb3VuZBINCgVjb2RlcxgCIAMoDSKtAwoIUGF0aEdvYWwSDAoEYm9keRgBIAEoCRIuCghza2VsZXRvbhgCIAEoCzIXLnRyb3VwZS52MS5Cb2R5U2tlbGV0b25IAIgBARIkCgZwb2ludHMYAyADKAsyFC50cm91cGUudjEuUGF0aFBvaW50EhQKB3NlY29uZHMYBCABKAJIAYgBARISCgVzcGVlZBgFIAEoAkgCiAEBEiMKBXN0eWxlGAYgAygLMhQudHJvdXBlLnYxLlN0eWxlV29yZBISCgVzdGVwcxgHIAEoDUgDiAEBEhUKCGd1aWRhbmNlGAggASgCSASIAQESJAoHdGFyZ2V0cxgJIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIOCgZzdHJpY3QYCiABKAgSKgoJa2V5ZnJhbWVzGAsgAygLMhcudHJvdXBlLnYxLlBhdGhLZXlmcmFtZRInCgdwbGFubmVyGAwgASgOMhYudHJvdXBlLnYxLlBhdGhQbGFubmVyQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSJDCgxQYXRoS2V5ZnJhbWUSDAoEdGltZRgBIAEoAhIlCghrZXlmcmFtZRgCIAEoCzITLnRyb3VwZS52MS5LZXlmcmFtZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIrkBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAhIdChBtYXhfYWNjZWxlcmF0aW9uGAcgASgCSACIAQFCEwoRX21heF9hY2NlbGVyYXRpb24iiQEKBU1pbWljEg0KBWpvaW50GAEgASgJEg8KB2ZvbGxvd3MYAiABKAkSEgoKbXVsdGlwbGllchgDIAEoAhIOCgZvZmZzZXQYBCABKAISHQoEYXhpcxgFIAEoCzIPLnRyb3VwZS52MS5WZWMzEh0KBHJlc3QYBiABKAsyDy50cm91cGUudjEuUXVhdCJsCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0SIAoGbWltaWNzGAQgAygLMhAudHJvdXBlLnYxLk1pbWljIt0FCgRQYWNrEgwKBG5hbWUYASABKAkSDwoHdmVyc2lvbhgCIAEoCRIPCgdsaWNlbmNlGAMgASgJEg8KB2NyZWRpdHMYBCADKAkSCwoDZnBzGAUgASgCEiAKBmpvaW50cxgGIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgHIAMoCRIWCg5jb250ZXh0X2ZyYW1lcxgIIAEoDRITCgttYXhfdGFyZ2V0cxgJIAEoDRISCgptaW5fZnJhbWVzGAogASgNEhIKCm1heF9mcmFtZXMYCyABKA0SGAoQZnJhbWVzX3Blcl90b2tlbhgMIAEoDRINCgVoZWFkcxgNIAEoDRINCgVjb2RlcxgOIAEoDRIUCgxjb250ZW50X2hhc2gYDyABKAkSEgoKaXNfZGVmYXVsdBgQIAEoCBISCgpwYXJhbWV0ZXJzGBEgASgEEhQKDGZpZ3VyZXNfanNvbhgSIAEoCRIiCglsZWZ0X2F4aXMYEyABKAsyDy50cm91cGUudjEuVmVjMxIQCghncm91bmRfeRgUIAEoAhIuCg1jb250YWN0X3J1bGVzGBUgASgLMhcudHJvdXBlLnYxLkNvbnRhY3RSdWxlcxIOCgZlbmdpbmUYFiABKAkSHwoFcm9ib3QYFyABKAsyEC50cm91cGUudjEuUm9ib3QSDgoGZmFtaWx5GBggASgJEhQKDGNhcGFiaWxpdGllcxgZIAMoCRIjCgZib2RpZXMYGiADKAsyEy50cm91cGUudjEuUGFja0JvZHkSDQoFd29yZHMYGyADKAkSFQoNc2FtcGxlcl9zdGVwcxgcIAEoDRIXCg9kaWZmdXNpb25fc3RlcHMYHSABKA0SJQoIbGFuZ3VhZ2UYHiABKAsyEy50cm91cGUudjEuTGFuZ3VhZ2USJAoGc2tpbGxzGB8gAygLMhQudHJvdXBlLnYxLlBhY2tTa2lsbCJOCglQYWNrU2tpbGwSDAoEbmFtZRgBIAEoCRITCgtkZXNjcmlwdGlvbhgCIAEoCRIQCgh2YXJpYW50cxgDIAMoCRIMCgRoZWxkGAQgASgIIpgBCghMYW5ndWFnZRINCgV0YXNrcxgBIAMoCRIZChFtYXhfcHJvbXB0X3BpZWNlcxgCIAEoDRISCgptYXhfYWdlbnRzGAMgASgNEhMKC2F1ZGlvX2NvZGVzGAQgASgNEhIKCmZsb3dfc3RlcHMYBSABKA0SJQoIc2FtcGxpbmcYBiABKAsyEy50cm91cGUudjEuU2FtcGxpbmcitgEKCFBhY2tCb2R5EgwKBG5hbWUYASABKAkSIAoGam9pbnRzGAIgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAMgAygJEiIKCWxlZnRfYXhpcxgEIAEoCzIPLnRyb3VwZS52MS5WZWMzEh8KBXJvYm90GAUgASgLMhAudHJvdXBlLnYxLlJvYm90Eg4KBmhlaWdodBgGIAEoAhINCgV3b3JkcxgHIAMoCSoqCgVTb3VuZBIPCgtTT1VORF9NVVNJQxAAEhAKDFNPVU5EX1NQRUVDSBABKlQKC1BhdGhQbGFubmVyEhUKEVBBVEhfUExBTk5FUl9BVVRPEAASFAoQUEFUSF9QTEFOTkVSX09XThABEhgKFFBBVEhfUExBTk5FUl9DQVJSSUVEEAIqQwoHVGVsbGluZxIRCg1URUxMSU5HX1dPUkRTEAASEQoNVEVMTElOR19NVVNJQxABEhIKDlRFTExJTkdfU1BFRUNIEAIy3QIKBk1vdGlvbhJGCglJbkJldHdlZW4SGy50cm91cGUudjEuSW5CZXR3ZWVuUmVxdWVzdBocLnRyb3VwZS52MS5JbkJldHdlZW5SZXNwb25zZRJFCghHZW5lcmF0ZRIaLnRyb3VwZS52MS5HZW5lcmF0ZVJlcXVlc3QaGy50cm91cGUudjEuR2VuZXJhdGVSZXNwb25zZTABEkUKCERlc2NyaWJlEhoudHJvdXBlLnYxLkRlc2NyaWJlUmVxdWVzdBobLnRyb3VwZS52MS5EZXNjcmliZVJlc3BvbnNlMAESRgoJTGlzdFBhY2tzEhsudHJvdXBlLnYxLkxpc3RQYWNrc1JlcXVlc3QaHC50cm91cGUudjEuTGlzdFBhY2tzUmVzcG9uc2USNQoHR2V0UGFjaxIZLnRyb3VwZS52MS5HZXRQYWNrUmVxdWVzdBoPLnRyb3VwZS52MS5QYWNrYgZwcm90bzM");
+  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJcChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXISEAoIc2tlbGV0b24YAyABKAkijAIKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNEhoKEmhpbmdlX3NwZWVkX3JhdGlvcxgKIAMoAhIWCg5mYXN0ZXN0X2hpbmdlcxgLIAMoDRIbChNoaW5nZV9hY2NlbGVyYXRpb25zGAwgAygCIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IoUGCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIxCgtoaW5nZV9zcGVlZBgQIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRI4ChJoaW5nZV9hY2NlbGVyYXRpb24YESABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUingEKD0NoYXJhY3RlclJlc3VsdBIKCgJpZBgBIAEoCRIhCgZmcmFtZXMYAiABKAsyES50cm91cGUudjEuRnJhbWVzEi8KDWludGVybWVkaWF0ZXMYAyABKAsyGC50cm91cGUudjEuSW50ZXJtZWRpYXRlcxIrCgtmZWFzaWJpbGl0eRgEIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eSKLAgoPR2VuZXJhdGVSZXF1ZXN0EgwKBHBhY2sYASABKAkSIwoGcHJvbXB0GAIgASgLMhEudHJvdXBlLnYxLlByb21wdEgAEiMKBHBhdGgYByABKAsyEy50cm91cGUudjEuUGF0aEdvYWxIABIhCgRwYXN0GAQgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEgwKBHNlZWQYBSABKAQSJQoIc2FtcGxpbmcYCCABKAsyEy50cm91cGUudjEuU2FtcGxpbmcSEAoIc2tlbGV0b24YCSABKAkSCwoDcmF3GAogASgIQgYKBGdvYWxKBAgDEARKBAgGEAdSCGRlc2NyaWJlUgt0ZW1wZXJhdHVyZSKYAQoIU2FtcGxpbmcSGAoLdGVtcGVyYXR1cmUYASABKAJIAIgBARISCgV0b3BfaxgCIAEoDUgBiAEBEhIKBXRvcF9wGAMgASgCSAKIAQESFwoKcmVwZXRpdGlvbhgEIAEoAkgDiAEBQg4KDF90ZW1wZXJhdHVyZUIICgZfdG9wX2tCCAoGX3RvcF9wQg0KC19yZXBldGl0aW9uIvMBCgZQcm9tcHQSDAoEdGV4dBgBIAEoCRIYCgtmcmFtZV9jb3VudBgCIAEoDUgAiAEBEhQKB3NlY29uZHMYAyABKAJIAYgBARIkCgd0YXJnZXRzGAQgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEiAKBm90aGVycxgFIAMoCzIQLnRyb3VwZS52MS5BZ2VudBIfCgVhdWRpbxgGIAEoCzIQLnRyb3VwZS52MS5BdWRpbxIXCgpmbG93X3N0ZXBzGAcgASgNSAKIAQFCDgoMX2ZyYW1lX2NvdW50QgoKCF9zZWNvbmRzQg0KC19mbG93X3N0ZXBzIjgKBUFnZW50EgwKBHRleHQYASABKAkSIQoEcGFzdBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSI3CgVBdWRpbxIfCgVzb3VuZBgBIAEoDjIQLnRyb3VwZS52MS5Tb3VuZBINCgVjb2RlcxgCIAMoDSKtAwoIUGF0aEdvYWwSDAoEYm9keRgBIAEoCRIuCghza2VsZXRvbhgCIAEoCzIXLnRyb3VwZS52MS5Cb2R5U2tlbGV0b25IAIgBARIkCgZwb2ludHMYAyADKAsyFC50cm91cGUudjEuUGF0aFBvaW50EhQKB3NlY29uZHMYBCABKAJIAYgBARISCgVzcGVlZBgFIAEoAkgCiAEBEiMKBXN0eWxlGAYgAygLMhQudHJvdXBlLnYxLlN0eWxlV29yZBISCgVzdGVwcxgHIAEoDUgDiAEBEhUKCGd1aWRhbmNlGAggASgCSASIAQESJAoHdGFyZ2V0cxgJIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIOCgZzdHJpY3QYCiABKAgSKgoJa2V5ZnJhbWVzGAsgAygLMhcudHJvdXBlLnYxLlBhdGhLZXlmcmFtZRInCgdwbGFubmVyGAwgASgOMhYudHJvdXBlLnYxLlBhdGhQbGFubmVyQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSJDCgxQYXRoS2V5ZnJhbWUSDAoEdGltZRgBIAEoAhIlCghrZXlmcmFtZRgCIAEoCzITLnRyb3VwZS52MS5LZXlmcmFtZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSIwCg9Mb2FkUGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJIjIKEVVubG9hZFBhY2tSZXF1ZXN0EgwKBG5hbWUYASABKAkSDwoHdmVyc2lvbhgCIAEoCSIwCg9Td2FwUGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJIrIBCgpQYWNrQ2hhbmdlEgwKBG5hbWUYASABKAkSDwoHdmVyc2lvbhgCIAEoCRIPCgdjaGFuZ2VkGAMgASgIEh0KEHJlcGxhY2VkX3ZlcnNpb24YBCABKAlIAIgBARIXCg9lc3RpbWF0ZWRfYnl0ZXMYBSABKAQSJwoHbGVhdmluZxgGIAMoCzIWLnRyb3VwZS52MS5MZWF2aW5nUGFja0ITChFfcmVwbGFjZWRfdmVyc2lvbiI9CgtMZWF2aW5nUGFjaxIMCgRuYW1lGAEgASgJEg8KB3ZlcnNpb24YAiABKAkSDwoHaGVsZF9tcxgDIAEoBCJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIrkBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAhIdChBtYXhfYWNjZWxlcmF0aW9uGAcgASgCSACIAQFCEwoRX21heF9hY2NlbGVyYXRpb24iiQEKBU1pbWljEg0KBWpvaW50GAEgASgJEg8KB2ZvbGxvd3MYAiABKAkSEgoKbXVsdGlwbGllchgDIAEoAhIOCgZvZmZzZXQYBCABKAISHQoEYXhpcxgFIAEoCzIPLnRyb3VwZS52MS5WZWMzEh0KBHJlc3QYBiABKAsyDy50cm91cGUudjEuUXVhdCJsCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0SIAoGbWltaWNzGAQgAygLMhAudHJvdXBlLnYxLk1pbWljIt0FCgRQYWNrEgwKBG5hbWUYASABKAkSDwoHdmVyc2lvbhgCIAEoCRIPCgdsaWNlbmNlGAMgASgJEg8KB2NyZWRpdHMYBCADKAkSCwoDZnBzGAUgASgCEiAKBmpvaW50cxgGIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgHIAMoCRIWCg5jb250ZXh0X2ZyYW1lcxgIIAEoDRITCgttYXhfdGFyZ2V0cxgJIAEoDRISCgptaW5fZnJhbWVzGAogASgNEhIKCm1heF9mcmFtZXMYCyABKA0SGAoQZnJhbWVzX3Blcl90b2tlbhgMIAEoDRINCgVoZWFkcxgNIAEoDRINCgVjb2RlcxgOIAEoDRIUCgxjb250ZW50X2hhc2gYDyABKAkSEgoKaXNfZGVmYXVsdBgQIAEoCBISCgpwYXJhbWV0ZXJzGBEgASgEEhQKDGZpZ3VyZXNfanNvbhgSIAEoCRIiCglsZWZ0X2F4aXMYEyABKAsyDy50cm91cGUudjEuVmVjMxIQCghncm91bmRfeRgUIAEoAhIuCg1jb250YWN0X3J1bGVzGBUgASgLMhcudHJvdXBlLnYxLkNvbnRhY3RSdWxlcxIOCgZlbmdpbmUYFiABKAkSHwoFcm9ib3QYFyABKAsyEC50cm91cGUudjEuUm9ib3QSDgoGZmFtaWx5GBggASgJEhQKDGNhcGFiaWxpdGllcxgZIAMoCRIjCgZib2RpZXMYGiADKAsyEy50cm91cGUudjEuUGFja0JvZHkSDQoFd29yZHMYGyADKAkSFQoNc2FtcGxlcl9zdGVwcxgcIAEoDRIXCg9kaWZmdXNpb25fc3RlcHMYHSABKA0SJQoIbGFuZ3VhZ2UYHiABKAsyEy50cm91cGUudjEuTGFuZ3VhZ2USJAoGc2tpbGxzGB8gAygLMhQudHJvdXBlLnYxLlBhY2tTa2lsbCJOCglQYWNrU2tpbGwSDAoEbmFtZRgBIAEoCRITCgtkZXNjcmlwdGlvbhgCIAEoCRIQCgh2YXJpYW50cxgDIAMoCRIMCgRoZWxkGAQgASgIIpgBCghMYW5ndWFnZRINCgV0YXNrcxgBIAMoCRIZChFtYXhfcHJvbXB0X3BpZWNlcxgCIAEoDRISCgptYXhfYWdlbnRzGAMgASgNEhMKC2F1ZGlvX2NvZGVzGAQgASgNEhIKCmZsb3dfc3RlcHMYBSABKA0SJQoIc2FtcGxpbmcYBiABKAsyEy50cm91cGUudjEuU2FtcGxpbmcitgEKCFBhY2tCb2R5EgwKBG5hbWUYASABKAkSIAoGam9pbnRzGAIgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAMgAygJEiIKCWxlZnRfYXhpcxgEIAEoCzIPLnRyb3VwZS52MS5WZWMzEh8KBXJvYm90GAUgASgLMhAudHJvdXBlLnYxLlJvYm90Eg4KBmhlaWdodBgGIAEoAhINCgV3b3JkcxgHIAMoCSoqCgVTb3VuZBIPCgtTT1VORF9NVVNJQxAAEhAKDFNPVU5EX1NQRUVDSBABKlQKC1BhdGhQbGFubmVyEhUKEVBBVEhfUExBTk5FUl9BVVRPEAASFAoQUEFUSF9QTEFOTkVSX09XThABEhgKFFBBVEhfUExBTk5FUl9DQVJSSUVEEAIqQwoHVGVsbGluZxIRCg1URUxMSU5HX1dPUkRTEAASEQoNVEVMTElOR19NVVNJQxABEhIKDlRFTExJTkdfU1BFRUNIEAIyngQKBk1vdGlvbhJGCglJbkJldHdlZW4SGy50cm91cGUudjEuSW5CZXR3ZWVuUmVxdWVzdBocLnRyb3VwZS52MS5JbkJldHdlZW5SZXNwb25zZRJFCghHZW5lcmF0ZRIaLnRyb3VwZS52MS5HZW5lcmF0ZVJlcXVlc3QaGy50cm91cGUudjEuR2VuZXJhdGVSZXNwb25zZTABEkUKCERlc2NyaWJlEhoudHJvdXBlLnYxLkRlc2NyaWJlUmVxdWVzdBobLnRyb3VwZS52MS5EZXNjcmliZVJlc3BvbnNlMAESRgoJTGlzdFBhY2tzEhsudHJvdXBlLnYxLkxpc3RQYWNrc1JlcXVlc3QaHC50cm91cGUudjEuTGlzdFBhY2tzUmVzcG9uc2USNQoHR2V0UGFjaxIZLnRyb3VwZS52MS5HZXRQYWNrUmVxdWVzdBoPLnRyb3VwZS52MS5QYWNrEj0KCExvYWRQYWNrEhoudHJvdXBlLnYxLkxvYWRQYWNrUmVxdWVzdBoVLnRyb3VwZS52MS5QYWNrQ2hhbmdlEkEKClVubG9hZFBhY2sSHC50cm91cGUudjEuVW5sb2FkUGFja1JlcXVlc3QaFS50cm91cGUudjEuUGFja0NoYW5nZRI9CghTd2FwUGFjaxIaLnRyb3VwZS52MS5Td2FwUGFja1JlcXVlc3QaFS50cm91cGUudjEuUGFja0NoYW5nZWIGcHJvdG8z");
 
 /**
  * A vector, in metres unless its field says otherwise.
@@ -1750,6 +1750,181 @@ export const GetPackRequestSchema: GenMessage<GetPackRequest> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 33);
 
 /**
+ * Asks to load a pack.
+ *
+ * @generated from message troupe.v1.LoadPackRequest
+ */
+export type LoadPackRequest = Message<"troupe.v1.LoadPackRequest"> & {
+  /**
+   * The name in the pack's manifest.
+   *
+   * @generated from field: string name = 1;
+   */
+  name: string;
+
+  /**
+   * The version in its manifest. Empty: the newest in the folder.
+   *
+   * @generated from field: string version = 2;
+   */
+  version: string;
+};
+
+/**
+ * Describes the message troupe.v1.LoadPackRequest.
+ * Use `create(LoadPackRequestSchema)` to create a new message.
+ */
+export const LoadPackRequestSchema: GenMessage<LoadPackRequest> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 34);
+
+/**
+ * Asks to unload a pack.
+ *
+ * @generated from message troupe.v1.UnloadPackRequest
+ */
+export type UnloadPackRequest = Message<"troupe.v1.UnloadPackRequest"> & {
+  /**
+   * The pack's name.
+   *
+   * @generated from field: string name = 1;
+   */
+  name: string;
+
+  /**
+   * The version that must be loaded. Empty: any.
+   *
+   * @generated from field: string version = 2;
+   */
+  version: string;
+};
+
+/**
+ * Describes the message troupe.v1.UnloadPackRequest.
+ * Use `create(UnloadPackRequestSchema)` to create a new message.
+ */
+export const UnloadPackRequestSchema: GenMessage<UnloadPackRequest> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 35);
+
+/**
+ * Asks for another version of a pack.
+ *
+ * @generated from message troupe.v1.SwapPackRequest
+ */
+export type SwapPackRequest = Message<"troupe.v1.SwapPackRequest"> & {
+  /**
+   * The pack's name.
+   *
+   * @generated from field: string name = 1;
+   */
+  name: string;
+
+  /**
+   * The version that is to serve. Empty: the newest in the folder.
+   *
+   * @generated from field: string version = 2;
+   */
+  version: string;
+};
+
+/**
+ * Describes the message troupe.v1.SwapPackRequest.
+ * Use `create(SwapPackRequestSchema)` to create a new message.
+ */
+export const SwapPackRequestSchema: GenMessage<SwapPackRequest> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 36);
+
+/**
+ * What became of a pack.
+ *
+ * @generated from message troupe.v1.PackChange
+ */
+export type PackChange = Message<"troupe.v1.PackChange"> & {
+  /**
+   * The pack's name.
+   *
+   * @generated from field: string name = 1;
+   */
+  name: string;
+
+  /**
+   * The version that serves now; after UnloadPack, the version that was unloaded.
+   *
+   * @generated from field: string version = 2;
+   */
+  version: string;
+
+  /**
+   * False if it was so already.
+   *
+   * @generated from field: bool changed = 3;
+   */
+  changed: boolean;
+
+  /**
+   * The version that served before. Left out: none, or nothing has changed.
+   *
+   * @generated from field: optional string replaced_version = 4;
+   */
+  replacedVersion?: string | undefined;
+
+  /**
+   * Estimated memory of the networks that were loaded, in bytes.
+   *
+   * @generated from field: uint64 estimated_bytes = 5;
+   */
+  estimatedBytes: bigint;
+
+  /**
+   * Packs that are no longer served, but still in memory.
+   *
+   * @generated from field: repeated troupe.v1.LeavingPack leaving = 6;
+   */
+  leaving: LeavingPack[];
+};
+
+/**
+ * Describes the message troupe.v1.PackChange.
+ * Use `create(PackChangeSchema)` to create a new message.
+ */
+export const PackChangeSchema: GenMessage<PackChange> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 37);
+
+/**
+ * A pack that is no longer served. It leaves the memory once no call or session needs it.
+ *
+ * @generated from message troupe.v1.LeavingPack
+ */
+export type LeavingPack = Message<"troupe.v1.LeavingPack"> & {
+  /**
+   * The pack's name.
+   *
+   * @generated from field: string name = 1;
+   */
+  name: string;
+
+  /**
+   * The pack's version.
+   *
+   * @generated from field: string version = 2;
+   */
+  version: string;
+
+  /**
+   * Time since it was served, in milliseconds.
+   *
+   * @generated from field: uint64 held_ms = 3;
+   */
+  heldMs: bigint;
+};
+
+/**
+ * Describes the message troupe.v1.LeavingPack.
+ * Use `create(LeavingPackSchema)` to create a new message.
+ */
+export const LeavingPackSchema: GenMessage<LeavingPack> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 38);
+
+/**
  * One joint of a skeleton.
  *
  * @generated from message troupe.v1.Joint
@@ -1782,7 +1957,7 @@ export type Joint = Message<"troupe.v1.Joint"> & {
  * Use `create(JointSchema)` to create a new message.
  */
 export const JointSchema: GenMessage<Joint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 34);
+  messageDesc(file_troupe_v1_motion, 39);
 
 /**
  * How to derive ground contacts from positions and speeds. Lists have a number for each contact
@@ -1819,7 +1994,7 @@ export type ContactRules = Message<"troupe.v1.ContactRules"> & {
  * Use `create(ContactRulesSchema)` to create a new message.
  */
 export const ContactRulesSchema: GenMessage<ContactRules> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 35);
+  messageDesc(file_troupe_v1_motion, 40);
 
 /**
  * A joint that turns about one axis. Its rotation relative to its parent is `rest`, then the turn
@@ -1883,7 +2058,7 @@ export type Hinge = Message<"troupe.v1.Hinge"> & {
  * Use `create(HingeSchema)` to create a new message.
  */
 export const HingeSchema: GenMessage<Hinge> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 36);
+  messageDesc(file_troupe_v1_motion, 41);
 
 /**
  * A joint that turns with a hinge, by a multiple of its angle. It has no number in a qpos.
@@ -1939,7 +2114,7 @@ export type Mimic = Message<"troupe.v1.Mimic"> & {
  * Use `create(MimicSchema)` to create a new message.
  */
 export const MimicSchema: GenMessage<Mimic> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 37);
+  messageDesc(file_troupe_v1_motion, 42);
 
 /**
  * The robot that a pack animates. The root floats, some joints are fixed to their parents, some
@@ -1983,7 +2158,7 @@ export type Robot = Message<"troupe.v1.Robot"> & {
  * Use `create(RobotSchema)` to create a new message.
  */
 export const RobotSchema: GenMessage<Robot> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 38);
+  messageDesc(file_troupe_v1_motion, 43);
 
 /**
  * A model pack: what it animates, its limits, and its origin.
@@ -2215,7 +2390,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
  * Use `create(PackSchema)` to create a new message.
  */
 export const PackSchema: GenMessage<Pack> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 39);
+  messageDesc(file_troupe_v1_motion, 44);
 
 /**
  * A skill of a pack.
@@ -2257,7 +2432,7 @@ export type PackSkill = Message<"troupe.v1.PackSkill"> & {
  * Use `create(PackSkillSchema)` to create a new message.
  */
 export const PackSkillSchema: GenMessage<PackSkill> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 40);
+  messageDesc(file_troupe_v1_motion, 45);
 
 /**
  * What a pack's language model reads and writes.
@@ -2314,7 +2489,7 @@ export type Language = Message<"troupe.v1.Language"> & {
  * Use `create(LanguageSchema)` to create a new message.
  */
 export const LanguageSchema: GenMessage<Language> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 41);
+  messageDesc(file_troupe_v1_motion, 46);
 
 /**
  * A body of a pack.
@@ -2377,7 +2552,7 @@ export type PackBody = Message<"troupe.v1.PackBody"> & {
  * Use `create(PackBodySchema)` to create a new message.
  */
 export const PackBodySchema: GenMessage<PackBody> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 42);
+  messageDesc(file_troupe_v1_motion, 47);
 
 /**
  * A kind of audio.
@@ -2532,6 +2707,41 @@ export const Motion: GenService<{
     methodKind: "unary";
     input: typeof GetPackRequestSchema;
     output: typeof PackSchema;
+  },
+  /**
+   * Loads a pack from the server's folder of packs while the server runs. If it is loaded already,
+   * this changes nothing. Where the server asks for keys, this needs the role admin.
+   *
+   * @generated from rpc troupe.v1.Motion.LoadPack
+   */
+  loadPack: {
+    methodKind: "unary";
+    input: typeof LoadPackRequestSchema;
+    output: typeof PackChangeSchema;
+  },
+  /**
+   * Has new requests find a pack no more. Calls under way and live sessions go on with it until
+   * they end. If it is not loaded, this changes nothing. Where the server asks for keys, this needs
+   * the role admin.
+   *
+   * @generated from rpc troupe.v1.Motion.UnloadPack
+   */
+  unloadPack: {
+    methodKind: "unary";
+    input: typeof UnloadPackRequestSchema;
+    output: typeof PackChangeSchema;
+  },
+  /**
+   * Puts another version of a loaded pack in its place. New requests and the next plans of live
+   * sessions get the new version. If it is loaded already, this changes nothing. If it cannot
+   * serve, the version before serves on. Where the server asks for keys, this needs the role admin.
+   *
+   * @generated from rpc troupe.v1.Motion.SwapPack
+   */
+  swapPack: {
+    methodKind: "unary";
+    input: typeof SwapPackRequestSchema;
+    output: typeof PackChangeSchema;
   },
 }> = /*@__PURE__*/
   serviceDesc(file_troupe_v1_motion, 0);
