@@ -293,6 +293,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/packs/{name}/load": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Load a pack from the server's folder of packs
+         * @description If it is loaded already, this changes nothing. A name in the body must equal the name in the
+         *     path, or be left out. Where the server asks for keys, this needs the role admin.
+         */
+        post: operations["LoadPack"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/packs/{name}/styles": {
         parameters: {
             query?: never;
@@ -325,6 +346,49 @@ export interface paths {
          */
         put: operations["PutStyle"];
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/packs/{name}/swap": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Put another version of a loaded pack in its place
+         * @description New requests and the next plans of live sessions get the new version. If it cannot serve, the
+         *     version before serves on. A name in the body must equal the name in the path, or be left out.
+         *     Where the server asks for keys, this needs the role admin.
+         */
+        post: operations["SwapPack"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/packs/{name}/unload": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Have new requests find a pack no more
+         * @description Calls under way and live sessions go on with it until they end. A name in the body must equal
+         *     the name in the path, or be left out. Where the server asks for keys, this needs the role admin.
+         */
+        post: operations["UnloadPack"];
         delete?: never;
         options?: never;
         head?: never;
@@ -2218,6 +2282,25 @@ export interface components {
              */
             tasks: string[];
         };
+        /** @description A pack that is no longer served. It leaves the memory once no call or session needs it. */
+        LeavingPack: {
+            /**
+             * Format: uint64
+             * @description Time since it was served, in milliseconds.
+             * @default 0
+             */
+            held_ms: string;
+            /**
+             * @description The pack's name.
+             * @default
+             */
+            name: string;
+            /**
+             * @description The pack's version.
+             * @default
+             */
+            version: string;
+        };
         /** @description All definitions. */
         ListObjectDefinitionsResponse: {
             /**
@@ -2291,6 +2374,19 @@ export interface components {
              * @default []
              */
             styles: components["schemas"]["Style"][];
+        };
+        /** @description Asks to load a pack. */
+        LoadPackRequest: {
+            /**
+             * @description The name in the pack's manifest.
+             * @default
+             */
+            name: string;
+            /**
+             * @description The version in its manifest. Empty: the newest in the folder.
+             * @default
+             */
+            version: string;
         };
         /** @description Move over the ground: velocity, facing, style. */
         Locomote: {
@@ -2761,6 +2857,37 @@ export interface components {
              * @default []
              */
             words: string[];
+        };
+        /** @description What became of a pack. */
+        PackChange: {
+            /**
+             * @description False if it was so already.
+             * @default false
+             */
+            changed: boolean;
+            /**
+             * Format: uint64
+             * @description Estimated memory of the networks that were loaded, in bytes.
+             * @default 0
+             */
+            estimated_bytes: string;
+            /**
+             * @description Packs that are no longer served, but still in memory.
+             * @default []
+             */
+            leaving: components["schemas"]["LeavingPack"][];
+            /**
+             * @description The pack's name.
+             * @default
+             */
+            name: string;
+            /** @description The version that served before. Left out: none, or nothing has changed. */
+            replaced_version?: string;
+            /**
+             * @description The version that serves now; after UnloadPack, the version that was unloaded.
+             * @default
+             */
+            version: string;
         };
         /** @description A skill of a pack. */
         PackSkill: {
@@ -3235,7 +3362,7 @@ export interface components {
         /** @description The first difference between a recording and its replay. */
         ReplayDifference: {
             /**
-             * @description What differs: root, rotations, contacts, hinges, frame, command or plan.
+             * @description What differs: frame, underrun, root, rotations, contacts, hinges, command or plan.
              * @default
              */
             field: string;
@@ -4194,6 +4321,19 @@ export interface components {
              */
             word: string;
         };
+        /** @description Asks for another version of a pack. */
+        SwapPackRequest: {
+            /**
+             * @description The pack's name.
+             * @default
+             */
+            name: string;
+            /**
+             * @description The version that is to serve. Empty: the newest in the folder.
+             * @default
+             */
+            version: string;
+        };
         /**
          * @description Form of a description.
          * @enum {string}
@@ -4237,6 +4377,19 @@ export interface components {
              * @default 0
              */
             total_us: string;
+        };
+        /** @description Asks to unload a pack. */
+        UnloadPackRequest: {
+            /**
+             * @description The pack's name.
+             * @default
+             */
+            name: string;
+            /**
+             * @description The version that must be loaded. Empty: any.
+             * @default
+             */
+            version: string;
         };
         /** @description Do a skill of the session's pack on the spot, such as lying down or jumping: go through the sets of one of its variants. A moving character stops first. A skill needs no object and no scene. Commands that move the character, use an object or cancel take effect after the skill. A skill that is held ends by its exit first: a lying character gets up before it walks. */
         UseSkill: {
@@ -5541,6 +5694,96 @@ export interface operations {
             };
         };
     };
+    LoadPack: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The pack's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LoadPackRequest"];
+            };
+        };
+        responses: {
+            /** @description The pack serves */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PackChange"];
+                };
+            };
+            /** @description A value that is not accepted, or a body that is no request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No such pack in the folder */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Another version is loaded, or the pack cannot serve */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The Content-Type is not application/json */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description There is no memory for it, or too many changes wait */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     ListStyles: {
         parameters: {
             query?: {
@@ -5789,6 +6032,177 @@ export interface operations {
             };
         };
     };
+    SwapPack: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The pack's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SwapPackRequest"];
+            };
+        };
+        responses: {
+            /** @description The new version serves */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PackChange"];
+                };
+            };
+            /** @description A value that is not accepted, or a body that is no request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No such pack in the folder */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The pack is not loaded, or the new version cannot serve */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The Content-Type is not application/json */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description There is no memory for it, or too many changes wait */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    UnloadPack: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The pack's name */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["UnloadPackRequest"];
+            };
+        };
+        responses: {
+            /** @description The pack serves no more */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PackChange"];
+                };
+            };
+            /** @description A value that is not accepted, or a body that is no request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No such pack */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description It is the default pack, or another version is loaded */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The Content-Type is not application/json */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
     Replay: {
         parameters: {
             query?: never;
@@ -5876,6 +6290,15 @@ export interface operations {
             };
             /** @description As many recordings are played as may be at the same time */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Not ready yet */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
