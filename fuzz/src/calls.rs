@@ -225,9 +225,18 @@ fn check_grpc(call: &Call, status: Option<(u32, String)>) -> bool {
     code == 0
 }
 
-/// Whether the toy family failed because the prompt asked for it.
+/// Whether the toy family failed because the prompt asked for it, or the server refused to change
+/// packs that are no folder's.
 fn on_purpose(message: &str) -> bool {
-    message.contains("asked to") || message.contains("asked%20to")
+    let fixed = [
+        "packs of this server cannot change",
+        "packs%20of%20this%20server%20cannot%20change",
+    ];
+    let asked = ["asked to", "asked%20to"];
+    asked
+        .into_iter()
+        .chain(fixed)
+        .any(|purpose| message.contains(purpose))
 }
 
 fn planted_step(served: bool, http: bool, bytes: &[u8]) -> [bool; 3] {
