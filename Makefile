@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-figure kubernetes-test c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-failures cluster-figure kubernetes-test c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -105,12 +105,16 @@ ros2-figure: runtime
 	cargo build --release --package troupe-server --package troupe-ros2
 	TROUPE_BUILD=release TROUPE_ROS2=troupe-ros2 target/ros2/venv/bin/python tests/ros2/figure.py $(ARGS)
 
-# Three servers with one store behind HAProxy and Envoy: who gets what, and what characters notice of failures. Without haproxy or
-# redis-server the test of failures is left out, aloud.
-cluster-test: runtime
+# HAProxy and Envoy: which server gets what, and who moves if one is not there. Without haproxy its part is left out, aloud.
+cluster-test:
+	tests/cluster/setup.sh
+	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster/test_routing.py
+
+# Three servers with one store behind HAProxy: what characters notice of failures. It needs haproxy and redis-server.
+cluster-failures: runtime
 	tests/cluster/setup.sh
 	scripts/test-server.sh
-	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster
+	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster/test_failures.py
 
 # 300 characters for three minutes while servers are killed and Redis fails, and what one, two and three servers can do
 # (ARGS="--characters 30 --seconds 40" for a short look)

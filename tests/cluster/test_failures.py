@@ -37,14 +37,14 @@ def crowd(cluster):
 
 
 def check(cluster: Cluster, crowd, breaks: bool = True):
-    """What holds after every failure."""
+    """What holds after every failure. Without `breaks` nobody waited for half a second."""
     since = time.monotonic()
     until(lambda: crowd.all_walk(since), "all still walk", 30)
     report = crowd.end()
     print(f"breaks {sorted(report.breaks_s)[-5:]}, usual {report.usual}, seams {report.seams}")
     assert report.lost == []
     assert sum(one.backwards for one in report.characters.values()) == 0
-    assert bool(report.breaks_s) == breaks, report.breaks_s
+    assert breaks or not report.breaks_s, report.breaks_s
     assert max(report.breaks_s, default=0) <= RESUMED_S, sorted(report.breaks_s)
     for seam, usual in zip(report.seams, report.usual, strict=True):
         assert seam <= usual * SEAM
@@ -66,6 +66,7 @@ def test_servers_that_are_killed(cluster, crowd):
         kill(cluster, crowd, name)
         # HAProxy sees it again.
         time.sleep(1.5)
+    assert crowd.report.breaks_s, "nobody noticed anything"
     check(cluster, crowd)
     assert {owner for one in cluster.witness.owners.values() for owner in one.values()} == set(NAMES)
 
@@ -79,7 +80,7 @@ def test_redis_stands_still(cluster, crowd):
 def test_redis_forgets_everything_and_then_a_server_dies(cluster, crowd):
     cluster.redis.restart_empty()
     time.sleep(3)
-    kill(cluster, crowd, NAMES[0])
+    kill(cluster, crowd, cluster.witness.owner(crowd.names[0][0]))
     check(cluster, crowd)
 
 
