@@ -427,6 +427,30 @@ def test_a_drive_goes_on_after_the_server_was_killed(own_server: object, tmp_pat
         drive.close()
 
 
+def test_a_recorded_session_is_played_again(client: troupe.Client) -> None:
+    with client.session(troupe.SessionOptions(seed=5, record=True)) as session:
+        session.walk((0, 0, 1.2)).step(40)
+        made = client.recording(session.id)
+    assert made.session_id == session.id
+    played = client.replay(made.lines)
+    assert played.equal and played.frames >= 40 and played.commands == 1
+    changed = made.lines.replace('"z":1.2', '"z":1.1')
+    assert changed != made.lines
+    other = client.replay(changed)
+    assert not other.equal and other.difference.frame > 0
+    with client.session() as session, pytest.raises(troupe.TroupeError, match="record"):
+        client.recording(session.id)
+
+
+def test_packs_are_swapped_by_name(client: troupe.Client) -> None:
+    same = client.swap_pack("human")
+    assert (same.name, same.changed) == ("human", False)
+    with pytest.raises(troupe.NotFoundError, match="nobody's"):
+        client.load_pack("nobody's")
+    with pytest.raises(troupe.TroupeError, match="human"):
+        client.unload_pack("human")
+
+
 def test_characters_wear_a_skeleton_of_ones_own(client: troupe.Client, walk: troupe.Clip, tmp_path: Path) -> None:
     file = tmp_path / "my hero.glb"
     walk.to_glb(file)

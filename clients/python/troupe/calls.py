@@ -11,7 +11,7 @@ from troupe import inbetween, io, pack
 from troupe.conventions import Convention
 from troupe.errors import AnswerError, TroupeError
 from troupe.inbetween import InBetween, InBetweenAnswer
-from troupe.io import Steps
+from troupe.io import Call, Steps
 from troupe.options import SessionOptions
 from troupe.pack import Pack
 from troupe.v1 import motion_pb2, scene_pb2, session_pb2, skeleton_pb2
@@ -171,6 +171,38 @@ def skeletons() -> Steps[list[skeleton_pb2.SkeletonSummary]]:
 def delete_skeleton(name: str) -> Steps[None]:
     """Deletes a skeleton that no session wears."""
     yield from io.ask(io.DELETE_SKELETON, skeleton_pb2.DeleteSkeletonRequest(name=name))
+
+
+def load_pack(name: str, version: str) -> Steps[motion_pb2.PackChange]:
+    """Loads a pack of the server's folder."""
+    return (yield from io.ask(io.LOAD_PACK, motion_pb2.LoadPackRequest(name=name, version=version)))
+
+
+def unload_pack(name: str, version: str) -> Steps[motion_pb2.PackChange]:
+    """Unloads a pack."""
+    return (yield from io.ask(io.UNLOAD_PACK, motion_pb2.UnloadPackRequest(name=name, version=version)))
+
+
+def swap_pack(name: str, version: str) -> Steps[motion_pb2.PackChange]:
+    """Puts another version of a pack in its place."""
+    return (yield from io.ask(io.SWAP_PACK, motion_pb2.SwapPackRequest(name=name, version=version)))
+
+
+def recording(session: str) -> Steps[session_pb2.SessionRecording]:
+    """What a session got and gave so far."""
+    return (yield from io.ask(io.GET_RECORDING, session_pb2.GetRecordingRequest(session_id=session)))
+
+
+def replay(recording: str, anyway: bool) -> Call[session_pb2.ReplayResponse]:
+    """A call that plays a recording."""
+    return Call(io.REPLAY, session_pb2.ReplayRequest(recording=recording, anyway=anyway))
+
+
+def last(parts: Sequence[session_pb2.ReplayResponse]) -> session_pb2.ReplayResponse:
+    """The last part of a replay, which has the result."""
+    if not parts or not parts[-1].is_last:
+        raise AnswerError("the answer to Replay ended before its last part", field="is_last")
+    return parts[-1]
 
 
 def put_scene(scene: scene_pb2.Scene | str | Path) -> Steps[scene_pb2.SceneSummary]:

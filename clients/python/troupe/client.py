@@ -25,7 +25,7 @@ from troupe.live import Crowd, Drive, Session
 from troupe.options import FrameOptions, SessionOptions
 from troupe.pack import Pack
 from troupe.route import Route, Way
-from troupe.v1 import scene_pb2, session_pb2, skeleton_pb2
+from troupe.v1 import motion_pb2, scene_pb2, session_pb2, skeleton_pb2
 from troupe.words import Audio, Description, Prompt, Sampling, Sound, describe_request
 
 POLL_S = 0.1
@@ -109,6 +109,18 @@ class Client:
     def pack(self, name: str = "") -> Pack:
         """One pack; an empty name stands for the server's default pack."""
         return self._connection.run(calls.get_pack_itself(name))
+
+    def load_pack(self, name: str, version: str = "") -> motion_pb2.PackChange:
+        """Loads a pack of the server's folder; without a version, the newest. It needs the role admin, as the next two."""
+        return self._connection.run(calls.load_pack(name, version))
+
+    def unload_pack(self, name: str, version: str = "") -> motion_pb2.PackChange:
+        """Unloads a pack. Its live sessions go on with it until they end."""
+        return self._connection.run(calls.unload_pack(name, version))
+
+    def swap_pack(self, name: str, version: str = "") -> motion_pb2.PackChange:
+        """Has another version of a pack serve in its place; without one, the newest. Live sessions go on with it."""
+        return self._connection.run(calls.swap_pack(name, version))
 
     # Single requests.
 
@@ -230,6 +242,17 @@ class Client:
     def list_sessions(self) -> list[session_pb2.Session]:
         """All sessions that are open on the server, by id, whoever opened them."""
         return self._connection.run(calls.list_sessions())
+
+    def recording(self, session: str) -> session_pb2.SessionRecording:
+        """What a session got and which frames it gave, as lines of JSON: for sessions that are recorded."""
+        return self._connection.run(calls.recording(session))
+
+    def replay(self, recording: str, *, anyway: bool = False) -> session_pb2.ReplayResponse:
+        """Plays the lines of a recording again, and says whether all frames are equal, or the first difference.
+
+        `anyway` plays it on another version, engine or pack as well.
+        """
+        return calls.last(list(self._connection.parts(calls.replay(recording, anyway))))
 
     def close_sessions(self, ids: Iterable[str]) -> int:
         """Closes sessions and says how many were still open."""

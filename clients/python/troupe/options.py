@@ -69,6 +69,8 @@ class SessionOptions:
     """Above 0, poses are sampled. At most 2."""
     priority: float | None = None
     """How much it matters that it is planned for often: 0 is far from the camera, 1 the hero, 0.5 the default."""
+    record: bool = False
+    """Whether the server records the session, so that it can be played again: `Client.recording`. The key must allow it."""
 
     def to_message(self, pack: Pack) -> session_pb2.SessionOptions:
         """The options on the wire."""
@@ -89,6 +91,7 @@ class SessionOptions:
             temperature=self.temperature,
             priority=self.priority,
             scene=self.scene,
+            record=self.record,
         )
         if self.position is not None:
             x, y, z = floats("position", self.position, (3,)).tolist()
