@@ -37,7 +37,7 @@ def crowd(cluster):
 
 
 def check(cluster: Cluster, crowd, breaks: bool = True):
-    """What holds after every failure. Without `breaks` nobody waited for half a second."""
+    """What holds after every failure. Without `breaks` no one waited for half a second."""
     since = time.monotonic()
     until(lambda: crowd.all_walk(since), "all still walk", 30)
     report = crowd.end()
@@ -66,7 +66,7 @@ def test_servers_that_are_killed(cluster, crowd):
         kill(cluster, crowd, name)
         # HAProxy sees it again.
         time.sleep(1.5)
-    assert crowd.report.breaks_s, "nobody noticed anything"
+    assert crowd.report.breaks_s, "no one noticed anything"
     check(cluster, crowd)
     assert {owner for one in cluster.witness.owners.values() for owner in one.values()} == set(NAMES)
 
