@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """The table of docs/planning.md: what a number of live characters needs, by figures that other pages have measured.
 
-plan.py [--characters N] [--cores N] prints it; plan.py --check compares the page with it. A figure is read from the page of its measurement,
-so that a new measurement changes the plan.
+plan.py [--characters N] [--cores N] prints it; plan.py --check compares the page with it. A figure is read from the page of
+its measurement, so that a new one changes the plan.
 """
 
 import argparse
