@@ -308,7 +308,7 @@ impl SharedRecords {
         if change.record.is_some() {
             held.keep = change.keep;
         } else if held.asked > begun {
-            // A call has made a new session of this name meanwhile.
+            // A call has made a new session of this name since.
             return None;
         } else {
             held.leaving = true;

@@ -88,7 +88,7 @@ impl ServerShelf {
         let of = |family: &str| {
             let like = all.iter().filter(|one| one.family == family && one.files > 0);
             let ratios = like.map(|one| one.taken as f64 / one.files as f64);
-            // Other work may have freed memory meanwhile.
+            // Other work may have freed memory since.
             ratios.map(|ratio| ratio.max(1.0)).reduce(f64::max)
         };
         match (of(family), of("")) {
