@@ -173,6 +173,8 @@ impl Leases {
                     scripts.push(claim(&key_of(*kind, name), &self.address, *want, self.times()));
                     claims.push(None);
                 }
+                // It has just been closed.
+                Some(held) if held.leaving && *want == Want::Known => claims.push(Some(Claim::Unknown)),
                 Some(held) if held.leaving => claims.push(Some(Claim::Elsewhere {
                     owner: self.address.clone(),
                     ends_in: self.terms.lease,

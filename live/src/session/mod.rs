@@ -67,7 +67,7 @@ pub use options::TTL_RANGE_MS;
 pub use owner::{End, Owner};
 pub use pack::{LivePack, LivePacks};
 pub use registry::MAX_SESSION_BYTES;
-pub use results::{CommandResult, SessionProblem};
+pub use results::{Closed, CommandResult, SessionProblem};
 pub use resume::Resumed;
 pub use sessions::Sessions;
 pub use space::{ChangeError, Space, SpaceError, Spaces, TenantOptions};

@@ -213,7 +213,9 @@ impl Sharing {
                 Claim::Elsewhere { owner, ends_in } => {
                     registry.note_away(id, Away::of(owner, ends_in, now), now);
                 }
-                Claim::Had | Claim::Taken(None) | Claim::Exists | Claim::Unknown => {}
+                // It was elsewhere, and is closed.
+                Claim::Unknown => registry.forget_away(id),
+                Claim::Had | Claim::Taken(None) | Claim::Exists => {}
             }
         }
     }

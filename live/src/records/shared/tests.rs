@@ -129,6 +129,21 @@ fn a_session_that_is_opened_again_at_once_is_not_removed() {
 }
 
 #[test]
+fn a_session_whose_record_is_being_removed_is_gone_for_its_own_server() {
+    let Some(mut redis) = Redis::start() else { return };
+    let mut one = redis.server("one:1");
+    ask(&one, Want::New).unwrap();
+    written(&mut one, "first").unwrap();
+    redis.stop();
+    let mut changes = Changes::default();
+    changes.remove(Kind::Session, HERO);
+    assert!(one.write(&changes).is_err());
+    assert_eq!(ask(&one, Want::Known).unwrap(), Claim::Unknown);
+    // Its lease is not free yet.
+    assert_eq!(owner_of(&ask(&one, Want::New).unwrap()), "one:1");
+}
+
+#[test]
 fn redis_that_comes_back_empty_gets_everything_again_from_the_newest_owner() {
     let Some(mut redis) = Redis::start() else { return };
     let (mut old, mut new) = (redis.server("old:1"), redis.server("new:2"));
