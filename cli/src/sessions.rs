@@ -45,7 +45,7 @@ pub(crate) enum SessionsCommand {
         #[arg(long, conflicts_with = "ids")]
         all: bool,
     },
-    /// Write the recording of a session to a file. The server keeps it for an hour after the session.
+    /// Write the recording of a session to a file. The server keeps it for an hour after its end.
     Recording {
         /// Its name.
         #[arg(value_name = "NAME")]

@@ -88,8 +88,8 @@ pub trait Generator: Send {
     }
 }
 
-/// Does a task twice, and times the second run for [`Generator::trial`]. The first one is slower: it
-/// fills caches. The generator must have no jobs.
+/// Does a task twice, and times the second run for [`Generator::trial`]. The first one fills
+/// caches. The generator must have no jobs.
 ///
 /// # Errors
 /// [`EngineError`] if the task fails.

@@ -43,8 +43,9 @@ impl Service {
     /// `troupe.v1.Scenes/GetScene`.
     ///
     /// # Errors
-    /// [`ServiceError`] if there is no such scene.
+    /// [`ServiceError`] if there is no such scene, or if another server has it.
     pub async fn get_scene(&self, request: v1::GetSceneRequest) -> Result<v1::Scene, ServiceError> {
+        self.sessions().check_scene(&request.name, "name").await?;
         // A scene may have a million heights.
         self.blocking(move |store| store.get(&request)).await
     }
@@ -151,13 +152,15 @@ impl Service {
     /// `troupe.v1.Scenes/Detect`.
     ///
     /// # Errors
-    /// [`ServiceError`] if a value is not accepted, or if there is no such session or scene.
-    pub fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
-        let standing = |id: &str| {
-            self.sessions()
-                .standing(id, "session_id")
-                .map_err(ServiceError::from)
-        };
+    /// [`ServiceError`] if a value is not accepted, if there is no such session or scene, or if
+    /// another server has it.
+    pub async fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
+        let sessions = self.sessions();
+        match &request.r#box {
+            None => sessions.bring([&request.session_id]).await,
+            Some(given) => sessions.check_scene(&given.scene, "box.scene").await?,
+        }
+        let standing = |id: &str| sessions.standing(id, "session_id").map_err(ServiceError::from);
         self.store()?.detect(request, standing)
     }
 }

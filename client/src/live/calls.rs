@@ -9,14 +9,12 @@ use super::session::Session;
 use crate::connection::{Client, SessionsRpc};
 use crate::error::{AnswerError, ClientError};
 use crate::pack::Pack;
+use crate::route::MOVES;
 
 /// Sessions on a page of a list, which is the server's maximum.
 const PAGE: u32 = 1000;
 /// Sessions of a request to create or close them, within the default limits of a server.
 const CHUNK: usize = 1000;
-/// Most servers that a call is sent to after the first: one that says that the session has moved,
-/// one that knows its server, and that one.
-const MOVES: usize = 2;
 
 impl Client {
     /// Opens a session: one character of a pack.

@@ -5,12 +5,13 @@ from concurrent import futures
 
 import grpc
 import pytest
+from google.protobuf.message import Message
 from google.rpc import error_details_pb2, status_pb2
 
 import troupe
 from troupe import calls, io
 from troupe.route import Way
-from troupe.v1 import motion_pb2, session_pb2
+from troupe.v1 import motion_pb2, scene_pb2, session_pb2
 
 ROUTE = troupe.Route(session="guard")
 
@@ -163,6 +164,43 @@ def test_a_call_follows_the_server_that_has_the_session(script: Script, is_movin
         client._connection.run(io.ask(io.COMMAND, request))
     servers = [headers.get("troupe-server") for _, headers in script.calls]
     assert servers == [None] * (2 if is_moving else 1) + ["b:2", "b:2"]
+
+
+def test_a_call_about_a_scene_goes_to_its_server_and_sessions_stay(script: Script) -> None:
+    with troupe.Client(script.address, route=ROUTE) as client:
+        for asked in (client, client.routed(troupe.Route(scene="yard"))):
+            asked.scene("yard")
+            asked.list_sessions()
+    own, yard, server = {"troupe-session": "guard"}, {"troupe-scene": "yard"}, {"troupe-server": "b:2"}
+    assert [headers for _, headers in script.calls] == [
+        yard,
+        yard | server,
+        own,
+        own | server,
+        yard,
+        yard | server,
+        yard | server,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("request_", "scene"),
+    [
+        (scene_pb2.PutSceneRequest(scene=scene_pb2.Scene(name="yard")), "yard"),
+        (scene_pb2.DeleteSceneRequest(name="yard"), "yard"),
+        (scene_pb2.AddObjectsRequest(scene="yard"), "yard"),
+        (scene_pb2.MoveObjectsRequest(scene="yard"), "yard"),
+        (scene_pb2.RemoveObjectsRequest(scene="yard"), "yard"),
+        (scene_pb2.DetectRequest(box=scene_pb2.DetectBox(scene="yard")), "yard"),
+        (scene_pb2.DetectRequest(session_id="guard"), ""),
+        (scene_pb2.GetSceneRequest(name="two words"), ""),
+        (scene_pb2.ListScenesRequest(), ""),
+    ],
+)
+def test_the_way_of_a_call_is_by_the_scene_that_it_names(request_: Message, scene: str) -> None:
+    way = Way(ROUTE)
+    header = ("troupe-scene", scene) if scene else ("troupe-session", "guard")
+    assert way.of(request_).marks("/troupe.v1.Scenes/X") == (header,)
 
 
 def test_sessions_are_closed_on_the_servers_that_have_them(script: Script) -> None:

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use super::{Change, Changes, Kind, Lost, RecordStore, RecordsError, Tended};
 use link::Link;
-use script::{Answer, Hold, Mine, Times, claim, hold};
+use script::{Answer, Hold, Mine, Times, claim, hold, look};
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
 pub use link::Place;
@@ -237,6 +237,25 @@ impl Leases {
         if let Err(error) = link.run(scripts) {
             tracing::debug!(%error, "leases are not given up, and end by themselves");
         }
+    }
+
+    /// The other server that has a lease, and the time until it ends. Nothing changes. This blocks.
+    ///
+    /// # Errors
+    /// [`RecordsError::Shared`] if the store does not answer.
+    pub fn other_owner(&self, kind: Kind, name: &str) -> Result<Option<(String, Duration)>, RecordsError> {
+        if self.has(kind, name) {
+            return Ok(None);
+        }
+        let mut link = self.claims.lock().unwrap_or_else(PoisonError::into_inner);
+        let answer = link.run(vec![look(&key_of(kind, name))])?.into_iter().next();
+        Ok(match answer {
+            // A lease of this server is one from before it was started again.
+            Some(Answer::Lost { owner, ends_in_ms }) if owner != self.address => {
+                Some((owner, Duration::from_millis(ends_in_ms)))
+            }
+            _ => None,
+        })
     }
 
     fn script(&self, kind: Kind, name: &str, held: &Held, what: Hold<'_>, now: Instant) -> redis::Cmd {

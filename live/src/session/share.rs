@@ -15,6 +15,7 @@ use crate::records::Kind;
 use crate::records::shared::{Claim, Leases, Want};
 use crate::wire::units::is_name;
 use crate::world::Store;
+use troupe_base::offload::offload;
 use troupe_base::telemetry::{Counter, Labels, Telemetry};
 use troupe_base::tenant::Tenant;
 
@@ -111,6 +112,35 @@ impl Sessions {
         if let Err(error) = work.await {
             tracing::error!(%error, "sessions were not looked for in the shared store");
         }
+    }
+}
+
+impl Sessions {
+    /// Checks that no other server has a scene, before a call reads its objects here. `field` is
+    /// the field of the request that has the name. Without a shared store this does nothing.
+    ///
+    /// # Errors
+    /// [`SessionError::Elsewhere`] or [`SessionError::NoStore`].
+    pub async fn check_scene(&self, name: &str, field: &str) -> Result<(), SessionError> {
+        let Some(sharing) = self.sharing().filter(|_| !self.is_draining()).cloned() else {
+            return Ok(());
+        };
+        let record = record_name(self.registry().tenant(), name);
+        if !is_name(name) || sharing.leases.has(Kind::Scene, &record) {
+            return Ok(());
+        }
+        let (name, field) = (name.to_owned(), field.to_owned());
+        offload(usize::MAX, 0, move || {
+            match sharing.leases.other_owner(Kind::Scene, &record) {
+                Ok(None) => Ok(()),
+                Ok(Some((owner, ends_in))) => Err(elsewhere("scene", &name, owner, ends_in, field)),
+                Err(error) => Err(SessionError::NoStore {
+                    reason: error.to_string(),
+                    field,
+                }),
+            }
+        })
+        .await?
     }
 }
 
@@ -301,17 +331,28 @@ fn accepted(
     match claim {
         Claim::Had => Ok(None),
         Claim::Taken(record) => Ok(record),
-        Claim::Elsewhere { owner, ends_in } => Err(SessionError::Elsewhere {
-            what,
-            name: name.to_owned(),
-            owner,
-            ends_in_ms: u64::try_from(ends_in.as_millis()).unwrap_or(u64::MAX),
-            field,
-        }),
+        Claim::Elsewhere { owner, ends_in } => Err(elsewhere(what, name, owner, ends_in, field)),
         Claim::Exists | Claim::Unknown => Err(SessionError::Exists {
             id: name.to_owned(),
             field,
         }),
+    }
+}
+
+/// Another server has a session or a scene.
+fn elsewhere(
+    what: &'static str,
+    name: &str,
+    owner: String,
+    ends_in: Duration,
+    field: String,
+) -> SessionError {
+    SessionError::Elsewhere {
+        what,
+        name: name.to_owned(),
+        owner,
+        ends_in_ms: u64::try_from(ends_in.as_millis()).unwrap_or(u64::MAX),
+        field,
     }
 }
 

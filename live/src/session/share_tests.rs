@@ -64,6 +64,12 @@ impl Server {
         Ok((done.closed, problems.collect()))
     }
 
+    /// Whether a scene may be read here.
+    async fn check(&self, scene: &str) -> Result<(), String> {
+        let checked = self.space.sessions.check_scene(scene, "name").await;
+        checked.map_err(|error| error.to_string())
+    }
+
     async fn open_in_yard(&self, id: &str) -> Result<(), String> {
         let request = v1::CreateSessionsRequest {
             sessions: vec![v1::SessionOptions {
@@ -177,9 +183,14 @@ async fn a_scene_and_its_sessions_are_on_one_server() {
         two.open_in_yard("c").await,
         "scene \"yard\" is on the server one:1",
     );
+    // Who reads the scene is sent to its server.
+    says(two.check("yard").await, "scene \"yard\" is on the server one:1");
+    assert_eq!(one.check("yard").await, Ok(()));
+    assert_eq!(two.check("meadow").await, Ok(()), "no server has it");
     // The refused session has left no lease behind, and may be elsewhere.
     open(&one.space, "c").await;
     sleep(LEASE + LEASE / 2);
+    assert_eq!(two.check("yard").await, Ok(()), "a lease has ended");
     // The scene comes with its first session, and takes the others from the server before.
     assert_eq!(two.last_sequence("a").await, Ok(0));
     one.round();
@@ -221,6 +232,10 @@ async fn sessions_go_on_without_their_store_and_new_ones_wait() {
     says(
         one.last_sequence("other").await,
         "the store of sessions does not answer",
+    );
+    says(
+        one.check("yard").await,
+        "the store of sessions does not answer: store: redis://127.0.0.1:",
     );
     assert_eq!(one.last_sequence("hero").await, Ok(5));
 
