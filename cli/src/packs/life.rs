@@ -12,8 +12,8 @@ use crate::output::{print, to_json};
 pub(crate) enum Change {
     /// Load a pack from the server's folder of packs.
     ///
-    /// If it is loaded already, nothing changes. If it cannot serve, the answer says why. On a server
-    /// with keys this needs the role admin.
+    /// If it is loaded already, nothing changes. If it cannot serve, the answer says why. On a
+    /// server with keys this needs the role admin.
     Load(Which),
 
     /// Unload a pack.
