@@ -26,7 +26,7 @@ mod store;
 mod upload;
 mod worn;
 
-pub use carrier::{Carrier, NoCarrier, is_on_two_legs, is_same_body};
+pub use carrier::{Among, Carrier, NoCarrier, is_on_two_legs, is_same_body};
 pub use difference::Difference;
 pub use dress::Dress;
 pub(crate) use dress::Last;
