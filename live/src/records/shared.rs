@@ -5,13 +5,15 @@
 //! |---|---|
 //! | [`Leases`] | takes leases for calls that make or restore sessions |
 //! | [`SharedRecords`] | writes records and renews leases, four times a second |
-//! | `script` | what Redis does, each in one step |
+//! | `script` | what Redis does with leases, each in one step |
+//! | [`UploadLog`] | the uploads of all servers |
 //! | `link` | the connection, and the address |
 //!
-//! docs/decisions/leases.md says why.
+//! docs/decisions/leases.md and docs/decisions/uploads.md say why.
 
 mod link;
 mod script;
+mod uploads;
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,6 +27,7 @@ use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
 pub use link::Place;
 pub use script::Want;
+pub use uploads::{Changes as UploadChanges, UploadLog, Version, Write};
 
 const LEASES: Metric = Metric::new(
     "troupe_store_leases_total",
@@ -148,6 +151,14 @@ impl Leases {
             lease: millis(self.terms.lease),
             remember: millis(self.terms.remember),
         }
+    }
+
+    /// Whether this server has a lease, as far as it knows, of something that a call is about to
+    /// change. If so, it keeps the lease for a while.
+    pub fn keeps(&self, kind: Kind, name: &str) -> bool {
+        let mut held = self.held();
+        let held = held.get_mut(&(kind, name.to_owned())).filter(|held| !held.leaving);
+        held.map(|held| held.asked = Instant::now()).is_some()
     }
 
     /// Whether this server has a lease, as far as it knows.
@@ -280,6 +291,7 @@ impl Leases {
 /// The records of servers that share a store. Each server's keeper has its own.
 #[derive(Debug)]
 pub struct SharedRecords {
+    place: Place,
     leases: Arc<Leases>,
     link: Link,
 }
@@ -296,6 +308,7 @@ impl SharedRecords {
             counters: Counters::new(telemetry),
         };
         Self {
+            place: place.clone(),
             leases: Arc::new(leases),
             link: Link::new(place.clone()),
         }
@@ -358,7 +371,7 @@ impl RecordStore for SharedRecords {
             let due = held.iter().filter(|(_, held)| !held.leaving);
             due.map(|(key, held)| (key.clone(), *held)).collect()
         };
-        let (mut renewed, mut given_up, mut scripts) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut renewed, mut closed, mut scripts) = (Vec::new(), Vec::new(), Vec::new());
         for (key, held) in all {
             let is_open = open(key.0, &key.1) || now.saturating_duration_since(held.asked) < terms.settle;
             let is_due = now.saturating_duration_since(held.renewed) >= terms.renew;
@@ -366,13 +379,18 @@ impl RecordStore for SharedRecords {
                 scripts.push(self.leases.script(key.0, &key.1, &held, Hold::Renew, now));
                 renewed.push((key, held.keep));
             } else if !is_open {
-                given_up.push(key);
+                closed.push((key, held.asked));
             }
         }
         let mut tended = Tended::default();
         for ((key, keep), answer) in renewed.into_iter().zip(self.link.run(scripts)?) {
             self.leases.note(key, keep, answer, now, &mut tended);
         }
+        // A call may have asked for some since.
+        let held = self.leases.held();
+        closed.retain(|(key, asked)| held.get(key).is_some_and(|held| held.asked == *asked));
+        drop(held);
+        let given_up: Vec<Key> = closed.into_iter().map(|(key, _)| key).collect();
         self.leases.release(&given_up);
         Ok(tended)
     }
@@ -392,6 +410,10 @@ impl RecordStore for SharedRecords {
 
     fn leases(&self) -> Option<Arc<Leases>> {
         Some(self.leases.clone())
+    }
+
+    fn uploads(&self) -> Option<UploadLog> {
+        Some(UploadLog::new(self.place.clone()))
     }
 }
 

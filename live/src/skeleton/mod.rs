@@ -10,6 +10,7 @@
 //! | [`guest`] | a skeleton that comes with a request, and goes with it |
 //! | [`carrier`] | packs that plan paths for bodies of other packs |
 //! | [`store`] | the skeletons of a tenant, and the folder that keeps them |
+//! | [`shared`] | skeletons as servers share them |
 //! | [`message`] | skeletons and certificates as messages |
 //!
 //! A character lives on the skeleton of its pack, in the pack's size. Lengths of its client are
@@ -22,6 +23,7 @@ mod dress;
 mod error;
 mod guest;
 mod message;
+mod shared;
 mod store;
 mod upload;
 mod worn;
