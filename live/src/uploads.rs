@@ -100,7 +100,8 @@ impl Journal {
 
     /// Whether the store has everything as it is here.
     pub(crate) fn is_empty(&self) -> bool {
-        self.try_change().is_some_and(|changed| changed.uploads.is_empty())
+        self.try_change()
+            .is_some_and(|changed| changed.uploads.is_empty())
     }
 
     /// Takes out what has changed. None, while a call changes uploads.
@@ -195,7 +196,14 @@ mod tests {
             assert_eq!(upload.field(&tenant), field);
             assert_eq!(Upload::of_field(field), Some((tenant, upload)));
         }
-        for unknown in ["", "scene", "scene/yard", "scene/../yard", "rug//yard", "style//a/b"] {
+        for unknown in [
+            "",
+            "scene",
+            "scene/yard",
+            "scene/../yard",
+            "rug//yard",
+            "style//a/b",
+        ] {
             assert_eq!(Upload::of_field(unknown), None, "{unknown:?}");
         }
     }
@@ -209,7 +217,10 @@ mod tests {
         let mut changed = journal.change();
         changed.note(yard.clone());
         assert!(changed.has(&yard));
-        assert!(!journal.is_empty() && journal.take().is_empty(), "a call changes uploads");
+        assert!(
+            !journal.is_empty() && journal.take().is_empty(),
+            "a call changes uploads"
+        );
         drop(changed);
         assert_eq!(journal.take(), BTreeSet::from([yard]));
         assert!(journal.is_empty());

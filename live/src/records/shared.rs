@@ -157,7 +157,9 @@ impl Leases {
     /// change. If so, it keeps the lease for a while.
     pub fn keeps(&self, kind: Kind, name: &str) -> bool {
         let mut held = self.held();
-        let held = held.get_mut(&(kind, name.to_owned())).filter(|held| !held.leaving);
+        let held = held
+            .get_mut(&(kind, name.to_owned()))
+            .filter(|held| !held.leaving);
         held.map(|held| held.asked = Instant::now()).is_some()
     }
 

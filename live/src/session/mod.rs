@@ -16,6 +16,7 @@
 //! | [`recording`] | recordings of sessions, and their replay |
 //! | `space`, `keep`, `backlog` | the data of each tenant, and the state that survives a restart |
 //! | `away`, `share` | sessions that other servers have, and how they come here |
+//! | `uploads` | uploads that servers share |
 
 mod away;
 mod backlog;
@@ -50,6 +51,7 @@ mod step;
 pub mod stream;
 pub mod styles;
 mod time;
+mod uploads;
 mod wants;
 mod words;
 

@@ -89,6 +89,23 @@ impl Sessions {
         }
     }
 
+    /// Whether other servers use the store, too.
+    pub fn are_shared(&self) -> bool {
+        self.sharing().is_some()
+    }
+
+    /// Takes the lease of a scene before a call changes its objects: they are on one server. An
+    /// unknown scene has none. Without a shared store this does nothing, otherwise it may block.
+    ///
+    /// # Errors
+    /// [`SessionError::Elsewhere`] or [`SessionError::NoStore`].
+    pub fn own_scene(&self, scene: &str, world: &Store) -> Result<(), SessionError> {
+        match self.sharing() {
+            Some(sharing) if world.scenes().get(scene).is_ok() => sharing.own_scene(self, scene, world),
+            _ => Ok(()),
+        }
+    }
+
     /// Brings sessions here from the shared store, if no other server has them. Calls for those
     /// that do not come say why.
     pub async fn bring(self: &Arc<Self>, ids: impl IntoIterator<Item = &String>) {
@@ -115,6 +132,25 @@ impl Sessions {
 }
 
 impl Sharing {
+    fn own_scene(&self, sessions: &Sessions, scene: &str, world: &Store) -> Result<(), SessionError> {
+        let tenant = sessions.registry().tenant();
+        let name = record_name(tenant, scene);
+        if self.leases.keeps(Kind::Scene, &name) {
+            return Ok(());
+        }
+        let claims = self.leases.claim(&[(Kind::Scene, name, Want::Any)]);
+        let claims = claims.map_err(|error| SessionError::NoStore {
+            reason: error.to_string(),
+            field: "scene".to_owned(),
+        })?;
+        for claim in claims {
+            if let Some(record) = accepted("scene", scene, "scene".to_owned(), claim)? {
+                self.adopt(tenant, scene, &record, world, sessions.time().now());
+            }
+        }
+        Ok(())
+    }
+
     fn open(
         &self,
         sessions: &Sessions,
@@ -207,6 +243,9 @@ impl Sharing {
                 return;
             }
         };
+        if claims.iter().any(|claim| matches!(claim, Claim::Taken(Some(_)))) {
+            self.catch_up();
+        }
         for ((id, (_, name, _)), claim) in ids.iter().zip(&asked).zip(claims) {
             match claim {
                 Claim::Taken(Some(record)) => self.revive(sessions, id, name, &record),
@@ -215,6 +254,16 @@ impl Sharing {
                 }
                 Claim::Had | Claim::Taken(None) | Claim::Exists | Claim::Unknown => {}
             }
+        }
+    }
+
+    /// Takes in the newest uploads, which sessions that come here may need.
+    fn catch_up(&self) {
+        let Some(spaces) = self.spaces.upgrade() else {
+            return;
+        };
+        if let Some(Err(error)) = spaces.uploads().map(|uploads| uploads.round()) {
+            tracing::warn!(%error, "sessions come here without the newest uploads");
         }
     }
 

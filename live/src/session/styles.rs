@@ -143,12 +143,15 @@ pub(super) fn take_shared(
     record: &[u8],
     memory: &UploadMemory,
 ) -> Result<(), String> {
-    let (pack, place) =
-        table_of(table, pack, body).ok_or_else(|| format!("its pack {pack:?} with body {body:?} is not loaded"))?;
+    let (pack, place) = table_of(table, pack, body)
+        .ok_or_else(|| format!("its pack {pack:?} with body {body:?} is not loaded"))?;
     let record = Record::read(record)?;
     let message = v1::Style::decode(record.body).map_err(|error| error.to_string())?;
     if message.name != name {
-        return Err(format!("the record has the name {:?}; allowed: {name:?}", message.name));
+        return Err(format!(
+            "the record has the name {:?}; allowed: {name:?}",
+            message.name
+        ));
     }
     let style = Style::from_proto(&Path::root(), &message, pack.rig(place), false);
     let style = style.map_err(|error| error.to_string())?;

@@ -37,3 +37,6 @@ pub use guest::{Guest, can_wear};
 pub use store::{MAX_SKELETONS, Skeletons};
 pub use upload::upload;
 pub use worn::Worn;
+
+#[cfg(test)]
+pub(crate) use shared::testing;

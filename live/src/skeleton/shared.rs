@@ -30,7 +30,10 @@ impl Skeletons {
         let record = Record::read(record)?;
         let doc: SkeletonDoc = serde_json::from_slice(record.body).map_err(|error| error.to_string())?;
         if doc.name != name {
-            return Err(format!("the record has the name {:?}; allowed: {name:?}", doc.name));
+            return Err(format!(
+                "the record has the name {:?}; allowed: {name:?}",
+                doc.name
+            ));
         }
         let before = self.all().get(name).cloned();
         if before.as_ref().is_some_and(|before| before.doc == doc) {
@@ -57,5 +60,26 @@ impl Skeletons {
         }
         all.remove(name);
         true
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod testing {
+    use troupe_character::testing::{PERSON_HIPS_M, figure_of, joints_of, person};
+
+    use super::super::doc::{BodyDoc, JointsDoc};
+    use super::*;
+
+    /// The record of a person's skeleton.
+    pub(crate) fn person_record(name: &str, size: f32) -> Vec<u8> {
+        let figure = figure_of(joints_of(&person(), size), None, size * PERSON_HIPS_M);
+        let doc = SkeletonDoc {
+            name: name.to_owned(),
+            forced: false,
+            notes: Vec::new(),
+            body: BodyDoc::Joints(JointsDoc::of(&figure)),
+        };
+        let body = serde_json::to_vec(&doc).unwrap();
+        Record::new(&body).write().unwrap()
     }
 }

@@ -91,7 +91,8 @@ impl Store {
         let read = definition::read_definition(text, Format::Json, name, rig);
         let read = read.map_err(|error| error.to_string())?;
         let _one = self.kept();
-        self.room_for_definition(&read).map_err(|error| error.to_string())?;
+        self.room_for_definition(&read)
+            .map_err(|error| error.to_string())?;
         let taken = self.definitions().upload(read, self.scenes());
         taken.map(drop).map_err(|error| error.to_string())
     }

@@ -344,6 +344,23 @@ fn a_cluster_has_the_leases_on_all_of_its_nodes() {
             .iter()
             .all(|claim| *claim == Claim::Taken(Some(vec![7; 10_000])))
     );
+
+    // The uploads are together on one node.
+    let (mut log, mut other) = (one.uploads().unwrap(), two.uploads().unwrap());
+    let writes: Vec<Write> = (0..600)
+        .map(|number| Write {
+            field: format!("scene//{number}"),
+            rank: 0,
+            record: Some(vec![7; 10_000]),
+        })
+        .collect();
+    assert!(log.write(&writes).unwrap().iter().all(Option::is_some));
+    let changes = other.since(0).unwrap();
+    let fields: Vec<String> = changes.list.into_iter().map(|change| change.field).collect();
+    let all: Vec<&String> = writes.iter().map(|write| &write.field).collect();
+    assert_eq!(fields.iter().collect::<Vec<_>>(), all);
+    let records = other.records(&fields).unwrap();
+    assert!(records.iter().all(|record| *record == Some(vec![7; 10_000])));
 }
 
 /// Two servers do anything at random, leases end, and Redis loses everything. Each token is higher

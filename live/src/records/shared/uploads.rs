@@ -73,9 +73,9 @@ return {'done', rank, version}
 
 /// Lists changes after a version.
 const SINCE: &str = r"
-local head = redis.call('HMGET', KEYS[1], 'epoch', 'floor')
+local head = redis.call('HMGET', KEYS[1], 'epoch', 'floor', 'version')
 local found = redis.call('ZRANGEBYSCORE', KEYS[2], '(' .. ARGV[1], '+inf', 'WITHSCORES', 'LIMIT', 0, ARGV[2])
-local answer = {head[1] or '0', head[2] or '0'}
+local answer = {head[1] or '0', head[2] or '0', head[3] or '0'}
 for i = 1, #found, 2 do
   answer[#answer + 1] = found[i]
   answer[#answer + 1] = string.format('%.0f', tonumber(found[i + 1]))
@@ -123,6 +123,8 @@ pub struct Changes {
     pub epoch: u64,
     /// Removals up to this version are forgotten.
     pub floor: u64,
+    /// Of the newest change.
+    pub version: u64,
     /// By their versions.
     pub list: Vec<Change>,
 }
@@ -193,7 +195,7 @@ impl UploadLog {
             }
             after = page.list.last().map_or(after, |change| change.at.position);
             all.list.extend(page.list);
-            (all.epoch, all.floor) = (page.epoch, page.floor);
+            (all.epoch, all.floor, all.version) = (page.epoch, page.floor, page.version);
             if is_last {
                 return Ok(all);
             }
@@ -263,7 +265,7 @@ fn written(value: Value) -> Result<Written, RedisError> {
 
 fn listed(value: Value) -> Result<Changes, RedisError> {
     let parts: Vec<String> = Vec::from_redis_value(value)?;
-    let [epoch, floor, list @ ..] = parts.as_slice() else {
+    let [epoch, floor, version, list @ ..] = parts.as_slice() else {
         return Err(unknown());
     };
     let change = |parts: &[String]| match parts {
@@ -283,6 +285,7 @@ fn listed(value: Value) -> Result<Changes, RedisError> {
     Ok(Changes {
         epoch: number(epoch)?,
         floor: number(floor)?,
+        version: number(version)?,
         list: list.chunks(4).map(change).collect::<Result<_, _>>()?,
     })
 }
