@@ -13,9 +13,9 @@ const FORMAT: u32 = 1;
 /// Kind and name of an upload. Uploads are taken in by their order: a scene needs its definitions.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Upload {
-    /// An object definition.
+    /// By its name.
     Definition(String),
-    /// A style.
+    /// An added style.
     Style {
         /// Name of the pack.
         pack: String,
@@ -24,9 +24,9 @@ pub(crate) enum Upload {
         /// Name of the style.
         name: String,
     },
-    /// A skeleton of a user's own.
+    /// By its name.
     Skeleton(String),
-    /// A scene.
+    /// By its name.
     Scene(String),
 }
 

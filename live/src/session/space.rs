@@ -207,7 +207,8 @@ impl Spaces {
     }
 
     /// The space of `tenant`. The first call for a tenant reads its files and what other servers
-    /// share, which blocks. If there are too many tenants, the one makes room that has nothing and is idle for longest.
+    /// share, which blocks. If there are too many tenants, the one makes room that has nothing and
+    /// is idle for longest.
     ///
     /// # Errors
     /// [`SpaceError`] if there are too many tenants, or a file cannot be read.

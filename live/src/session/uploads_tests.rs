@@ -11,7 +11,7 @@ use super::*;
 use crate::records::RecordStore as _;
 use crate::records::shared::testing::Redis;
 use crate::skeleton::testing::person_record;
-use troupe_character::scene::State as ObjectState;
+use troupe_character::scene::{Scene, State as ObjectState};
 
 const STOOL: &str = r#"
 format = 1
@@ -310,7 +310,8 @@ async fn uploads_wait_for_a_store_that_is_away() {
 async fn what_is_too_large_or_cannot_be_read_is_left_out_and_the_rest_comes() {
     let Some(redis) = Redis::start() else { return };
     let mut one = Server::start(&redis, "one:1").await;
-    let little = spaces_within(1, Vec::new()).await;
+    let empty_bytes = Scene::default().bytes();
+    let little = spaces_within(empty_bytes, Vec::new()).await;
     let mut two = Server::of(little, &redis, "two:2");
     put_all(one.common());
     put_scene(one.common(), "format = 1\nname = \"empty\"\n");
@@ -327,10 +328,8 @@ async fn what_is_too_large_or_cannot_be_read_is_left_out_and_the_rest_comes() {
     assert_eq!(names(two.common()), ["empty"]);
     let stool = Upload::Definition("stool".to_owned());
     let reason = two.reason(&stool);
-    assert!(
-        reason.contains("allowed: at most 1 in all (max_scene_memory_mib)"),
-        "{reason}"
-    );
+    let allowed = format!("allowed: at most {empty_bytes} in all (max_scene_memory_mib)");
+    assert!(reason.contains(&allowed), "{reason}");
     let yard = two.reason(&Upload::Scene("yard".to_owned()));
     assert!(yard.contains("stool"), "its definition is missing: {yard}");
     assert_ne!(two.reason(&Upload::Scene("broken".to_owned())), "");

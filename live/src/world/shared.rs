@@ -10,7 +10,8 @@ use troupe_character::object::DefinitionsError;
 use troupe_character::scene::{NamedScene, SceneDoc, TableError};
 
 impl Store {
-    /// The record of a scene, with its objects where they are now. `None`: there is no such scene.
+    /// The record of a scene, with the present places of its objects. `None`: there is no such
+    /// scene.
     ///
     /// # Errors
     /// The reason why it cannot be written.
@@ -27,7 +28,7 @@ impl Store {
         record.write().map(Some)
     }
 
-    /// Takes in a scene of another server. Objects of an upload that is here stay where they are.
+    /// Takes in a scene of another server. Objects of an upload that is here keep their places.
     ///
     /// # Errors
     /// The reason why the scene is left out. Then nothing has changed.
