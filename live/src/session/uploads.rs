@@ -374,25 +374,24 @@ impl SharedUploads {
                     None => &self.counters.removed,
                 };
                 counter.increment(1);
-                items.put(&upload, State::Taken);
+                items.took(&upload);
             }
             Ok(Outcome::InUse) => {
                 tracing::warn!(
                     upload = upload.field(&space.tenant),
                     "an upload that another server has removed is in use, so it is written again"
                 );
-                items.put(&upload, State::Taken);
+                items.took(&upload);
             }
             Err(reason) => {
                 self.counters.left_out.increment(1);
-                if items.reason(&upload) != Some(reason.as_str()) {
+                if items.leave_out(&upload, &reason) {
                     tracing::warn!(
                         upload = upload.field(&space.tenant),
                         reason,
                         "an upload of another server is left out"
                     );
                 }
-                items.put(&upload, State::LeftOut(reason));
             }
         }
     }

@@ -22,17 +22,19 @@ struct Item {
     /// Size of its record. `None`: it was removed.
     bytes: Option<usize>,
     state: State,
+    /// Why it was left out when it was last tried.
+    reason: Option<String>,
 }
 
 /// Whether an upload is here as the store has it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum State {
     /// Not yet.
     Pending,
     /// It is, or a call here has changed it since.
     Taken,
-    /// It is not, for this reason.
-    LeftOut(String),
+    /// It is not, because it does not fit or cannot be read.
+    LeftOut,
 }
 
 impl Items {
@@ -57,7 +59,13 @@ impl Items {
 
     /// Notes a version of an upload.
     pub(super) fn set(&mut self, upload: Upload, at: Version, bytes: Option<usize>, state: State) {
-        self.all.insert(upload, Item { at, bytes, state });
+        let item = Item {
+            at,
+            bytes,
+            state,
+            reason: None,
+        };
+        self.all.insert(upload, item);
     }
 
     /// Notes a change in the store. This server may have made it.
@@ -68,19 +76,27 @@ impl Items {
         }
     }
 
-    /// Notes what became of an upload.
-    pub(super) fn put(&mut self, upload: &Upload, state: State) {
+    /// Notes that an upload is here as the store has it.
+    pub(super) fn took(&mut self, upload: &Upload) {
         if let Some(item) = self.all.get_mut(upload) {
-            item.state = state;
+            (item.state, item.reason) = (State::Taken, None);
         }
     }
 
+    /// Notes that an upload is left out. Answers whether the reason is another one than before.
+    pub(super) fn leave_out(&mut self, upload: &Upload, reason: &str) -> bool {
+        let Some(item) = self.all.get_mut(upload) else {
+            return true;
+        };
+        item.state = State::LeftOut;
+        let before = item.reason.replace(reason.to_owned());
+        before.as_deref() != Some(reason)
+    }
+
     /// Why an upload is left out.
+    #[cfg(test)]
     pub(super) fn reason(&self, upload: &Upload) -> Option<&str> {
-        match &self.all.get(upload)?.state {
-            State::LeftOut(reason) => Some(reason),
-            State::Pending | State::Taken => None,
-        }
+        self.all.get(upload)?.reason.as_deref()
     }
 
     /// The uploads that are to be taken in, with the sizes of their records, or those that are to
@@ -117,7 +133,7 @@ impl Items {
 
     fn retry_each(&mut self, is_due: impl Fn(&Upload) -> bool) {
         for (upload, item) in &mut self.all {
-            if matches!(item.state, State::LeftOut(_)) && is_due(upload) {
+            if item.state == State::LeftOut && is_due(upload) {
                 item.state = State::Pending;
             }
         }
@@ -147,10 +163,12 @@ impl Items {
         }
     }
 
-    /// Forgets removals up to a position that are done.
+    /// Forgets removals up to a position, unless they are yet to be done here.
     pub(super) fn forget(&mut self, floor: u64) {
+        let is_served = self.space.strong_count() > 0;
         self.all.retain(|_, item| {
-            item.bytes.is_some() || item.at.position > floor || item.state == State::Pending
+            let is_due = is_served && item.state == State::Pending;
+            item.bytes.is_some() || item.at.position > floor || is_due
         });
     }
 }
