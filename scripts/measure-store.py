@@ -101,9 +101,15 @@ def measure(redis: Redis, claim: str, hold: str) -> dict[str, float]:
     return costs
 
 
+def script(name: str) -> str:
+    """A script of the server."""
+    found = re.search(rf'const {name}: &str = r"\n(.*?)\n";', SCRIPTS.read_text(encoding="utf-8"), re.DOTALL)
+    return found[1] if found else sys.exit(f"{SCRIPTS}: there is no {name}")
+
+
 def main() -> None:
     """Prints medians."""
-    claim, hold = re.findall(r'r"\n(.*?)\n";', SCRIPTS.read_text(encoding="utf-8"), re.DOTALL)
+    claim, hold = script("CLAIM"), script("HOLD")
     redis = Redis()
     try:
         runs = [measure(redis, claim, hold) for _ in range(REPEATS)]

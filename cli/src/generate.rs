@@ -110,8 +110,8 @@ pub(crate) struct Generate {
 /// Whose network plans a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Planner {
-    /// Another pack that walks, if one has the style and keeps up with the path; else that of the
-    /// body's own pack.
+    /// A pack of the same body, or for robots one of a robot, if it has the style and keeps up with
+    /// the path. Otherwise the body's own pack.
     Auto,
     /// The body's own pack.
     Own,

@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::output::{print, table};
 use crate::replay::save_recording;
 
-/// List the sessions that are open on the server, close some, or fetch a recording.
+/// List the open sessions of the server, close some, or fetch a recording.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -41,11 +41,11 @@ pub(crate) enum SessionsCommand {
         #[arg(required_unless_present = "all", value_name = "NAME")]
         ids: Vec<String>,
 
-        /// All that are open, whoever opened them.
+        /// All open sessions, also those of other clients.
         #[arg(long, conflicts_with = "ids")]
         all: bool,
     },
-    /// Write the server's recording of a session to a file, also for an hour after its end.
+    /// Write the recording of a session to a file. The server keeps it for an hour after its end.
     Recording {
         /// Its name.
         #[arg(value_name = "NAME")]

@@ -93,8 +93,8 @@ pub struct Client {
     pub(crate) way: Way,
     pub(crate) rpc: MotionClient<KeyedChannel>,
     sessions: SessionsRpc,
-    scenes: ScenesRpc,
     skeletons: SkeletonsRpc,
+    bearer: Bearer,
 }
 
 /// The generated client of sessions.
@@ -196,22 +196,20 @@ impl Client {
         let bearer = Bearer::new(url, options.key.as_ref())?;
         let way = Way::of(options.route.as_ref())?;
         let routed = InterceptedService::new(connection.clone(), bearer.on(&way));
-        let channel = InterceptedService::new(connection.clone(), bearer);
+        let channel = InterceptedService::new(connection.clone(), bearer.clone());
         let limit = options.max_message_bytes;
         Ok(Self {
             url: url.to_owned(),
             rpc: MotionClient::new(channel.clone())
                 .max_decoding_message_size(limit)
                 .max_encoding_message_size(limit),
-            sessions: SessionsClient::new(routed.clone())
-                .max_decoding_message_size(limit)
-                .max_encoding_message_size(limit),
-            scenes: ScenesClient::new(routed)
+            sessions: SessionsClient::new(routed)
                 .max_decoding_message_size(limit)
                 .max_encoding_message_size(limit),
             skeletons: SkeletonsClient::new(channel.clone())
                 .max_decoding_message_size(limit)
                 .max_encoding_message_size(limit),
+            bearer,
             options,
             connection,
             channel,
@@ -341,8 +339,12 @@ impl Client {
         self.skeletons.clone()
     }
 
-    pub(crate) fn scenes_rpc(&self) -> ScenesRpc {
-        self.scenes.clone()
+    pub(crate) fn scenes_rpc(&self, way: &Way) -> ScenesRpc {
+        let routed = InterceptedService::new(self.connection.clone(), self.bearer.on(way));
+        let limit = self.options.max_message_bytes;
+        ScenesClient::new(routed)
+            .max_decoding_message_size(limit)
+            .max_encoding_message_size(limit)
     }
 
     pub(crate) fn sort(&self, status: &Status) -> ClientError {

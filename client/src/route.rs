@@ -9,8 +9,13 @@ use tonic::metadata::{Ascii, MetadataMap, MetadataValue};
 use crate::error::{ClientError, RequestError};
 use crate::problem::{Problem, ProblemKind};
 
+/// The header with the scene that a call is about.
+const SCENE: &str = "troupe-scene";
 /// The header with the server that another server named.
 pub(crate) const SERVER: &str = "troupe-server";
+/// Most servers that a call is sent to after the first: one that says that the session has moved,
+/// one that knows its server, and that one.
+pub(crate) const MOVES: usize = 2;
 
 /// What a client's calls about sessions are routed by. All sessions of a client are on one server,
 /// because they share steps and streams.
@@ -33,7 +38,7 @@ impl Route {
     fn header(&self) -> &'static str {
         match self {
             Self::Session(_) => "troupe-session",
-            Self::Scene(_) => "troupe-scene",
+            Self::Scene(_) => SCENE,
         }
     }
 
@@ -80,6 +85,18 @@ impl Way {
             key: (route.header(), value),
             server: Arc::default(),
         })
+    }
+
+    /// The way of a call about a scene, which may be on another server than the client's sessions.
+    /// It is the client's own if the client is routed by this scene, or if no scene is named.
+    pub(crate) fn to_scene(&self, scene: &str) -> Self {
+        let (header, key) = &self.key;
+        let is_own = *header == SCENE && key.to_str().is_ok_and(|key| key == scene);
+        if scene.is_empty() || is_own {
+            return self.clone();
+        }
+        // Any server refuses a name that no header can have.
+        Self::new(&Route::Scene(scene.to_owned())).unwrap_or_else(|_| self.clone())
     }
 
     /// Puts the headers on a call.
@@ -155,6 +172,24 @@ mod tests {
         way.follow(&elsewhere);
         way.forget();
         assert_eq!(headers(&way), [pair("troupe-scene", "yard")]);
+    }
+
+    #[test]
+    fn a_call_about_a_scene_goes_to_its_server_and_the_sessions_stay_where_they_are() {
+        let way = Way::new(&Route::Session("hero".to_owned())).unwrap();
+        way.follow(&problem(ProblemKind::SessionElsewhere, "b:8080"));
+        let own = [pair(SERVER, "b:8080"), pair("troupe-session", "hero")];
+        let to_yard = way.to_scene("yard");
+        assert_eq!(headers(&to_yard), [pair("troupe-scene", "yard")]);
+        assert!(to_yard.follow(&problem(ProblemKind::SessionElsewhere, "c:8080")));
+        let yard = [pair("troupe-scene", "yard"), pair(SERVER, "c:8080")];
+        assert_eq!(headers(&to_yard), yard);
+        assert_eq!(headers(&way), own);
+        assert_eq!(headers(&way.to_scene("")), own);
+        assert_eq!(headers(&way.to_scene("two words")), own);
+        // All calls of a client that is routed by the scene go the same way.
+        assert_eq!(headers(&to_yard.to_scene("yard")), yard);
+        assert_eq!(headers(&to_yard.to_scene("moor")), [pair("troupe-scene", "moor")]);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use crate::connection::{Client, ScenesRpc};
 use crate::error::ClientError;
 use crate::live::convention_to_wire;
 use crate::pack::Pack;
+use crate::route::MOVES;
 
 impl Client {
     /// Creates a scene, or replaces the scene of its name. Sessions in it go on in the new one. The
@@ -17,12 +18,15 @@ impl Client {
     /// # Errors
     /// See [`ClientError`].
     pub async fn put_scene(&self, scene: v1::Scene) -> Result<v1::SceneSummary, ClientError> {
+        let name = scene.name.clone();
         let request = v1::PutSceneRequest {
             scene: Some(scene),
             ..v1::PutSceneRequest::default()
         };
-        self.scenes_call(|mut rpc| async move { rpc.put_scene(request).await })
-            .await
+        self.scenes_call(&name, request, |mut rpc, request| async move {
+            rpc.put_scene(request).await
+        })
+        .await
     }
 
     /// The same as [`Client::put_scene`], for a scene as text.
@@ -34,8 +38,10 @@ impl Client {
             document: Some(document),
             ..v1::PutSceneRequest::default()
         };
-        self.scenes_call(|mut rpc| async move { rpc.put_scene(request).await })
-            .await
+        self.scenes_call("", request, |mut rpc, request| async move {
+            rpc.put_scene(request).await
+        })
+        .await
     }
 
     /// A scene as it is now, in a convention.
@@ -48,8 +54,10 @@ impl Client {
             convention: convention_to_wire(convention).into(),
             without_colliders: false,
         };
-        self.scenes_call(|mut rpc| async move { rpc.get_scene(request).await })
-            .await
+        self.scenes_call(name, request, |mut rpc, request| async move {
+            rpc.get_scene(request).await
+        })
+        .await
     }
 
     /// All scenes of the server, by name.
@@ -58,7 +66,9 @@ impl Client {
     /// See [`ClientError`].
     pub async fn scenes(&self) -> Result<Vec<v1::SceneSummary>, ClientError> {
         let request = v1::ListScenesRequest {};
-        let answer = self.scenes_call(|mut rpc| async move { rpc.list_scenes(request).await });
+        let answer = self.scenes_call("", request, |mut rpc, request| async move {
+            rpc.list_scenes(request).await
+        });
         Ok(answer.await?.scenes)
     }
 
@@ -70,9 +80,11 @@ impl Client {
         let request = v1::DeleteSceneRequest {
             name: name.to_owned(),
         };
-        self.scenes_call(|mut rpc| async move { rpc.delete_scene(request).await })
-            .await
-            .map(|_| ())
+        self.scenes_call(name, request, |mut rpc, request| async move {
+            rpc.delete_scene(request).await
+        })
+        .await
+        .map(|_| ())
     }
 
     /// Puts objects into a scene. The answer has the result of each.
@@ -90,8 +102,10 @@ impl Client {
             convention: convention_to_wire(convention).into(),
             objects,
         };
-        self.scenes_call(|mut rpc| async move { rpc.add_objects(request).await })
-            .await
+        self.scenes_call(scene, request, |mut rpc, request| async move {
+            rpc.add_objects(request).await
+        })
+        .await
     }
 
     /// Moves objects of a scene. The answer has the result of each.
@@ -109,8 +123,10 @@ impl Client {
             convention: convention_to_wire(convention).into(),
             moves,
         };
-        self.scenes_call(|mut rpc| async move { rpc.move_objects(request).await })
-            .await
+        self.scenes_call(scene, request, |mut rpc, request| async move {
+            rpc.move_objects(request).await
+        })
+        .await
     }
 
     /// Takes objects out of a scene. The answer has the result of each.
@@ -126,8 +142,10 @@ impl Client {
             scene: scene.to_owned(),
             ids: ids.into_iter().map(Into::into).collect(),
         };
-        self.scenes_call(|mut rpc| async move { rpc.remove_objects(request).await })
-            .await
+        self.scenes_call(scene, request, |mut rpc, request| async move {
+            rpc.remove_objects(request).await
+        })
+        .await
     }
 
     /// Adds an object definition for the characters of a pack, or replaces the definition of its
@@ -167,8 +185,10 @@ impl Client {
             name: String::new(),
             check_only,
         };
-        self.scenes_call(|mut rpc| async move { rpc.put_object_definition(request).await })
-            .await
+        self.scenes_call("", request, |mut rpc, request| async move {
+            rpc.put_object_definition(request).await
+        })
+        .await
     }
 
     /// One object definition with its document.
@@ -184,8 +204,10 @@ impl Client {
             name: name.to_owned(),
             format: format.into(),
         };
-        self.scenes_call(|mut rpc| async move { rpc.get_object_definition(request).await })
-            .await
+        self.scenes_call("", request, |mut rpc, request| async move {
+            rpc.get_object_definition(request).await
+        })
+        .await
     }
 
     /// All object definitions of the server, by name.
@@ -194,7 +216,9 @@ impl Client {
     /// See [`ClientError`].
     pub async fn objects(&self) -> Result<Vec<v1::ObjectDefinition>, ClientError> {
         let request = v1::ListObjectDefinitionsRequest {};
-        let answer = self.scenes_call(|mut rpc| async move { rpc.list_object_definitions(request).await });
+        let answer = self.scenes_call("", request, |mut rpc, request| async move {
+            rpc.list_object_definitions(request).await
+        });
         Ok(answer.await?.definitions)
     }
 
@@ -206,9 +230,11 @@ impl Client {
         let request = v1::DeleteObjectDefinitionRequest {
             name: name.to_owned(),
         };
-        self.scenes_call(|mut rpc| async move { rpc.delete_object_definition(request).await })
-            .await
-            .map(|_| ())
+        self.scenes_call("", request, |mut rpc, request| async move {
+            rpc.delete_object_definition(request).await
+        })
+        .await
+        .map(|_| ())
     }
 
     /// The objects that a character, or any box, reaches in its scene.
@@ -216,17 +242,38 @@ impl Client {
     /// # Errors
     /// See [`ClientError`].
     pub async fn detect(&self, request: v1::DetectRequest) -> Result<v1::DetectResponse, ClientError> {
-        self.scenes_call(|mut rpc| async move { rpc.detect(request).await })
-            .await
+        // A session is where this client's sessions are.
+        let scene = (request.r#box.as_ref()).map_or_else(String::new, |of| of.scene.clone());
+        self.scenes_call(&scene, request, |mut rpc, request| async move {
+            rpc.detect(request).await
+        })
+        .await
     }
 
-    async fn scenes_call<T, F>(&self, call: impl FnOnce(ScenesRpc) -> F) -> Result<T, ClientError>
+    /// A call about the scene of this name, or about none if the name is empty. If another server
+    /// has the scene, the call is made again there.
+    async fn scenes_call<R, T, F>(
+        &self,
+        scene: &str,
+        request: R,
+        call: impl Fn(ScenesRpc, R) -> F,
+    ) -> Result<T, ClientError>
     where
+        R: Clone,
         F: Future<Output = Result<tonic::Response<T>, tonic::Status>>,
     {
-        match call(self.scenes_rpc()).await {
-            Ok(answer) => Ok(answer.into_inner()),
-            Err(status) => Err(self.sort(&status)),
+        let way = self.way.to_scene(scene);
+        let mut moves = 0;
+        loop {
+            let error = match call(self.scenes_rpc(&way), request.clone()).await {
+                Ok(answer) => return Ok(answer.into_inner()),
+                Err(status) => self.sort(&status),
+            };
+            let is_elsewhere = error.session_problem().is_some_and(|problem| way.follow(problem));
+            if !is_elsewhere || moves == MOVES {
+                return Err(error);
+            }
+            moves += 1;
         }
     }
 }

@@ -127,10 +127,14 @@ mod tests {
         answer: |error, _| panic!("{error}"),
     };
 
-    #[tokio::test]
-    async fn a_call_carries_its_callers_identity() {
-        let entry = keys::entry("game", Role::Drive, "secret") + "tenant = \"a\"\n";
-        let credentials = Credentials::new(Keys::read(&entry).unwrap(), Keys::default(), None);
+    /// Who may call, from the entries of a file of keys.
+    fn credentials(entries: &str) -> Arc<Credentials> {
+        let keys = Keys::read(entries).unwrap();
+        Arc::new(Credentials::new(keys, Keys::default(), None))
+    }
+
+    /// Clients with the smallest shares.
+    fn clients() -> Arc<Clients> {
         let share = Share {
             bytes: 1024,
             streams: 1,
@@ -141,10 +145,15 @@ mod tests {
             address: share,
             all: share,
         };
-        let clients = Clients::new(shares, &Telemetry::new().unwrap());
+        Arc::new(Clients::new(shares, &Telemetry::new().unwrap()))
+    }
+
+    #[tokio::test]
+    async fn a_call_carries_its_callers_identity() {
+        let entry = keys::entry("game", Role::Drive, "secret") + "tenant = \"a\"\n";
         let who = |identity: Extension<Identity>| async move { format!("{:?}", identity.0) };
         let router = Router::new().route("/v1/who", axum::routing::get(who));
-        let mut router = locked(router, FRONT, Arc::new(credentials), Arc::new(clients));
+        let mut router = locked(router, FRONT, credentials(&entry), clients());
         let request = Request::builder()
             .uri("/v1/who")
             .header(header::AUTHORIZATION, "Bearer secret")
@@ -165,20 +174,9 @@ mod tests {
         let of_tenant = keys::entry("studio", Role::Admin, "studio") + "tenant = \"a\"\n";
         let entries =
             of_tenant + &keys::entry("ops", Role::Admin, "ops") + &keys::entry("game", Role::Author, "game");
-        let credentials = Credentials::new(Keys::read(&entries).unwrap(), Keys::default(), None);
-        let share = Share {
-            bytes: 1024,
-            streams: 1,
-            sessions: 1,
-        };
-        let shares = Shares {
-            client: share,
-            address: share,
-            all: share,
-        };
         let access = Access {
-            credentials: Arc::new(credentials),
-            clients: Arc::new(Clients::new(shares, &Telemetry::new().unwrap())),
+            credentials: credentials(&entries),
+            clients: clients(),
             front: Front {
                 needed: |_, _| Some(Role::Admin),
                 ..FRONT

@@ -5,7 +5,7 @@
 //! network a few times, and jobs may join between the runs. An autoregressive model runs a network
 //! once a token. All of them are a [`Generator`].
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use troupe_motion::model::{Motion, Output, PathTask, Task};
 
@@ -86,6 +86,24 @@ pub trait Generator: Send {
     fn trial(&self) -> Option<TrialRun> {
         None
     }
+}
+
+/// Does a task twice, and times the second run for [`Generator::trial`]. The first one fills
+/// caches. The generator must have no jobs.
+///
+/// # Errors
+/// [`EngineError`] if the task fails.
+pub(crate) fn time_path(generator: &mut dyn Generator, task: PathTask) -> Result<TrialRun, EngineError> {
+    let work = Task::Path(task.clone()).work().into();
+    let tasks = [task];
+    run_paths(generator, &tasks)?;
+    let started = Instant::now();
+    run_paths(generator, &tasks)?;
+    Ok(TrialRun {
+        rows: 1,
+        work,
+        took: started.elapsed(),
+    })
 }
 
 /// The motions of these tasks, in the same order. The generator must have no jobs.

@@ -55,8 +55,8 @@ pub struct GpuShare {
 }
 
 impl GpuOptions {
-    /// The part of each of `workers` workers of a pack whose graphs have so many bytes, beside
-    /// `packs - 1` others.
+    /// The part of each of `workers` workers of a pack, beside `packs - 1` others. `graph_bytes` is
+    /// the size of the pack's graphs together.
     pub(crate) fn share(self, packs: usize, workers: usize, graph_bytes: u64) -> GpuShare {
         let parts = (packs * workers).max(1) as u64;
         GpuShare {
@@ -72,7 +72,7 @@ impl GpuOptions {
 }
 
 impl GpuShare {
-    /// Most memory of the network whose graph has so many bytes. None: no limit.
+    /// Most memory of the network whose graph has this size. None: no limit.
     pub(crate) fn of_graph(self, bytes: u64) -> Option<usize> {
         let wanted = u128::from(self.memory_bytes) * u128::from(bytes) / u128::from(self.graph_bytes.max(1));
         let most = wanted.clamp(1, u128::from(self.memory_bytes.max(1)));

@@ -8,6 +8,7 @@
 //! | [`world`] | scenes, objects and their definitions |
 //! | [`skeleton`] | skeletons of users' own characters |
 //! | [`session`] | characters: commands, steps, streams |
+//! | `uploads` | names and forms of uploads that servers share |
 //!
 //! A command changes the goal of a character (`troupe-character`). When the character needs a plan,
 //! its session requests one from the pack's workers (`troupe-batch`) and cross-fades it into the
@@ -17,5 +18,6 @@ pub mod packs;
 pub mod records;
 pub mod session;
 pub mod skeleton;
+mod uploads;
 pub mod wire;
 pub mod world;

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use redb::{Builder, Database, DatabaseError, ReadableDatabase as _, ReadableTable as _, TableDefinition};
 
-use shared::Leases;
+use shared::{Leases, UploadLog};
 
 /// Name of the file in the folder of the records.
 const FILE: &str = "troupe.redb";
@@ -131,6 +131,11 @@ pub trait RecordStore: fmt::Debug + Send {
 
     /// The leases of this server, if other servers use the store, too.
     fn leases(&self) -> Option<Arc<Leases>> {
+        None
+    }
+
+    /// The uploads of all servers that use the store, if others use it, too.
+    fn uploads(&self) -> Option<UploadLog> {
         None
     }
 }

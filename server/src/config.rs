@@ -290,9 +290,8 @@ pub struct Options {
     /// time can use it. Left out: `troupe/PORT` in the user's folder for states, such as
     /// ~/.local/state. If `listen` leaves the port to the system, nothing is kept. An empty name:
     /// nothing is kept. An address redis://HOST:PORT, or rediss:// for TLS, or with several hosts
-    /// for a cluster: a Valkey or Redis, which several servers share. It has sessions and places of
-    /// scene objects; uploads then last until the server stops, unless they have folders. Set the
-    /// address in the environment if it has a password.
+    /// for a cluster: a Valkey or Redis, which several servers share. It has sessions, places of
+    /// scene objects, and uploads. Set the address in the environment if it has a password.
     #[config(
         env = "TROUPE_STORE",
         layer_attr(arg(long, value_name = "FOLDER", value_parser = cli::maybe_folder()))

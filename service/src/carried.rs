@@ -5,7 +5,7 @@ use std::sync::Arc;
 use troupe_base::offload::offload;
 use troupe_character::{FieldError, Path};
 use troupe_live::packs::LoadedPack;
-use troupe_live::skeleton::{Carrier, NoCarrier};
+use troupe_live::skeleton::{Among, Carrier, NoCarrier};
 use troupe_motion::model::{Capability, Rig};
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
@@ -58,7 +58,8 @@ impl Service {
             // The pack itself refuses it.
             return Ok(Planning::Own(None));
         };
-        let carrier = match self.carrier(goal, (loaded, place)).await? {
+        let among = if must { Among::All } else { Among::Better };
+        let carrier = match self.carrier(goal, (loaded, place), among).await? {
             Ok(carrier) => carrier,
             Err(error) if must => return Err(refused(&error).into()),
             Err(error @ NoCarrier::NoStyle { .. }) => return itself(&error),
@@ -84,6 +85,7 @@ impl Service {
         &self,
         goal: &v1::PathGoal,
         (loaded, place): (&LoadedPack, usize),
+        among: Among,
     ) -> Result<Result<Carrier, NoCarrier>, ServiceError> {
         let word = goal.style.first().map(|style| style.word.clone());
         let (space, pack) = (self.space()?.clone(), loaded.pack.name().to_owned());
@@ -91,7 +93,8 @@ impl Service {
             let table = space.packs.table();
             let loaded = table.find("pack", &pack)?;
             let of = (&**loaded, place);
-            Ok::<_, ServiceError>(space.store.skeletons().carrier(of, word.as_deref(), &table))
+            let skeletons = space.store.skeletons();
+            Ok::<_, ServiceError>(skeletons.carrier(of, word.as_deref(), &table, among))
         });
         found.await?
     }

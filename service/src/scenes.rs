@@ -17,17 +17,29 @@ impl Service {
         &self,
         work: impl FnOnce(&Store) -> Result<T, WorldError> + Send + 'static,
     ) -> Result<T, ServiceError> {
-        self.work_on(usize::MAX, work).await
+        let store = Arc::clone(self.store()?);
+        Ok(offload(usize::MAX, 0, move || work(&store)).await??)
     }
 
-    /// Runs work whose time grows with the number of objects.
-    async fn work_on<T: Send + 'static>(
+    /// Changes objects of a scene, on the server that has the scene. Without a shared store, a
+    /// call for few objects is served on its own task.
+    async fn change_objects(
         &self,
         objects: usize,
-        work: impl FnOnce(&Store) -> Result<T, WorldError> + Send + 'static,
-    ) -> Result<T, ServiceError> {
-        let store = Arc::clone(self.store()?);
-        Ok(offload(objects, INLINE_OBJECTS, move || work(&store)).await??)
+        scene: String,
+        work: impl FnOnce(&Store) -> Result<ObjectsChanged, WorldError> + Send + 'static,
+    ) -> Result<ObjectsChanged, ServiceError> {
+        let (sessions, store) = (self.sessions().clone(), Arc::clone(self.store()?));
+        let objects = if sessions.are_shared() {
+            usize::MAX
+        } else {
+            objects
+        };
+        let changed = offload(objects, INLINE_OBJECTS, move || {
+            sessions.own_scene(&scene, &store)?;
+            Ok::<_, ServiceError>(work(&store)?)
+        });
+        changed.await?
     }
 
     /// `troupe.v1.Scenes/PutScene`.
@@ -43,8 +55,9 @@ impl Service {
     /// `troupe.v1.Scenes/GetScene`.
     ///
     /// # Errors
-    /// [`ServiceError`] if there is no such scene.
+    /// [`ServiceError`] if there is no such scene, or if another server has it.
     pub async fn get_scene(&self, request: v1::GetSceneRequest) -> Result<v1::Scene, ServiceError> {
+        self.sessions().check_scene(&request.name, "name").await?;
         // A scene may have a million heights.
         self.blocking(move |store| store.get(&request)).await
     }
@@ -74,7 +87,10 @@ impl Service {
     /// [`ServiceError`] for the request as a whole.
     pub async fn add_objects(&self, request: v1::AddObjectsRequest) -> Result<ObjectsChanged, ServiceError> {
         // This waits for definitions that are being uploaded.
-        self.blocking(move |store| store.add_objects(&request)).await
+        self.change_objects(usize::MAX, request.scene.clone(), move |store| {
+            store.add_objects(&request)
+        })
+        .await
     }
 
     /// `troupe.v1.Scenes/MoveObjects`.
@@ -85,8 +101,10 @@ impl Service {
         &self,
         request: v1::MoveObjectsRequest,
     ) -> Result<ObjectsChanged, ServiceError> {
-        self.work_on(request.moves.len(), move |store| store.move_objects(&request))
-            .await
+        self.change_objects(request.moves.len(), request.scene.clone(), move |store| {
+            store.move_objects(&request)
+        })
+        .await
     }
 
     /// `troupe.v1.Scenes/RemoveObjects`.
@@ -97,8 +115,10 @@ impl Service {
         &self,
         request: v1::RemoveObjectsRequest,
     ) -> Result<ObjectsChanged, ServiceError> {
-        self.work_on(request.ids.len(), move |store| store.remove_objects(&request))
-            .await
+        self.change_objects(request.ids.len(), request.scene.clone(), move |store| {
+            store.remove_objects(&request)
+        })
+        .await
     }
 
     /// `troupe.v1.Scenes/PutObjectDefinition`.
@@ -151,13 +171,15 @@ impl Service {
     /// `troupe.v1.Scenes/Detect`.
     ///
     /// # Errors
-    /// [`ServiceError`] if a value is not accepted, or if there is no such session or scene.
-    pub fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
-        let standing = |id: &str| {
-            self.sessions()
-                .standing(id, "session_id")
-                .map_err(ServiceError::from)
-        };
+    /// [`ServiceError`] if a value is not accepted, if there is no such session or scene, or if
+    /// another server has it.
+    pub async fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
+        let sessions = self.sessions();
+        match &request.r#box {
+            None => sessions.bring([&request.session_id]).await,
+            Some(given) => sessions.check_scene(&given.scene, "box.scene").await?,
+        }
+        let standing = |id: &str| sessions.standing(id, "session_id").map_err(ServiceError::from);
         self.store()?.detect(request, standing)
     }
 }

@@ -87,9 +87,9 @@ impl Service {
     /// [`ServiceError`] for the first value that is not accepted, or if the style cannot be saved.
     pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ServiceError> {
         let pack = self.pack(&request.pack)?;
-        let memory = self.space()?.store.memory().clone();
+        let store = self.space()?.store.clone();
         // This may write a file.
-        let put = move || styles::put(&pack, &request.body, request.style.as_ref(), &memory);
+        let put = move || styles::put(&pack, &request.body, request.style.as_ref(), &store);
         let put = tokio::task::spawn_blocking(put);
         let style = put.await.map_err(|_| WorkerStopped)??;
         self.common.metrics.styles_uploaded.increment(1);

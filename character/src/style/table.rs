@@ -202,6 +202,18 @@ impl StyleTable {
     /// # Errors
     /// [`PutError`]; then nothing has changed.
     pub fn put(&self, style: Style) -> Result<Arc<Style>, PutError> {
+        self.add(style, self.folder.as_deref())
+    }
+
+    /// As [`StyleTable::put`], for a style that another server has added. It goes to no folder.
+    ///
+    /// # Errors
+    /// [`PutError`]; then nothing has changed.
+    pub fn take(&self, style: Style) -> Result<Arc<Style>, PutError> {
+        self.add(style, None)
+    }
+
+    fn add(&self, style: Style, folder: Option<&FilePath>) -> Result<Arc<Style>, PutError> {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut styles = Styles::clone(&self.styles.load());
         let added = styles.values().filter(|style| !style.built_in).count();
@@ -214,7 +226,7 @@ impl StyleTable {
             built_in: false,
             ..style
         };
-        if let Some(folder) = &self.folder {
+        if let Some(folder) = folder {
             file::write_file(folder, &style).map_err(|cause| PutError::Keep {
                 name: style.name.clone(),
                 cause,
@@ -360,6 +372,10 @@ mod tests {
         let again = load().unwrap();
         assert!(again.get("normal").unwrap().built_in);
         assert!(again.get("broken").is_none() && again.get("mine").is_some());
+
+        // A style of another server is not kept.
+        again.take(named("theirs")).unwrap();
+        assert!(again.get("theirs").is_some() && load().unwrap().get("theirs").is_none());
     }
 
     #[test]

@@ -12,20 +12,20 @@ use crate::output::{print, to_json};
 pub(crate) enum Change {
     /// Load a pack from the server's folder of packs.
     ///
-    /// If it is loaded already, nothing changes. If it cannot serve, the answer says why. Where the
-    /// server asks for keys, this needs the role admin.
+    /// If it is loaded already, nothing changes. If it cannot serve, the answer says why. On a
+    /// server with keys this needs the role admin.
     Load(Which),
 
-    /// Have new requests find a pack no more.
+    /// Unload a pack.
     ///
-    /// Calls under way and live sessions go on with it until they end. Where the server asks for
-    /// keys, this needs the role admin.
+    /// New requests do not find it. Calls under way and live sessions keep it until they end. On a
+    /// server with keys this needs the role admin.
     Unload(Which),
 
-    /// Put another version of a loaded pack in its place.
+    /// Replace a loaded pack by another version.
     ///
     /// New requests and the next plans of live sessions get the new version. If it cannot serve,
-    /// the version before serves on. Where the server asks for keys, this needs the role admin.
+    /// the old version stays. On a server with keys this needs the role admin.
     Swap(Which),
 }
 
@@ -40,8 +40,8 @@ pub(crate) struct Which {
     /// The name in the pack's manifest.
     name: String,
 
-    /// The version in its manifest. Left out: the newest in the server's folder of packs; for
-    /// `unload`, the version that is loaded.
+    /// The version in its manifest. Left out: the newest in the server's folder of packs. For
+    /// `unload`: the loaded version.
     // `--version` has the id `version`.
     #[arg(id = "pack_version", value_name = "VERSION")]
     version: Option<String>,

@@ -9,14 +9,12 @@ use super::session::Session;
 use crate::connection::{Client, SessionsRpc};
 use crate::error::{AnswerError, ClientError};
 use crate::pack::Pack;
+use crate::route::MOVES;
 
 /// Sessions on a page of a list, which is the server's maximum.
 const PAGE: u32 = 1000;
 /// Sessions of a request to create or close them, within the default limits of a server.
 const CHUNK: usize = 1000;
-/// Most servers that a call is sent to after the first: one that says that the session has moved,
-/// one that knows its server, and that one.
-const MOVES: usize = 2;
 
 impl Client {
     /// Opens a session: one character of a pack.
@@ -123,10 +121,11 @@ impl Client {
         }
     }
 
-    /// Closes sessions, and returns how many were still open.
+    /// Closes sessions on whatever servers have them, and returns how many were still open.
     ///
     /// # Errors
-    /// See [`ClientError`].
+    /// See [`ClientError`]; [`ClientError::Session`] for the first session that may still be open,
+    /// because its server does not answer.
     pub async fn close_sessions(
         &self,
         ids: impl IntoIterator<Item = impl Into<String>>,
@@ -134,13 +133,33 @@ impl Client {
         let ids = ids.into_iter().map(Into::into).collect::<Vec<String>>();
         let mut closed = 0;
         for chunk in ids.chunks(CHUNK) {
-            let request = v1::CloseSessionsRequest { ids: chunk.to_vec() };
+            closed += self.close_chunk(chunk.to_vec()).await?;
+        }
+        Ok(closed)
+    }
+
+    /// A server closes what it has and names the rest. If it has nothing, its error says who has,
+    /// and the call goes there.
+    async fn close_chunk(&self, mut ids: Vec<String>) -> Result<usize, ClientError> {
+        let mut closed = 0;
+        while !ids.is_empty() {
+            let request = v1::CloseSessionsRequest { ids: ids.clone() };
             let answer = self
                 .placed(request, |mut rpc, request| async move {
                     rpc.close_sessions(request).await
                 })
                 .await?;
             closed += answer.closed as usize;
+            let left: Vec<String> = answer.problems.into_iter().map(|of| of.session_id).collect();
+            if left.len() >= ids.len() {
+                return Err(AnswerError::Length {
+                    field: "problems",
+                    got: left.len(),
+                    expected: ids.len() - 1,
+                }
+                .into());
+            }
+            ids = left;
         }
         Ok(closed)
     }
@@ -182,5 +201,32 @@ impl Client {
             Ok(answer) => Ok(answer.into_inner()),
             Err(status) => Err(self.sort(&status)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::live::testing::scripted;
+
+    #[tokio::test]
+    async fn sessions_are_closed_on_the_servers_that_have_them() {
+        let (client, _, script) = scripted().await;
+        let homes = [("b", "b:2"), ("c", "c:3")].map(|(id, home)| (id.to_owned(), home.to_owned()));
+        script.lock().unwrap().homes = homes.into();
+        assert_eq!(client.close_sessions(["a", "b", "c"]).await.unwrap(), 3);
+        let script = script.lock().unwrap();
+        let calls: Vec<_> = script
+            .closings
+            .iter()
+            .map(|(server, ids)| (server.as_deref(), ids.concat()))
+            .collect();
+        let wanted = [
+            (None, "abc"),
+            (None, "bc"),
+            (Some("b:2"), "bc"),
+            (Some("b:2"), "c"),
+            (Some("c:3"), "c"),
+        ];
+        assert_eq!(calls, wanted.map(|(server, ids)| (server, ids.to_owned())));
     }
 }

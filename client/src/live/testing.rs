@@ -1,7 +1,7 @@
 //! A server that answers by a script. It records the client's messages, and sends answers that a
 //! real server seldom gives.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::{Arc, Mutex};
 
 use tokio::sync::mpsc;
@@ -42,6 +42,10 @@ pub(crate) struct Script {
     pub(crate) resumed: Option<v1::ResumeSessionsResponse>,
     /// The server that calls to resume, and streams, named in their headers.
     pub(crate) servers: Vec<Option<String>>,
+    /// Servers of sessions that are not on the one that a call without a server reaches.
+    pub(crate) homes: BTreeMap<String, String>,
+    /// Calls that close sessions: the server that the header names, and the sessions.
+    pub(crate) closings: Vec<(Option<String>, Vec<String>)>,
     frames: BTreeMap<String, u64>,
 }
 
@@ -94,12 +98,37 @@ fn server_of<T>(request: &Request<T>) -> Option<String> {
 }
 
 fn failed(reason: &str) -> Status {
+    refused(&problem(reason))
+}
+
+/// A problem as the error of a call.
+fn refused(problem: &v1::Problem) -> Status {
     let mut details = ErrorDetails::new();
-    details.set_error_info(reason, "troupe", std::collections::HashMap::new());
-    Status::with_error_details(tonic::Code::NotFound, format!("because of {reason}"), details)
+    let more = [("field", &problem.field), ("allowed", &problem.allowed)];
+    let given = more.into_iter().filter(|(_, text)| !text.is_empty());
+    let given: HashMap<_, _> = given.map(|(key, text)| (key.to_owned(), text.clone())).collect();
+    details.set_error_info(problem.reason.clone(), "troupe", given);
+    Status::with_error_details(tonic::Code::NotFound, problem.message.clone(), details)
 }
 
 impl Script {
+    /// Problems of the sessions that are not on a server.
+    fn elsewhere(&self, server: Option<&String>, ids: &[String]) -> Vec<v1::SessionProblem> {
+        let named = |(slot, id): (usize, &String)| {
+            let home = self.homes.get(id)?;
+            (Some(home) != server).then(|| v1::SessionProblem {
+                slot: slot as u32,
+                session_id: id.clone(),
+                problem: Some(v1::Problem {
+                    field: format!("ids[{slot}]"),
+                    allowed: home.clone(),
+                    ..problem("SESSION_ELSEWHERE")
+                }),
+            })
+        };
+        ids.iter().enumerate().filter_map(named).collect()
+    }
+
     fn result(&self, command: &v1::Command) -> v1::CommandResult {
         let refused = match &command.intent {
             Some(v1::command::Intent::Locomote(l)) => self.unknown_style == Some(l.style.as_str()),
@@ -256,8 +285,24 @@ impl Sessions for Scripted {
         &self,
         request: Request<v1::CloseSessionsRequest>,
     ) -> Result<Response<v1::CloseSessionsResponse>, Status> {
+        let server = server_of(&request);
+        let ids = request.into_inner().ids;
+        let mut script = self.0.lock().unwrap();
+        script.closings.push((server.clone(), ids.clone()));
+        let problems = script.elsewhere(server.as_ref(), &ids);
+        let closed = ids.len() - problems.len();
+        if let (
+            0,
+            Some(v1::SessionProblem {
+                problem: Some(of), ..
+            }),
+        ) = (closed, problems.first())
+        {
+            return Err(refused(of));
+        }
         Ok(Response::new(v1::CloseSessionsResponse {
-            closed: request.into_inner().ids.len() as u32,
+            closed: closed as u32,
+            problems,
         }))
     }
 

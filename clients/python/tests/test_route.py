@@ -5,12 +5,13 @@ from concurrent import futures
 
 import grpc
 import pytest
+from google.protobuf.message import Message
 from google.rpc import error_details_pb2, status_pb2
 
 import troupe
 from troupe import calls, io
 from troupe.route import Way
-from troupe.v1 import motion_pb2, session_pb2
+from troupe.v1 import motion_pb2, scene_pb2, session_pb2
 
 ROUTE = troupe.Route(session="guard")
 
@@ -21,6 +22,7 @@ class Script(grpc.GenericRpcHandler):
     def __init__(self) -> None:
         self.calls: list[tuple[str, dict[str, str]]] = []
         self.resumes: list[session_pb2.ResumeSessionsRequest] = []
+        self.closings: list[list[str]] = []
         self.streams = 0
         self.is_moving = False
         self.first_drive: Callable[[], Iterator[session_pb2.DriveResponse]] = self.moves
@@ -45,6 +47,8 @@ class Script(grpc.GenericRpcHandler):
             return motion_pb2.ListPacksResponse().SerializeToString()
         if name == "ResumeSessions":
             return self.resumed(session_pb2.ResumeSessionsRequest.FromString(request), server).SerializeToString()
+        if name == "CloseSessions" and (closed := self.closed(request, server)) is not None:
+            return closed.SerializeToString()
         if server == "b:2":
             return session_pb2.CommandResponse().SerializeToString()
         reason = "SESSION_MOVED" if self.is_moving else "SESSION_ELSEWHERE"
@@ -55,6 +59,18 @@ class Script(grpc.GenericRpcHandler):
         context.set_trailing_metadata((("grpc-status-details-bin", status.SerializeToString()),))
         context.abort(grpc.StatusCode.FAILED_PRECONDITION, "session is on b:2")
         raise AssertionError
+
+    def closed(self, request: bytes, server: str) -> session_pb2.CloseSessionsResponse | None:
+        """Closes sessions: `own` is on `a:1`, and others are on `b:2`. None: this server has none of them."""
+        ids = session_pb2.CloseSessionsRequest.FromString(request).ids
+        self.closings.append(list(ids))
+        here = [name for name in ids if (name == "own") == (server == "a:1")]
+        answer = session_pb2.CloseSessionsResponse(closed=len(here))
+        for slot, name in enumerate(ids):
+            if name not in here:
+                problem = session_pb2.Problem(reason="SESSION_ELSEWHERE", message="it is on b:2", allowed="b:2")
+                answer.problems.add(slot=slot, session_id=name, problem=problem)
+        return answer if here else None
 
     def resumed(self, request: session_pb2.ResumeSessionsRequest, server: str) -> session_pb2.ResumeSessionsResponse:
         """Resumes sessions, on the one server."""
@@ -148,6 +164,52 @@ def test_a_call_follows_the_server_that_has_the_session(script: Script, is_movin
         client._connection.run(io.ask(io.COMMAND, request))
     servers = [headers.get("troupe-server") for _, headers in script.calls]
     assert servers == [None] * (2 if is_moving else 1) + ["b:2", "b:2"]
+
+
+def test_a_call_about_a_scene_goes_to_its_server_and_sessions_stay(script: Script) -> None:
+    with troupe.Client(script.address, route=ROUTE) as client:
+        for asked in (client, client.routed(troupe.Route(scene="yard"))):
+            asked.scene("yard")
+            asked.list_sessions()
+    own, yard, server = {"troupe-session": "guard"}, {"troupe-scene": "yard"}, {"troupe-server": "b:2"}
+    assert [headers for _, headers in script.calls] == [
+        yard,
+        yard | server,
+        own,
+        own | server,
+        yard,
+        yard | server,
+        yard | server,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("request_", "scene"),
+    [
+        (scene_pb2.PutSceneRequest(scene=scene_pb2.Scene(name="yard")), "yard"),
+        (scene_pb2.DeleteSceneRequest(name="yard"), "yard"),
+        (scene_pb2.AddObjectsRequest(scene="yard"), "yard"),
+        (scene_pb2.MoveObjectsRequest(scene="yard"), "yard"),
+        (scene_pb2.RemoveObjectsRequest(scene="yard"), "yard"),
+        (scene_pb2.DetectRequest(box=scene_pb2.DetectBox(scene="yard")), "yard"),
+        (scene_pb2.DetectRequest(session_id="guard"), ""),
+        (scene_pb2.GetSceneRequest(name="two words"), ""),
+        (scene_pb2.ListScenesRequest(), ""),
+    ],
+)
+def test_the_way_of_a_call_is_by_the_scene_that_it_names(request_: Message, scene: str) -> None:
+    way = Way(ROUTE)
+    header = ("troupe-scene", scene) if scene else ("troupe-session", "guard")
+    assert way.of(request_).marks("/troupe.v1.Scenes/X") == (header,)
+
+
+def test_sessions_are_closed_on_the_servers_that_have_them(script: Script) -> None:
+    with troupe.Client(script.address, route=ROUTE) as client:
+        assert client.close_sessions(["guard", "own", "hero"]) == 3
+    servers = [headers.get("troupe-server") for _, headers in script.calls]
+    # What `a:1` has is closed there. Asked for the rest, it names the other one.
+    assert servers == [None, None, "b:2"]
+    assert script.closings == [["guard", "own", "hero"], ["guard", "hero"], ["guard", "hero"]]
 
 
 def test_a_stream_follows_its_session_from_the_last_frame_on(script: Script) -> None:

@@ -75,17 +75,18 @@ class Connection:
 
     def _call(self, call: Call[Any]) -> Any:
         """Makes a call. If its sessions are on another server, it is made again there."""
+        way = self.way.of(call.request)
         for _ in range(MOVES):
             try:
-                return self._call_once(call)
+                return self._call_once(call, way)
             except TroupeError as error:
-                if not self.way.follow(error):
+                if not way.follow(error):
                     raise
-        return self._call_once(call)
+        return self._call_once(call, way)
 
-    def _call_once(self, call: Call[Any]) -> Any:
+    def _call_once(self, call: Call[Any], way: Way) -> Any:
         method = self._unary(call.method)
-        metadata = self.metadata(call.method.path)
+        metadata = self.target.metadata + way.marks(call.method.path)
         try:
             return method(call.request, timeout=self.target.timeout_s, metadata=metadata)
         except grpc.RpcError as error:

@@ -255,7 +255,7 @@ class Client:
         return calls.last(list(self._connection.parts(calls.replay(recording, anyway))))
 
     def close_sessions(self, ids: Iterable[str]) -> int:
-        """Closes sessions and says how many were still open."""
+        """Closes sessions on whatever servers have them, and says how many were still open."""
         return self._connection.run(calls.close_sessions(ids))
 
     def crowd(

@@ -24,7 +24,8 @@ class Planner(IntEnum):
     """Whose network plans a path of a body on two legs. The answer's notes say which pack it was."""
 
     AUTO = 0
-    """Another pack that walks, if one has the style and keeps up with the path; else the body's own pack."""
+    """A pack of the same body, or for robots one of a robot, if it has the style and keeps up with the path. Otherwise the body's
+    own pack."""
     OWN = 1
     """The body's own pack."""
     CARRIED = 2

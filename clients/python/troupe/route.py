@@ -6,7 +6,10 @@ import secrets
 import threading
 from dataclasses import dataclass
 
+from google.protobuf.message import Message
+
 from troupe.errors import InvalidArgumentError, SessionError
+from troupe.v1 import scene_pb2
 
 SERVER = "troupe-server"
 MOVES = 2
@@ -40,6 +43,18 @@ class Route:
         return ("troupe-scene", self.scene) if self.scene else ("troupe-session", self.session)
 
 
+def scene_of(request: Message) -> str:
+    """The scene that a call is about; empty for all other calls."""
+    if isinstance(request, scene_pb2.GetSceneRequest | scene_pb2.DeleteSceneRequest):
+        return request.name
+    if isinstance(request, scene_pb2.AddObjectsRequest | scene_pb2.MoveObjectsRequest | scene_pb2.RemoveObjectsRequest):
+        return request.scene
+    if isinstance(request, scene_pb2.PutSceneRequest):
+        return request.scene.name
+    # A session is where this client's sessions are.
+    return request.box.scene if isinstance(request, scene_pb2.DetectRequest) else ""
+
+
 class Way:
     """The route of a client, and the server that has its sessions, if another one said so. Threads may share it."""
 
@@ -47,6 +62,17 @@ class Way:
         self._key = (route or Route(session=f"client-{secrets.token_hex(8)}")).header
         self._server: str | None = None
         self._lock = threading.Lock()
+
+    def of(self, request: Message) -> Way:
+        """The way of a call: a scene may be on another server than the client's sessions."""
+        scene = scene_of(request)
+        if not scene or self._key == ("troupe-scene", scene):
+            return self
+        try:
+            return Way(Route(scene=scene))
+        except InvalidArgumentError:
+            # Any server refuses a name that no header can have.
+            return self
 
     def marks(self, path: str) -> tuple[tuple[str, str], ...]:
         """Headers of a call of a method."""

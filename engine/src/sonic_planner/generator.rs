@@ -6,13 +6,13 @@ use std::time::Instant;
 
 use troupe_motion::model::{Body, Motion, Output, PathTask, Task, all_finite};
 
-use super::QPOS;
 use super::inputs::Inputs;
 use super::motion::motion;
 use super::network::Planner;
 use super::probe::probe_task;
 use super::translation::Translation;
-use crate::generator::{Generator, JobId, Progress, StepReport, run_paths};
+use super::{QPOS, robot_of};
+use crate::generator::{Generator, JobId, Progress, StepReport, run_paths, time_path};
 use crate::pack::{PLANNER_FILE, Pack};
 use crate::{EngineError, TrialRun};
 
@@ -71,13 +71,7 @@ impl SonicPlanner {
     /// [`EngineError`] if the graph fails or gives invalid values: the pack is broken.
     pub fn warm_up(&mut self, pack: &Pack) -> Result<(), EngineError> {
         let task = probe_task(pack, 0, pack.rig.dims.max_frames()).ok_or(EngineError::WrongTask)?;
-        let work = Task::Path(task.clone()).work().into();
-        for _ in 0..2 {
-            let started = Instant::now();
-            self.run(std::slice::from_ref(&task))?;
-            let took = started.elapsed();
-            self.trial = Some(TrialRun { rows: 1, work, took });
-        }
+        self.trial = Some(time_path(self, task)?);
         Ok(())
     }
 
@@ -115,14 +109,7 @@ impl SonicPlanner {
         {
             return wrong(format!("frame {frame} has a rotation of length 0"));
         }
-        let robot = job
-            .body
-            .rig
-            .skeleton
-            .robot
-            .as_ref()
-            .ok_or(EngineError::WrongTask)?;
-        Ok(motion(&job.body, robot, &self.qpos, self.fps))
+        Ok(motion(&job.body, robot_of(&job.body)?, &self.qpos, self.fps))
     }
 }
 

@@ -7,8 +7,8 @@ use troupe_motion::model::{Dims, KeyTensors, PathTask};
 use troupe_motion::robot::Fitted;
 use troupe_motion::{Quat, Robot, Vec3};
 
-use super::QPOS;
 use super::inputs::{COUNTS, Inputs, TARGETS};
+use super::{QPOS, robot_of};
 use crate::EngineError;
 use crate::pack::sonic_planner::{CONTEXT_FRAMES, FRAMES_PER_TOKEN, SonicPlannerDoc, TOKENS};
 
@@ -57,13 +57,7 @@ impl Translation {
     /// [`EngineError::Task`] for the first part of the task that is out of its range.
     pub(super) fn inputs(&self, task: &PathTask) -> Result<Inputs, EngineError> {
         self.check(task)?;
-        let robot = task
-            .body
-            .rig
-            .skeleton
-            .robot
-            .as_ref()
-            .ok_or(EngineError::WrongTask)?;
+        let robot = robot_of(&task.body)?;
         let way = self.way(&task.path);
         let stands = way.speed_mps < STANDING_MPS;
         let frames = task.path.len();

@@ -11,7 +11,7 @@ use super::network::Denoiser;
 use super::probe::probe_task;
 use super::rows::Coding;
 use super::schedule::Schedule;
-use crate::generator::{Generator, JobId, Progress, StepReport, run_paths};
+use crate::generator::{Generator, JobId, Progress, StepReport, run_paths, time_path};
 use crate::pack::{DENOISER_FILE, Pack};
 use crate::{EngineError, TrialRun};
 
@@ -92,13 +92,7 @@ impl UniMoGen {
             }
         }
         let task = probe_task(pack, 0, longest).ok_or(EngineError::WrongTask)?;
-        let work = Task::Path(task.clone()).work().into();
-        for _ in 0..2 {
-            let started = Instant::now();
-            self.run(std::slice::from_ref(&task))?;
-            let took = started.elapsed();
-            self.trial = Some(TrialRun { rows: 1, work, took });
-        }
+        self.trial = Some(time_path(self, task)?);
         Ok(())
     }
 

@@ -5,13 +5,15 @@
 //! |---|---|
 //! | [`Leases`] | takes leases for calls that make or restore sessions |
 //! | [`SharedRecords`] | writes records and renews leases, four times a second |
-//! | `script` | what Redis does, each in one step |
+//! | `script` | what Redis does with leases, each in one step |
+//! | [`UploadLog`] | the uploads of all servers |
 //! | `link` | the connection, and the address |
 //!
-//! docs/decisions/leases.md says why.
+//! docs/decisions/leases.md and docs/decisions/uploads.md say why.
 
 mod link;
 mod script;
+mod uploads;
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -20,11 +22,12 @@ use std::time::{Duration, Instant};
 
 use super::{Change, Changes, Kind, Lost, RecordStore, RecordsError, Tended};
 use link::Link;
-use script::{Answer, Hold, Mine, Times, claim, hold};
+use script::{Answer, Hold, Mine, Times, claim, hold, look};
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
 pub use link::Place;
 pub use script::Want;
+pub use uploads::{Changes as UploadChanges, UploadLog, Version, Write};
 
 const LEASES: Metric = Metric::new(
     "troupe_store_leases_total",
@@ -150,6 +153,16 @@ impl Leases {
         }
     }
 
+    /// Whether this server has a lease, as far as it knows, of something that a call is about to
+    /// change. If so, it keeps the lease for a while.
+    pub fn keeps(&self, kind: Kind, name: &str) -> bool {
+        let mut held = self.held();
+        let held = held
+            .get_mut(&(kind, name.to_owned()))
+            .filter(|held| !held.leaving);
+        held.map(|held| held.asked = Instant::now()).is_some()
+    }
+
     /// Whether this server has a lease, as far as it knows.
     pub fn has(&self, kind: Kind, name: &str) -> bool {
         let held = self.held();
@@ -173,6 +186,8 @@ impl Leases {
                     scripts.push(claim(&key_of(*kind, name), &self.address, *want, self.times()));
                     claims.push(None);
                 }
+                // It has just been closed.
+                Some(held) if held.leaving && *want == Want::Known => claims.push(Some(Claim::Unknown)),
                 Some(held) if held.leaving => claims.push(Some(Claim::Elsewhere {
                     owner: self.address.clone(),
                     ends_in: self.terms.lease,
@@ -237,6 +252,25 @@ impl Leases {
         }
     }
 
+    /// The other server that has a lease, and the time until it ends. Nothing changes. This blocks.
+    ///
+    /// # Errors
+    /// [`RecordsError::Shared`] if the store does not answer.
+    pub fn other_owner(&self, kind: Kind, name: &str) -> Result<Option<(String, Duration)>, RecordsError> {
+        if self.has(kind, name) {
+            return Ok(None);
+        }
+        let mut link = self.claims.lock().unwrap_or_else(PoisonError::into_inner);
+        let answer = link.run(vec![look(&key_of(kind, name))])?.into_iter().next();
+        Ok(match answer {
+            // A lease of this server is one from before it was started again.
+            Some(Answer::Lost { owner, ends_in_ms }) if owner != self.address => {
+                Some((owner, Duration::from_millis(ends_in_ms)))
+            }
+            _ => None,
+        })
+    }
+
     fn script(&self, kind: Kind, name: &str, held: &Held, what: Hold<'_>, now: Instant) -> redis::Cmd {
         let mine = Mine {
             token: held.token,
@@ -280,6 +314,7 @@ impl Leases {
 /// The records of servers that share a store. Each server's keeper has its own.
 #[derive(Debug)]
 pub struct SharedRecords {
+    place: Place,
     leases: Arc<Leases>,
     link: Link,
 }
@@ -296,6 +331,7 @@ impl SharedRecords {
             counters: Counters::new(telemetry),
         };
         Self {
+            place: place.clone(),
             leases: Arc::new(leases),
             link: Link::new(place.clone()),
         }
@@ -358,7 +394,7 @@ impl RecordStore for SharedRecords {
             let due = held.iter().filter(|(_, held)| !held.leaving);
             due.map(|(key, held)| (key.clone(), *held)).collect()
         };
-        let (mut renewed, mut given_up, mut scripts) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut renewed, mut closed, mut scripts) = (Vec::new(), Vec::new(), Vec::new());
         for (key, held) in all {
             let is_open = open(key.0, &key.1) || now.saturating_duration_since(held.asked) < terms.settle;
             let is_due = now.saturating_duration_since(held.renewed) >= terms.renew;
@@ -366,13 +402,18 @@ impl RecordStore for SharedRecords {
                 scripts.push(self.leases.script(key.0, &key.1, &held, Hold::Renew, now));
                 renewed.push((key, held.keep));
             } else if !is_open {
-                given_up.push(key);
+                closed.push((key, held.asked));
             }
         }
         let mut tended = Tended::default();
         for ((key, keep), answer) in renewed.into_iter().zip(self.link.run(scripts)?) {
             self.leases.note(key, keep, answer, now, &mut tended);
         }
+        // A call may have asked for some since.
+        let held = self.leases.held();
+        closed.retain(|(key, asked)| held.get(key).is_some_and(|held| held.asked == *asked));
+        drop(held);
+        let given_up: Vec<Key> = closed.into_iter().map(|(key, _)| key).collect();
         self.leases.release(&given_up);
         Ok(tended)
     }
@@ -392,6 +433,10 @@ impl RecordStore for SharedRecords {
 
     fn leases(&self) -> Option<Arc<Leases>> {
         Some(self.leases.clone())
+    }
+
+    fn uploads(&self) -> Option<UploadLog> {
+        Some(UploadLog::new(self.place.clone()))
     }
 }
 

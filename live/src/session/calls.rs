@@ -6,7 +6,7 @@ use std::time::Duration;
 use troupe_proto::v1;
 
 use super::cell::SessionCell;
-use super::results::CommandResult;
+use super::results::{Closed, CommandResult, SessionProblem};
 use super::sessions::Sessions;
 use super::{LivePacks, SessionError, StepPlan, Stepped};
 use super::{commands, describe, options, peek, step};
@@ -123,22 +123,24 @@ impl Sessions {
     /// `troupe.v1.Sessions/CloseSessions`.
     ///
     /// # Errors
-    /// [`SessionError::Field`] for a list that is empty or too long.
-    pub fn close(
-        &self,
-        request: &v1::CloseSessionsRequest,
-    ) -> Result<v1::CloseSessionsResponse, SessionError> {
+    /// [`SessionError::Field`] for a list that is empty or too long. If no session was closed, the
+    /// error of the first that may be open on another server.
+    pub fn close(&self, request: &v1::CloseSessionsRequest) -> Result<Closed, SessionError> {
         let root = Path::root();
         units::length(&root.field("ids"), request.ids.len(), 1, MAX_CLOSED)?;
         let now = self.time().now();
-        let closed = request
-            .ids
-            .iter()
-            .filter(|id| self.registry().close(id, now))
-            .count();
-        Ok(v1::CloseSessionsResponse {
-            closed: closed as u32,
-        })
+        let mut answer = Closed::default();
+        for (index, id) in request.ids.iter().enumerate() {
+            let field = || root.element("ids", index).to_string();
+            match self.registry().close(id, now, &field) {
+                Ok(was_open) => answer.closed += u32::from(was_open),
+                Err(error) => answer.problems.push(SessionProblem::new(index, id, error)),
+            }
+        }
+        match answer.problems.first() {
+            Some(problem) if answer.closed == 0 => Err(problem.error.clone()),
+            _ => Ok(answer),
+        }
     }
 
     /// `troupe.v1.Sessions/Command`.

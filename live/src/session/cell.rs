@@ -1,6 +1,6 @@
 //! One session: its character behind a lock, its owner, and the time of its last use.
 
-use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -12,6 +12,7 @@ use troupe_motion::{Quat, Vec3};
 use super::hinge_rates::ShownRates;
 use super::owner::{End, Owner};
 use super::recording::Recorder;
+use super::resume::Return;
 use super::stream::Audience;
 use super::wants::Wants;
 use super::words::Performer;
@@ -52,6 +53,8 @@ pub struct Live {
     pub(super) performer: Option<Performer>,
     /// Writes the recording of the session.
     pub(super) recorder: Option<Recorder>,
+    /// Whether a client may still join a restored session to the last frame that it saw.
+    pub(super) client_return: Return,
     /// Keeps the session's place in its scene until the session ends.
     resident: Option<Resident>,
     /// The character's statistics as the metrics counted them last.
@@ -79,8 +82,6 @@ pub struct SessionCell {
     owner: AtomicU8,
     /// 0 while the session is open, then an [`End`].
     ended: AtomicU8,
-    /// The session was restored at the server's start, and its client has not resumed it yet.
-    woken: AtomicBool,
     live: Mutex<Live>,
     /// The watchers of the stream that advances the session, or advanced it last.
     audience: Mutex<Weak<Audience>>,
@@ -112,7 +113,7 @@ pub struct SessionParts {
     pub priority: f32,
     /// The session's place in its scene. `None`: the session has no scene, nor has its character.
     pub resident: Option<Resident>,
-    /// Whether the session is restored from an earlier run of the server.
+    /// Whether the session is restored from a record.
     pub woken: bool,
 }
 
@@ -164,7 +165,6 @@ impl SessionCell {
             seen_ms: AtomicU64::new(0),
             owner: AtomicU8::new(Owner::Free as u8),
             ended: AtomicU8::new(0),
-            woken: AtomicBool::new(parts.woken),
             live: Mutex::new(Live {
                 character: parts.character,
                 dress: parts.dress,
@@ -174,6 +174,7 @@ impl SessionCell {
                 events: EventQueue::default(),
                 performer: None,
                 recorder: None,
+                client_return: Return::of(parts.woken),
                 resident: parts.resident,
                 counted: Stats::default(),
                 rates,
@@ -228,11 +229,6 @@ impl SessionCell {
     /// Time without use after which it expires.
     pub fn ttl(&self) -> Duration {
         self.ttl
-    }
-
-    /// Whether the session is restored from an earlier run of the server. Answers `true` once.
-    pub(super) fn take_woken(&self) -> bool {
-        self.woken.swap(false, Ordering::AcqRel)
     }
 
     /// Locks the session. Do not hold the lock across an await.

@@ -171,3 +171,13 @@ pub enum SessionError {
     #[error(transparent)]
     Stopped(#[from] WorkerStopped),
 }
+
+impl SessionError {
+    /// Whether the session that a call names may be open on another server.
+    pub(super) fn may_be_elsewhere(&self) -> bool {
+        matches!(
+            self,
+            Self::Elsewhere { .. } | Self::Moved { .. } | Self::NoStore { .. } | Self::TooMany { .. }
+        )
+    }
+}

@@ -18,6 +18,7 @@ use troupe_motion::conventions::Convention;
 use super::backlog::Backlog;
 use super::cell::SessionCell;
 use super::space::{Space, Spaces};
+use super::uploads::SharedUploads;
 use crate::records::{Changes, Kind, RecordStore, RecordsError, Tended};
 use crate::skeleton::{Dress, Last};
 use crate::world::Store;
@@ -148,6 +149,12 @@ impl Keeper {
     ) -> Result<Self, RecordsError> {
         if let Some(leases) = records.leases() {
             spaces.common().sessions.share(leases, spaces, telemetry);
+        }
+        if let Some(log) = records.uploads() {
+            spaces.share_uploads(SharedUploads::new(log, spaces, telemetry));
+            if let Some(Err(error)) = spaces.uploads().map(|uploads| uploads.round()) {
+                tracing::warn!(%error, "the server begins without the uploads in the shared store");
+            }
         }
         let labels = Labels::default();
         let scenes = restore_scenes(spaces, &mut *records)?;
@@ -286,6 +293,9 @@ impl Keeper {
         self.settle(tended);
         self.show();
         self.bytes.increment(changes.bytes() as u64);
+        if let Some(uploads) = self.spaces.uploads() {
+            uploads.round()?;
+        }
         Ok(Round {
             bytes: changes.bytes(),
             is_partial,

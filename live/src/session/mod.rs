@@ -16,6 +16,7 @@
 //! | [`recording`] | recordings of sessions, and their replay |
 //! | `space`, `keep`, `backlog` | the data of each tenant, and the state that survives a restart |
 //! | `away`, `share` | sessions that other servers have, and how they come here |
+//! | `uploads` | uploads that servers share |
 
 mod away;
 mod backlog;
@@ -50,6 +51,7 @@ mod step;
 pub mod stream;
 pub mod styles;
 mod time;
+mod uploads;
 mod wants;
 mod words;
 
@@ -67,7 +69,7 @@ pub use options::TTL_RANGE_MS;
 pub use owner::{End, Owner};
 pub use pack::{LivePack, LivePacks};
 pub use registry::MAX_SESSION_BYTES;
-pub use results::{CommandResult, SessionProblem};
+pub use results::{Closed, CommandResult, SessionProblem};
 pub use resume::Resumed;
 pub use sessions::Sessions;
 pub use space::{ChangeError, Space, SpaceError, Spaces, TenantOptions};

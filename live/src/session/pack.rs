@@ -306,4 +306,4 @@ impl LivePacks {
 
 #[cfg(test)]
 #[path = "pack_tests.rs"]
-mod tests;
+pub(super) mod tests;

@@ -7,13 +7,18 @@ use crate::packs::load_styles;
 use crate::world::{Folders, Store};
 use troupe_batch::scheduler::Limits;
 use troupe_batch::{Batcher, GeneratorFactory, PackMetrics};
+use troupe_character::style::Style;
 use troupe_character::testing::toy_rig;
 use troupe_engine::pack::Pack;
 use troupe_engine::pack::testing::pack_of;
 use troupe_engine::toy::Toy;
 
 /// A pack with the toy's skeleton.
-async fn loaded(name: &str, version: &str, change: impl FnOnce(&mut Pack)) -> LoadedPack {
+pub(in crate::session) async fn loaded(
+    name: &str,
+    version: &str,
+    change: impl FnOnce(&mut Pack),
+) -> LoadedPack {
     let telemetry = Telemetry::new().unwrap();
     let mut pack = pack_of(Rig {
         name: name.to_owned(),
@@ -38,6 +43,11 @@ async fn loaded(name: &str, version: &str, change: impl FnOnce(&mut Pack)) -> Lo
 
 /// The data of a server whose default pack is `toy`.
 async fn spaces(others: Vec<LoadedPack>) -> Spaces {
+    spaces_within(1 << 20, others).await
+}
+
+/// As [`spaces`], with a memory limit of uploads.
+pub(in crate::session) async fn spaces_within(max_bytes: usize, others: Vec<LoadedPack>) -> Spaces {
     let telemetry = Telemetry::new().unwrap();
     let mut packs = vec![loaded("toy", "1", |_| {}).await];
     packs.extend(others);
@@ -51,7 +61,7 @@ async fn spaces(others: Vec<LoadedPack>) -> Spaces {
         stall_timeout: Duration::from_secs(30),
     };
     let sessions = Sessions::new(limits, TimeSource::default(), Executor::here(), &telemetry);
-    let store = Store::load(Folders::default(), 1 << 20, []).unwrap();
+    let store = Store::load(Folders::default(), max_bytes, []).unwrap();
     let options = TenantOptions {
         folder: None,
         most: 8,
@@ -76,6 +86,22 @@ async fn sessions_of_all_tenants_go_on_with_the_version_that_takes_a_place() {
     let styles = [before.styles(), of_studio.styles()];
     assert!(!Arc::ptr_eq(&styles[0], &styles[1]), "each tenant has its own");
     let workers = before.loaded().batcher.leaving();
+    let style = Style {
+        name: "mine".to_owned(),
+        ..Style::clone(&styles[0].default_style().unwrap())
+    };
+    styles[0].put(style).unwrap();
+    let taken = || {
+        spaces
+            .common()
+            .store
+            .memory()
+            .check(usize::MAX / 2, 0)
+            .unwrap_err()
+            .taken
+    };
+    let taken_before = taken();
+    assert!(taken_before > 0);
 
     let replaced = spaces.serve(loaded("toy", "2", |_| {}).await).unwrap();
     assert_eq!(replaced.unwrap().pack.manifest.version, "1");
@@ -93,6 +119,7 @@ async fn sessions_of_all_tenants_go_on_with_the_version_that_takes_a_place() {
             "metrics are by version"
         );
     }
+    assert_eq!(taken(), taken_before, "its styles count once");
     assert!(Arc::ptr_eq(&find(common, "").metrics, &find(own, "").metrics));
     assert!(!workers.is_held(), "the version before has no holder");
     let later = spaces.of(&Some("later".into())).unwrap();

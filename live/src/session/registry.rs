@@ -279,6 +279,11 @@ impl Registry {
         self.all.away().note(name, away, now);
     }
 
+    /// Notes that no server has a session.
+    pub(super) fn forget_away(&self, id: &str) {
+        self.all.away().forget(&(self.tenant.clone(), Arc::from(id)));
+    }
+
     /// Ends a session that another server has taken over. Answers whether it was open.
     pub(super) fn give_up(&self, id: &str, away: Away, now: Instant) -> bool {
         self.note_away(id, away, now);
@@ -339,12 +344,17 @@ impl Registry {
         self.page(None, usize::MAX).0
     }
 
-    /// Closes the session with this id. Answers whether it was open at `now`.
-    pub fn close(&self, id: &str, now: Instant) -> bool {
-        let Ok(cell) = self.get(id, now, &String::new) else {
-            return false;
-        };
-        self.close_cell(&cell)
+    /// Closes the session with this id. Answers whether it was open at `now`. `field` is the field
+    /// of the request that has the id.
+    ///
+    /// # Errors
+    /// [`SessionError`] if the session may be open on another server.
+    pub fn close(&self, id: &str, now: Instant, field: &dyn Fn() -> String) -> Result<bool, SessionError> {
+        match self.get(id, now, field) {
+            Ok(cell) => Ok(self.close_cell(&cell)),
+            Err(error) if error.may_be_elsewhere() => Err(error),
+            Err(_) => Ok(false),
+        }
     }
 
     /// Closes a session. Answers whether it was open.

@@ -134,6 +134,10 @@ impl Setup {
             .insert(&[self.cell(id)], self.now(), |_| "id".to_owned())
     }
 
+    fn close(&self, id: &str) -> bool {
+        self.registry.close(id, self.now(), &String::new).unwrap()
+    }
+
     fn get(&self, id: &str) -> Result<Arc<SessionCell>, &'static str> {
         let got = self.registry.get(id, self.now(), &|| "id".to_owned());
         got.map_err(|error| kind(&error))
@@ -167,11 +171,11 @@ async fn the_owner_of_a_closed_session_gets_an_error() {
     let setup = Setup::new(2).await;
     setup.open("a").unwrap();
     let held = setup.take("a", Owner::Step).unwrap();
-    assert!(setup.registry.close("a", setup.now()));
+    assert!(setup.close("a"));
     held.cell().changed().await;
     assert_eq!(held.cell().end(), Some(End::Closed));
     assert_eq!(kind(&held.cell().gone(&String::new).unwrap()), "UNKNOWN_SESSION");
-    assert!(!setup.registry.close("a", setup.now()));
+    assert!(!setup.close("a"));
     assert_eq!(setup.get("a").unwrap_err(), "UNKNOWN_SESSION");
 }
 
@@ -239,7 +243,7 @@ async fn a_place_is_kept_until_its_session_ends() {
     }
     setup.registry.hold("unknown", Box::new(place.clone()));
     assert_eq!(used(), 2);
-    setup.registry.close("closed", setup.now());
+    setup.close("closed");
     assert_eq!(used(), 1);
     setup.pass(2 * TTL);
     setup.registry.sweep(setup.now());
@@ -337,7 +341,7 @@ proptest! {
                     let was_open = model.open.remove(&id).is_some();
                     model.ends.0 += u64::from(was_open);
                     model.held.remove(&id);
-                    prop_assert_eq!(setup.registry.close(&id, setup.now()), was_open);
+                    prop_assert_eq!(setup.close(&id), was_open);
                 }
                 Deed::Take(id) => {
                     let id = id.to_string();
@@ -478,7 +482,7 @@ async fn a_session_that_ends_leaves_its_scene_and_all_that_it_has_there() {
     assert_eq!((taken().len(), yard.residents()), (3, 2));
     // Who advances it, or looks at it, may have it for a while yet.
     let held = setup.take("a", Owner::Step).unwrap();
-    assert!(setup.registry.close("a", setup.now()));
+    assert!(setup.close("a"));
     assert_eq!((taken(), yard.residents()), (vec!["sign".to_owned()], 1));
     assert!(held.cell().live().resident().is_none());
     assert_eq!(held.cell().scene().map(|name| &**name), Some("yard"));

@@ -27,6 +27,15 @@ pub struct SessionProblem {
     pub error: SessionError,
 }
 
+/// The answer to a call that closes sessions.
+#[derive(Debug, Default)]
+pub struct Closed {
+    /// Number of sessions that were open.
+    pub closed: u32,
+    /// Sessions that may be open on other servers.
+    pub problems: Vec<SessionProblem>,
+}
+
 impl SessionProblem {
     pub(super) fn new(slot: usize, id: &str, error: SessionError) -> Self {
         Self {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
-use super::cell::SessionCell;
+use super::cell::{Live, SessionCell};
 use super::owner::Owner;
 use super::results::SessionProblem;
 use super::{SessionError, Sessions, describe};
@@ -13,6 +13,35 @@ use troupe_base::turns::Turns;
 use troupe_character::live::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 use troupe_character::{FieldError, Path};
 use troupe_motion::{Quat, Vec3};
+
+/// Whether a client may join the session to the last frame that it saw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Return {
+    /// No: the session never stopped, or a client has joined it.
+    Over,
+    /// Yes: the session was restored, and no client has resumed it.
+    Awaited,
+    /// Yes, while the session is at this frame: it was restored, and calls have resumed it without
+    /// a frame.
+    AwaitedAt(u64),
+}
+
+impl Return {
+    pub(super) fn of(is_restored: bool) -> Self {
+        match is_restored {
+            true => Self::Awaited,
+            false => Self::Over,
+        }
+    }
+
+    fn is_awaited(self, frame: u64) -> bool {
+        match self {
+            Self::Over => false,
+            Self::Awaited => true,
+            Self::AwaitedAt(at) => at == frame,
+        }
+    }
+}
 
 /// The answer to a call that resumes sessions.
 #[derive(Debug, Default)]
@@ -73,14 +102,16 @@ impl Sessions {
         let held = cell.take(Owner::Step, &field)?;
         let mut live = cell.live();
         let found = live.character.frame();
-        let restored = cell.take_woken();
-        if let (true, Some(seen)) = (restored, seen) {
-            let joined = live.character.rejoin(&seen.last);
-            joined.map_err(|error| unfit(&path.sized(cell.size()), error))?;
-            if let Some((root, rotations)) = &seen.own {
-                live.begin_at(*root, rotations);
+        let restored = live.client_return.is_awaited(found);
+        let mut left = Return::Over;
+        if restored {
+            match &seen {
+                Some(seen) => join(path, &cell, &mut live, seen)?,
+                // A later call may still know the client's last frame.
+                None => left = Return::AwaitedAt(found),
             }
         }
+        live.client_return = left;
         drop(held);
         Ok(v1::ResumedSession {
             restored,
@@ -88,6 +119,16 @@ impl Sessions {
             session: Some(describe::session_of(&cell, &live, now)),
         })
     }
+}
+
+/// Has a restored character go on from what its client saw last.
+fn join(path: &Path<'_>, cell: &SessionCell, live: &mut Live, seen: &Seen) -> Result<(), SessionError> {
+    let joined = live.character.rejoin(&seen.last);
+    joined.map_err(|error| unfit(&path.sized(cell.size()), error))?;
+    if let Some((root, rotations)) = &seen.own {
+        live.begin_at(*root, rotations);
+    }
+    Ok(())
 }
 
 /// What a client saw last.

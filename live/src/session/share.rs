@@ -15,6 +15,7 @@ use crate::records::Kind;
 use crate::records::shared::{Claim, Leases, Want};
 use crate::wire::units::is_name;
 use crate::world::Store;
+use troupe_base::offload::offload;
 use troupe_base::telemetry::{Counter, Labels, Telemetry};
 use troupe_base::tenant::Tenant;
 
@@ -89,6 +90,23 @@ impl Sessions {
         }
     }
 
+    /// Whether other servers use the store, too.
+    pub fn are_shared(&self) -> bool {
+        self.sharing().is_some()
+    }
+
+    /// Takes the lease of a scene before a call changes its objects: they are on one server. An
+    /// unknown scene has none. Without a shared store this does nothing, otherwise it may block.
+    ///
+    /// # Errors
+    /// [`SessionError::Elsewhere`] or [`SessionError::NoStore`].
+    pub fn own_scene(&self, scene: &str, world: &Store) -> Result<(), SessionError> {
+        match self.sharing() {
+            Some(sharing) if world.scenes().get(scene).is_ok() => sharing.own_scene(self, scene, world),
+            _ => Ok(()),
+        }
+    }
+
     /// Brings sessions here from the shared store, if no other server has them. Calls for those
     /// that do not come say why.
     pub async fn bring(self: &Arc<Self>, ids: impl IntoIterator<Item = &String>) {
@@ -114,7 +132,55 @@ impl Sessions {
     }
 }
 
+impl Sessions {
+    /// Checks that no other server has a scene, before a call reads its objects here. `field` is
+    /// the field of the request that has the name. Without a shared store this does nothing.
+    ///
+    /// # Errors
+    /// [`SessionError::Elsewhere`] or [`SessionError::NoStore`].
+    pub async fn check_scene(&self, name: &str, field: &str) -> Result<(), SessionError> {
+        let Some(sharing) = self.sharing().filter(|_| !self.is_draining()).cloned() else {
+            return Ok(());
+        };
+        let record = record_name(self.registry().tenant(), name);
+        if !is_name(name) || sharing.leases.has(Kind::Scene, &record) {
+            return Ok(());
+        }
+        let (name, field) = (name.to_owned(), field.to_owned());
+        offload(usize::MAX, 0, move || {
+            match sharing.leases.other_owner(Kind::Scene, &record) {
+                Ok(None) => Ok(()),
+                Ok(Some((owner, ends_in))) => Err(elsewhere("scene", &name, owner, ends_in, field)),
+                Err(error) => Err(SessionError::NoStore {
+                    reason: error.to_string(),
+                    field,
+                }),
+            }
+        })
+        .await?
+    }
+}
+
 impl Sharing {
+    fn own_scene(&self, sessions: &Sessions, scene: &str, world: &Store) -> Result<(), SessionError> {
+        let tenant = sessions.registry().tenant();
+        let name = record_name(tenant, scene);
+        if self.leases.keeps(Kind::Scene, &name) {
+            return Ok(());
+        }
+        let claims = self.leases.claim(&[(Kind::Scene, name, Want::Any)]);
+        let claims = claims.map_err(|error| SessionError::NoStore {
+            reason: error.to_string(),
+            field: "scene".to_owned(),
+        })?;
+        for claim in claims {
+            if let Some(record) = accepted("scene", scene, "scene".to_owned(), claim)? {
+                self.adopt(tenant, scene, &record, world, sessions.time().now());
+            }
+        }
+        Ok(())
+    }
+
     fn open(
         &self,
         sessions: &Sessions,
@@ -207,14 +273,29 @@ impl Sharing {
                 return;
             }
         };
+        if claims.iter().any(|claim| matches!(claim, Claim::Taken(Some(_)))) {
+            self.catch_up();
+        }
         for ((id, (_, name, _)), claim) in ids.iter().zip(&asked).zip(claims) {
             match claim {
                 Claim::Taken(Some(record)) => self.revive(sessions, id, name, &record),
                 Claim::Elsewhere { owner, ends_in } => {
                     registry.note_away(id, Away::of(owner, ends_in, now), now);
                 }
-                Claim::Had | Claim::Taken(None) | Claim::Exists | Claim::Unknown => {}
+                // It was elsewhere, and is closed.
+                Claim::Unknown => registry.forget_away(id),
+                Claim::Had | Claim::Taken(None) | Claim::Exists => {}
             }
+        }
+    }
+
+    /// Takes in the newest uploads, which sessions that come here may need.
+    fn catch_up(&self) {
+        let Some(spaces) = self.spaces.upgrade() else {
+            return;
+        };
+        if let Some(Err(error)) = spaces.uploads().map(|uploads| uploads.round()) {
+            tracing::warn!(%error, "sessions come here without the newest uploads");
         }
     }
 
@@ -299,17 +380,28 @@ fn accepted(
     match claim {
         Claim::Had => Ok(None),
         Claim::Taken(record) => Ok(record),
-        Claim::Elsewhere { owner, ends_in } => Err(SessionError::Elsewhere {
-            what,
-            name: name.to_owned(),
-            owner,
-            ends_in_ms: u64::try_from(ends_in.as_millis()).unwrap_or(u64::MAX),
-            field,
-        }),
+        Claim::Elsewhere { owner, ends_in } => Err(elsewhere(what, name, owner, ends_in, field)),
         Claim::Exists | Claim::Unknown => Err(SessionError::Exists {
             id: name.to_owned(),
             field,
         }),
+    }
+}
+
+/// Another server has a session or a scene.
+fn elsewhere(
+    what: &'static str,
+    name: &str,
+    owner: String,
+    ends_in: Duration,
+    field: String,
+) -> SessionError {
+    SessionError::Elsewhere {
+        what,
+        name: name.to_owned(),
+        owner,
+        ends_in_ms: u64::try_from(ends_in.as_millis()).unwrap_or(u64::MAX),
+        field,
     }
 }
 

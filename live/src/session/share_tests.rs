@@ -52,6 +52,24 @@ impl Server {
             .map_err(|error| error.to_string())
     }
 
+    /// Closes sessions. The answer has how many, and place, id and error of those that were not.
+    async fn close(&self, ids: &[&str]) -> Result<(u32, Vec<String>), String> {
+        let sessions = &self.space.sessions;
+        let ids: Vec<String> = ids.iter().map(|&id| id.to_owned()).collect();
+        sessions.bring(&ids).await;
+        let done = sessions.close(&v1::CloseSessionsRequest { ids });
+        let done = done.map_err(|error| error.to_string())?;
+        let problems = done.problems.iter();
+        let problems = problems.map(|of| format!("{} {}: {}", of.slot, of.session_id, of.error));
+        Ok((done.closed, problems.collect()))
+    }
+
+    /// Whether a scene may be read here.
+    async fn check(&self, scene: &str) -> Result<(), String> {
+        let checked = self.space.sessions.check_scene(scene, "name").await;
+        checked.map_err(|error| error.to_string())
+    }
+
     async fn open_in_yard(&self, id: &str) -> Result<(), String> {
         let request = v1::CreateSessionsRequest {
             sessions: vec![v1::SessionOptions {
@@ -120,6 +138,38 @@ async fn a_session_moves_when_its_server_stops_or_is_paused() {
 }
 
 #[tokio::test]
+async fn what_another_server_has_is_not_closed_and_that_server_is_named() {
+    let Some(redis) = Redis::start() else { return };
+    let (house, scenes) = (House::new().await, tempfile::tempdir().unwrap());
+    let start = |address| Server::start(&house, &redis, address, &scenes);
+    let (mut one, mut two) = (start("one:1"), start("two:2"));
+    open(&one.space, "a").await;
+    open(&two.space, "b").await;
+    for server in [&mut one, &mut two] {
+        server.round();
+    }
+    says(
+        two.close(&["a"]).await,
+        "session \"a\" is on the server one:1, whose lease ends in ",
+    );
+    // What is here is closed, and the rest is named.
+    let (closed, problems) = two.close(&["gone", "b", "a"]).await.unwrap();
+    assert_eq!((closed, problems.len()), (1, 1));
+    assert!(
+        problems[0].starts_with("2 a: session \"a\" is on the server one:1"),
+        "{problems:?}"
+    );
+    assert_eq!(one.last_sequence("a").await, Ok(0));
+    // It is gone here at once, and elsewhere as soon as its server has written that.
+    assert_eq!(two.close(&["b"]).await, Ok((0, Vec::new())));
+    says(one.close(&["b"]).await, "is on the server two:2");
+    two.round();
+    sleep(JUST_ASKED);
+    assert_eq!(one.close(&["b"]).await, Ok((0, Vec::new())));
+    assert_eq!(one.close(&["a", "b"]).await, Ok((1, Vec::new())));
+}
+
+#[tokio::test]
 async fn a_scene_and_its_sessions_are_on_one_server() {
     let Some(redis) = Redis::start() else { return };
     let (house, scenes) = (House::new().await, tempfile::tempdir().unwrap());
@@ -133,9 +183,14 @@ async fn a_scene_and_its_sessions_are_on_one_server() {
         two.open_in_yard("c").await,
         "scene \"yard\" is on the server one:1",
     );
+    // Who reads the scene is sent to its server.
+    says(two.check("yard").await, "scene \"yard\" is on the server one:1");
+    assert_eq!(one.check("yard").await, Ok(()));
+    assert_eq!(two.check("meadow").await, Ok(()), "no server has it");
     // The refused session has left no lease behind, and may be elsewhere.
     open(&one.space, "c").await;
     sleep(LEASE + LEASE / 2);
+    assert_eq!(two.check("yard").await, Ok(()), "a lease has ended");
     // The scene comes with its first session, and takes the others from the server before.
     assert_eq!(two.last_sequence("a").await, Ok(0));
     one.round();
@@ -177,6 +232,10 @@ async fn sessions_go_on_without_their_store_and_new_ones_wait() {
     says(
         one.last_sequence("other").await,
         "the store of sessions does not answer",
+    );
+    says(
+        one.check("yard").await,
+        "the store of sessions does not answer: store: redis://127.0.0.1:",
     );
     assert_eq!(one.last_sequence("hero").await, Ok(5));
 

@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
+use super::uploads::SharedUploads;
 use super::{LivePacks, Sessions};
 use crate::packs::{LoadedPack, Shape};
 use crate::world::{Folders, LoadError, Store};
@@ -50,6 +51,7 @@ impl Space {
             && self.store.definitions().snapshot().iter().len() == 0
             && self.store.skeletons().count() == 0
             && self.added_styles() == 0
+            && self.store.journal().is_empty()
     }
 
     fn added_styles(&self) -> usize {
@@ -132,6 +134,8 @@ pub struct Spaces {
     making: Mutex<Shapes>,
     uses: AtomicU64,
     options: TenantOptions,
+    /// Empty unless other servers share the store.
+    uploads: OnceLock<Arc<SharedUploads>>,
 }
 
 /// By the names of packs.
@@ -155,6 +159,7 @@ impl Spaces {
             making: Mutex::default(),
             uses: AtomicU64::default(),
             options,
+            uploads: OnceLock::new(),
         }
     }
 
@@ -180,8 +185,30 @@ impl Spaces {
         }
     }
 
-    /// The space of `tenant`. The first call for a tenant reads its files, which blocks. If there
-    /// are too many tenants, the one makes room that has nothing and is idle for longest.
+    /// As [`Spaces::known`], without a use of it.
+    pub(super) fn unused(&self, tenant: &Tenant) -> Option<Arc<Space>> {
+        match tenant {
+            None => Some(self.common.clone()),
+            Some(tenant) => self.read().get(tenant).cloned(),
+        }
+    }
+
+    /// The uploads that are shared with other servers. `None`: none are.
+    pub(super) fn uploads(&self) -> Option<&Arc<SharedUploads>> {
+        self.uploads.get()
+    }
+
+    /// From now on, uploads of all tenants are shared with other servers. Only the first call
+    /// counts.
+    pub(super) fn share_uploads(&self, uploads: SharedUploads) {
+        let _one = self.making();
+        self.uploads.get_or_init(|| Arc::new(uploads));
+        self.all().for_each(|space| space.store.journal().share());
+    }
+
+    /// The space of `tenant`. The first call for a tenant reads its files and what other servers
+    /// share, which blocks. If there are too many tenants, the one makes room that has nothing and
+    /// is idle for longest.
     ///
     /// # Errors
     /// [`SpaceError`] if there are too many tenants, or a file cannot be read.
@@ -199,6 +226,10 @@ impl Spaces {
         }
         self.make_room()?;
         let space = Arc::new(self.make(name)?);
+        if let Some(uploads) = self.uploads() {
+            space.store.journal().share();
+            uploads.load(&space);
+        }
         let mut tenants = self.tenants.write().unwrap_or_else(PoisonError::into_inner);
         tenants.insert(name.clone(), space.clone());
         drop(making);

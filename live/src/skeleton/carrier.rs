@@ -22,6 +22,16 @@ const LISTED: usize = 32;
 /// Most characters of a word that an error repeats.
 const MAX_ECHO: usize = 64;
 
+/// Packs among which one is chosen to plan paths for a body of another pack.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Among {
+    /// Those that plan better than UniMoGen's own network: of the same body or, for robots, of a
+    /// robot. docs/unimogen.md has the figures, and those of other packs, which are worse.
+    Better,
+    /// All that walk.
+    All,
+}
+
 /// A pack that plans paths for a body of another pack.
 #[derive(Debug, Clone)]
 pub struct Carrier {
@@ -101,6 +111,13 @@ struct Candidate<'a> {
 }
 
 impl<'a> Candidate<'a> {
+    fn is(self, among: Among, for_robot: bool) -> bool {
+        match among {
+            Among::Better => self.is_same_body || (for_robot && self.is_robot),
+            Among::All => true,
+        }
+    }
+
     /// The smallest comes first: the same body, another robot for robots, the pack `human`, and the
     /// first by name.
     fn rank(self, for_robot: bool) -> (bool, bool, bool, &'a str) {
@@ -115,20 +132,22 @@ impl<'a> Candidate<'a> {
 
 impl Skeletons {
     /// The pack that plans the paths of the body with index `place` of a pack, in the style that
-    /// `word` names. None is for the default style. The first call for a pair of bodies takes
-    /// milliseconds.
+    /// `word` names. None is for the default style. `among` says which packs may. The first call
+    /// for a pair of bodies takes milliseconds.
     ///
     /// # Errors
-    /// [`NoCarrier`] if no pack can.
+    /// [`NoCarrier`] if none of them can.
     pub fn carrier(
         &self,
         (loaded, place): (&LoadedPack, usize),
         word: Option<&str>,
         table: &PackTable,
+        among: Among,
     ) -> Result<Carrier, NoCarrier> {
         let rig = loaded.rig(place);
         let for_robot = rig.skeleton.robot.is_some();
-        let mut packs: Vec<&Arc<LoadedPack>> = table.all().filter(|pack| carries(pack, rig)).collect();
+        let may = |pack: &&Arc<LoadedPack>| carries(pack, rig) && candidate(pack, rig).is(among, for_robot);
+        let mut packs: Vec<&Arc<LoadedPack>> = table.all().filter(may).collect();
         packs.sort_by_key(|pack| candidate(pack, rig).rank(for_robot));
         let mut error = NoCarrier::NoPack;
         let mut is_first = true;

@@ -34,6 +34,29 @@ fn the_same_body_comes_first_then_robots_for_robots_then_human_then_names() {
     assert_eq!(order(&reversed, true), order(&packs(""), true));
 }
 
+#[test]
+fn better_are_packs_of_the_same_body_and_of_robots_for_robots() {
+    let [same, human, open, g1] = [
+        ("same", true, false),
+        ("human", false, false),
+        ("open", false, false),
+        ("g1", false, true),
+    ]
+    .map(|(name, is_same_body, is_robot)| candidate_of(name, is_same_body, is_robot));
+    let better = |for_robot| {
+        let is_better = |one: &Candidate<'_>| one.is(Among::Better, for_robot);
+        let found = [same, human, open, g1].into_iter().filter(is_better);
+        found.map(|one| one.name).collect::<Vec<_>>()
+    };
+    assert_eq!(better(false), ["same"]);
+    assert_eq!(better(true), ["same", "g1"]);
+    assert!(
+        [same, human, open, g1]
+            .iter()
+            .all(|one| one.is(Among::All, false))
+    );
+}
+
 mod packs {
     use std::path::Path;
 

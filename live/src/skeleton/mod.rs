@@ -10,6 +10,7 @@
 //! | [`guest`] | a skeleton that comes with a request, and goes with it |
 //! | [`carrier`] | packs that plan paths for bodies of other packs |
 //! | [`store`] | the skeletons of a tenant, and the folder that keeps them |
+//! | [`shared`] | skeletons as servers share them |
 //! | [`message`] | skeletons and certificates as messages |
 //!
 //! A character lives on the skeleton of its pack, in the pack's size. Lengths of its client are
@@ -22,11 +23,12 @@ mod dress;
 mod error;
 mod guest;
 mod message;
+mod shared;
 mod store;
 mod upload;
 mod worn;
 
-pub use carrier::{Carrier, NoCarrier, is_on_two_legs, is_same_body};
+pub use carrier::{Among, Carrier, NoCarrier, is_on_two_legs, is_same_body};
 pub use difference::Difference;
 pub use dress::Dress;
 pub(crate) use dress::Last;
@@ -35,3 +37,6 @@ pub use guest::{Guest, can_wear};
 pub use store::{MAX_SKELETONS, Skeletons};
 pub use upload::upload;
 pub use worn::Worn;
+
+#[cfg(test)]
+pub(crate) use shared::testing;

@@ -17,6 +17,7 @@ use super::guest::Guests;
 use super::worn::Worn;
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::LivePack;
+use crate::uploads::{Journal, Upload};
 use crate::world::{MemoryHolder, NoMemory, UploadMemory};
 
 /// Maximum number of skeletons of a tenant.
@@ -38,8 +39,8 @@ pub struct Skeletons {
     all: RwLock<ByName>,
     /// Keeps them. `None`: they are lost when the server stops.
     folder: Option<PathBuf>,
-    /// Held by the one writer.
-    writing: Mutex<()>,
+    /// What has changed here. Held by the one writer.
+    journal: Arc<Journal>,
     pub(super) guests: Guests,
     pub(super) ways: Ways,
 }
@@ -136,7 +137,7 @@ impl Own {
     }
 
     /// Checks that no session wears it.
-    fn check_unused(&self) -> Result<(), SkeletonError> {
+    pub(super) fn check_unused(&self) -> Result<(), SkeletonError> {
         match self.sessions() {
             0 => Ok(()),
             sessions => Err(SkeletonError::InUse {
@@ -231,17 +232,22 @@ impl Skeletons {
         Ok(Self {
             all: RwLock::new(all.collect()),
             folder,
-            writing: Mutex::default(),
+            journal: Arc::default(),
             guests: Guests::default(),
             ways: Ways::default(),
         })
     }
 
-    fn all(&self) -> RwLockReadGuard<'_, ByName> {
+    /// The same skeletons, whose changes `journal` has.
+    pub(crate) fn noting(self, journal: Arc<Journal>) -> Self {
+        Self { journal, ..self }
+    }
+
+    pub(super) fn all(&self) -> RwLockReadGuard<'_, ByName> {
         self.all.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn changing(&self) -> RwLockWriteGuard<'_, ByName> {
+    pub(super) fn changing(&self) -> RwLockWriteGuard<'_, ByName> {
         self.all.write().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -277,7 +283,7 @@ impl Skeletons {
         table: &PackTable,
         memory: &UploadMemory,
     ) -> Result<Arc<Own>, SkeletonError> {
-        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut changed = self.journal.change();
         let before = self.all().get(doc.name.as_str()).cloned();
         if let Some(same) = before.as_ref().filter(|before| before.doc == doc) {
             same.fit(of, table, "source")?;
@@ -296,18 +302,27 @@ impl Skeletons {
         };
         let own = Arc::new(Own::new(doc).map_err(no_body)?);
         own.fit(of, table, "source")?;
-        let name = own.doc.name.clone();
+        self.room(&own, before.as_deref(), memory)?;
+        self.take_in(&own, before.as_deref(), &text)?;
+        changed.note(Upload::Skeleton(own.doc.name.clone()));
+        Ok(own)
+    }
+
+    /// Checks that a skeleton fits, in the place of the one `before`.
+    pub(super) fn room(
+        &self,
+        own: &Own,
+        before: Option<&Own>,
+        memory: &UploadMemory,
+    ) -> Result<(), SkeletonError> {
         if before.is_none() && self.count() >= MAX_SKELETONS {
             return Err(SkeletonError::Full { most: MAX_SKELETONS });
         }
-        let replaced = before.as_ref().map_or(0, |before| bytes(before));
         let no_room = |cause: NoMemory| SkeletonError::NoMemory {
-            name: name.clone(),
+            name: own.doc.name.clone(),
             cause,
         };
-        memory.check(bytes(&own), replaced).map_err(no_room)?;
-        self.take_in(&own, before.as_deref(), &text)?;
-        Ok(own)
+        memory.check(bytes(own), before.map_or(0, bytes)).map_err(no_room)
     }
 
     /// Writes the file of a skeleton, `text`, and then has it found instead of the one `before`: no
@@ -343,12 +358,13 @@ impl Skeletons {
     /// changed. [`SkeletonError::NotKept`] if its file cannot be removed. Then it is back after a
     /// restart.
     pub(super) fn delete(&self, name: &str) -> Result<(), SkeletonError> {
-        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut changed = self.journal.change();
         let own = self.get("name", name)?;
         let mut all = self.changing();
         own.check_unused()?;
         all.remove(name);
         drop(all);
+        changed.note(Upload::Skeleton(name.to_owned()));
         match &self.folder {
             Some(folder) => forget(folder, name).map_err(|cause| not_kept(name, &cause)),
             None => Ok(()),

@@ -51,7 +51,8 @@ impl Object {
 }
 
 impl Store {
-    /// The record of a scene's objects. `None` for a scene that is not kept as a file.
+    /// The record of a scene's objects. `None` for a scene that is neither kept as a file nor
+    /// shared by servers.
     pub fn record_of(&self, name: &str, scene: &Scene) -> Option<Vec<u8>> {
         let content = self.kept().get(name).map(|file| file.content)?;
         let record = Record {

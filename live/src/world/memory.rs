@@ -67,12 +67,16 @@ impl UploadMemory {
         }
     }
 
-    /// Counts the uploads of `holder` until it is dropped.
+    /// Counts the uploads of `holder` until it is dropped. A holder that is counted already counts
+    /// once: a pack that takes the place of another has its styles.
     pub fn count<H: Holder + 'static>(&self, holder: &Arc<H>) {
         let holder: Weak<H> = Arc::downgrade(holder);
         let mut holders = self.holders.lock().unwrap_or_else(PoisonError::into_inner);
         holders.retain(|holder| holder.strong_count() > 0);
-        holders.push(holder);
+        let is_it = |other: &Weak<dyn Holder>| std::ptr::addr_eq(other.as_ptr(), holder.as_ptr());
+        if !holders.iter().any(is_it) {
+            holders.push(holder);
+        }
     }
 
     /// Checks that there is room for an upload of `bytes`, which replaces one of `replaced` bytes.
@@ -95,5 +99,32 @@ impl UploadMemory {
                 most: self.max_bytes,
             }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug)]
+    struct Bytes(usize);
+
+    impl Holder for Bytes {
+        fn bytes(&self) -> usize {
+            self.0
+        }
+    }
+
+    #[test]
+    fn a_holder_counts_once_and_until_it_is_dropped() {
+        let memory = UploadMemory::new(10);
+        let (one, other) = (Arc::new(Bytes(4)), Arc::new(Bytes(1)));
+        for holder in [&one, &other, &one] {
+            memory.count(holder);
+        }
+        assert_eq!(memory.check(5, 0), Ok(()));
+        assert_eq!(memory.check(6, 0).unwrap_err().taken, 5);
+        drop(one);
+        assert_eq!(memory.check(9, 0), Ok(()));
     }
 }

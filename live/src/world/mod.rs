@@ -15,6 +15,7 @@ mod kept;
 mod memory;
 mod message;
 mod shape;
+mod shared;
 mod store;
 
 #[cfg(test)]

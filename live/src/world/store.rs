@@ -15,6 +15,7 @@ use troupe_motion::model::Rig;
 
 use super::memory::{NoMemory, UploadMemory};
 use crate::skeleton::Skeletons;
+use crate::uploads::{Journal, Upload};
 
 /// The folders of scenes, definitions and skeletons. The server reads them at its start and writes
 /// uploads to them.
@@ -37,19 +38,21 @@ pub struct Store {
     skeletons: Arc<Skeletons>,
     folders: Folders,
     memory: Arc<UploadMemory>,
+    /// What has changed here. Its lock is taken before that of `kept`.
+    journal: Arc<Journal>,
     /// Facts about the scenes' files. The lock also allows only one upload or deletion at a time.
     kept: Mutex<Kept>,
 }
 
-/// The scenes that are kept as files, by name.
-type Kept = BTreeMap<String, KeptScene>;
+/// The scenes that are kept as files or that servers share, by name.
+pub(super) type Kept = BTreeMap<String, KeptScene>;
 
-/// Facts about the file of a scene.
+/// Facts about a scene as it was uploaded.
 #[derive(Debug)]
 pub(super) struct KeptScene {
     /// Names of the definitions of its objects.
     definitions: BTreeSet<String>,
-    /// Start of a hash of the content.
+    /// Start of a hash of the content, or a random number if servers share the upload.
     pub(super) content: u64,
 }
 
@@ -162,7 +165,9 @@ impl Store {
             }
         }
         let scenes = Arc::new(scenes);
-        let skeletons = Arc::new(Skeletons::load(folders.skeletons.clone())?);
+        let journal = Arc::<Journal>::default();
+        let skeletons = Skeletons::load(folders.skeletons.clone())?;
+        let skeletons = Arc::new(skeletons.noting(journal.clone()));
         memory.count(&scenes);
         memory.count(&definitions);
         memory.count(&skeletons);
@@ -172,6 +177,7 @@ impl Store {
             skeletons,
             folders,
             memory,
+            journal,
             kept: Mutex::new(kept),
         })
     }
@@ -218,6 +224,11 @@ impl Store {
         &self.memory
     }
 
+    /// What has changed here, if servers share uploads.
+    pub(crate) fn journal(&self) -> &Arc<Journal> {
+        &self.journal
+    }
+
     pub(super) fn kept(&self) -> MutexGuard<'_, Kept> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -236,29 +247,45 @@ impl Store {
         text: Option<(&str, Format)>,
         make: impl FnOnce(&DefinitionList) -> Result<NamedScene, E>,
     ) -> Result<String, E> {
+        let mut changed = self.journal.change();
         let mut kept = self.kept();
-        self.definitions.while_unchanged(|definitions| {
+        let name = self.definitions.while_unchanged(|definitions| {
             let NamedScene { name, scene } = make(definitions)?;
-            self.scenes.room_for(&name).map_err(StoreError::from)?;
-            let replaced = self.scenes.get(&name).map_or(0, |cell| cell.snapshot().bytes());
-            self.room("scene", &name, scene.bytes(), replaced)?;
+            self.room_for_scene(&name, &scene)?;
             if let Some(folder) = &self.folders.scenes {
                 keep_scene(folder, &name, &scene, text)?;
                 kept.insert(name.clone(), KeptScene::of(&name, &scene));
             }
-            match self.scenes.get(&name) {
-                Ok(cell) => {
-                    let Ok(()) = cell.update(|before| -> Result<(), Infallible> {
-                        before.become_scene(scene);
-                        Ok(())
-                    });
-                }
-                Err(_) => {
-                    self.scenes.add(&name, scene).map_err(StoreError::from)?;
-                }
+            if changed.is_shared() {
+                // Places of objects in the store are those of the upload before.
+                kept.insert(name.clone(), KeptScene::with(rand::random(), &scene));
             }
-            Ok(name)
-        })
+            self.show_scene(&name, scene)?;
+            Ok::<_, E>(name)
+        })?;
+        changed.note(Upload::Scene(name.clone()));
+        Ok(name)
+    }
+
+    /// Checks that a scene fits, in the place of the one with its name.
+    pub(super) fn room_for_scene(&self, name: &str, scene: &Scene) -> Result<(), StoreError> {
+        self.scenes.room_for(name)?;
+        let replaced = self.scenes.get(name).map_or(0, |cell| cell.snapshot().bytes());
+        self.room("scene", name, scene.bytes(), replaced)
+    }
+
+    /// Has a scene found under its name. Sessions in the scene before are then in this one.
+    pub(super) fn show_scene(&self, name: &str, scene: Scene) -> Result<(), StoreError> {
+        match self.scenes.get(name) {
+            Ok(cell) => {
+                let Ok(()) = cell.update(|before| -> Result<(), Infallible> {
+                    before.become_scene(scene);
+                    Ok(())
+                });
+            }
+            Err(_) => drop(self.scenes.add(name, scene)?),
+        }
+        Ok(())
     }
 
     /// Checks that there is room for an upload of `bytes`, which replaces one of `replaced` bytes.
@@ -278,8 +305,10 @@ impl Store {
     /// [`StoreError::Scenes`] if the scene is unknown or has sessions. Then nothing has changed.
     /// [`StoreError::Keep`] if its file cannot be removed. Then the scene is back after a restart.
     pub fn delete_scene(&self, name: &str) -> Result<(), StoreError> {
+        let mut changed = self.journal.change();
         let mut kept = self.kept();
         self.scenes.remove(name)?;
+        changed.note(Upload::Scene(name.to_owned()));
         if let Some(folder) = &self.folders.scenes {
             forget(folder, name).map_err(|cause| not_kept("scene", name, &cause))?;
         }
@@ -298,19 +327,11 @@ impl Store {
         text: &str,
         format: Format,
     ) -> Result<Uploaded, StoreError> {
+        let mut changed = self.journal.change();
         let _one = self.kept();
         let before = self.definitions.snapshot();
         let replaced = before.get(&definition.name).ok();
-        if replaced.is_none() && before.iter().len() >= MAX_DEFINITIONS {
-            return Err(DefinitionsError::Full.into());
-        }
-        let replaced_bytes = replaced.map_or(0, |other| other.definition.bytes());
-        self.room(
-            "object definition",
-            &definition.name,
-            definition.bytes(),
-            replaced_bytes,
-        )?;
+        self.room_for_definition(&definition)?;
         if let Some(folder) = &self.folders.objects {
             let name = &definition.name;
             let not_kept = |cause: std::io::Error| not_kept("object definition", name, &cause);
@@ -319,7 +340,24 @@ impl Store {
                 forget(&folder.join(&other.definition.pack), name).map_err(not_kept)?;
             }
         }
+        changed.note(Upload::Definition(definition.name.clone()));
         Ok(self.definitions.upload(definition, &self.scenes)?)
+    }
+
+    /// Checks that a definition fits, in the place of the one with its name.
+    pub(super) fn room_for_definition(&self, definition: &Definition) -> Result<(), StoreError> {
+        let before = self.definitions.snapshot();
+        let replaced = before.get(&definition.name).ok();
+        if replaced.is_none() && before.iter().len() >= MAX_DEFINITIONS {
+            return Err(DefinitionsError::Full.into());
+        }
+        let replaced = replaced.map_or(0, |other| other.definition.bytes());
+        self.room(
+            "object definition",
+            &definition.name,
+            definition.bytes(),
+            replaced,
+        )
     }
 
     /// Removes a definition and its file. No scene may have an object of it, neither in memory nor
@@ -330,7 +368,18 @@ impl Store {
     /// changed. [`StoreError::Keep`] if its file cannot be removed. Then the definition is back
     /// after a restart.
     pub fn delete_definition(&self, name: &str) -> Result<(), StoreError> {
-        let kept = self.kept();
+        let mut changed = self.journal.change();
+        let removed = self.remove_definition(&self.kept(), name)?;
+        changed.note(Upload::Definition(name.to_owned()));
+        if let Some(folder) = &self.folders.objects {
+            forget(&folder.join(&removed.pack), name)
+                .map_err(|cause| not_kept("object definition", name, &cause))?;
+        }
+        Ok(())
+    }
+
+    /// Removes a definition from memory, if no scene may have an object of it.
+    pub(super) fn remove_definition(&self, kept: &Kept, name: &str) -> Result<Arc<Definition>, StoreError> {
         let names =
             |(scene, file): (&String, &KeptScene)| file.definitions.contains(name).then(|| scene.clone());
         let scenes: Vec<String> = kept.iter().filter_map(names).collect();
@@ -338,12 +387,7 @@ impl Store {
             let name = name.to_owned();
             return Err(DefinitionsError::InUse { name, scenes }.into());
         }
-        let removed = self.definitions.remove(name, &self.scenes)?;
-        if let Some(folder) = &self.folders.objects {
-            forget(&folder.join(&removed.pack), name)
-                .map_err(|cause| not_kept("object definition", name, &cause))?;
-        }
-        Ok(())
+        Ok(self.definitions.remove(name, &self.scenes)?)
     }
 }
 
@@ -378,13 +422,19 @@ fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) ->
 impl KeptScene {
     /// The facts about the file of `scene`.
     fn of(name: &str, scene: &Scene) -> Self {
-        let instances = scene.instances();
         // A scene that cannot be written as text has no file, so its hash does not matter.
         let text = scene.to_doc(name).to_toml().unwrap_or_default();
         let hash: [u8; 32] = Sha256::digest(text.as_bytes()).into();
+        let content = hash.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
+        Self::with(content, scene)
+    }
+
+    /// The facts about a scene with this content.
+    pub(super) fn with(content: u64, scene: &Scene) -> Self {
+        let instances = scene.instances();
         Self {
             definitions: instances.map(|instance| instance.object.to_string()).collect(),
-            content: hash.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes)),
+            content,
         }
     }
 }

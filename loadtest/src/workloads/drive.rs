@@ -18,6 +18,7 @@ use v1::sessions_client::SessionsClient;
 use super::connect::MOST_ANSWER_BYTES;
 use super::frames::{Block, BlockError};
 use super::groups::Groups;
+use super::route::GroupRoute;
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
@@ -53,9 +54,9 @@ impl Drive {
         } = self.groups;
         tokio::time::sleep_until(recorder.clock().start()).await;
         let mut tasks = JoinSet::new();
-        for (channel, crowd) in groups {
-            let stream = Stream::new(&self.live, joints, crowd, recorder.clone());
-            tasks.spawn(async move { stream.run(channel).await });
+        for group in groups {
+            let stream = Stream::new(&self.live, joints, group.walkers, recorder.clone());
+            tasks.spawn(async move { stream.run(group.channel, &group.route).await });
         }
         opened.see_through(tasks, recorder).await
     }
@@ -100,22 +101,23 @@ impl Stream {
         }
     }
 
-    async fn run(mut self, channel: KeyedChannel) {
-        if let Err(status) = self.follow(channel).await {
+    async fn run(mut self, channel: KeyedChannel, route: &GroupRoute) {
+        if let Err(status) = self.follow(channel, route).await {
             self.recorder.fault("STREAM_LOST", status.message());
             let lost = self.walkers.len() as u64;
             self.recorder.live(|live| live.faults += lost);
         }
     }
 
-    async fn follow(&mut self, channel: KeyedChannel) -> Result<(), tonic::Status> {
+    async fn follow(&mut self, channel: KeyedChannel, route: &GroupRoute) -> Result<(), tonic::Status> {
         let (asks, queue) = mpsc::channel(QUEUE);
         let session_ids = self.walkers.iter().map(|w| w.id.clone()).collect();
         // The queue is empty, so it has room.
         let _ = asks.try_send(request(Ask::Open(self.options.clone())));
         let _ = asks.try_send(request(Ask::Attach(v1::DriveAttach { session_ids })));
         let mut rpc = SessionsClient::new(channel).max_decoding_message_size(MOST_ANSWER_BYTES);
-        let mut answers = rpc.drive(ReceiverStream::new(queue)).await?.into_inner();
+        let call = route.call(ReceiverStream::new(queue));
+        let mut answers = rpc.drive(call).await?.into_inner();
         let end = self.recorder.clock().end();
         while let Ok(message) = tokio::time::timeout_at(end, answers.message()).await {
             let now = Instant::now();

@@ -1,9 +1,10 @@
-//! Live characters in groups. Each group uses one connection.
+//! Live characters in groups. Each group uses one connection, and one server of several.
 
 use troupe_client::KeyedChannel;
 
 use super::connect::channels;
-use super::sessions::{Opened, open_walkers};
+use super::route::GroupRoute;
+use super::sessions::{Opened, client_of, walkers};
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::Recorder;
@@ -14,28 +15,54 @@ use crate::plan::{Live, Plan, Share};
 pub(super) struct Groups {
     pub(super) opened: Opened,
     pub(super) joints: usize,
-    pub(super) groups: Vec<(KeyedChannel, Vec<Walker>)>,
+    pub(super) groups: Vec<Group>,
+}
+
+/// The characters of a stream, or those that are stepped together.
+#[derive(Debug)]
+pub(super) struct Group {
+    pub(super) channel: KeyedChannel,
+    pub(super) route: GroupRoute,
+    pub(super) walkers: Vec<Walker>,
 }
 
 impl Groups {
     /// Opens the sessions of the share's characters, and splits them into groups, one per stream.
     pub(super) async fn open(plan: &Plan, live: &Live, share: Share) -> Result<Self, Failure> {
         let channels = channels(plan).await?;
-        let (opened, pack, walkers) = open_walkers(plan, live, share).await?;
-        let groups = share
+        let client = client_of(plan).await?;
+        let (pack, walkers) = walkers(&client, plan, live, share).await?;
+        let count = share
             .part(live.streams)
             .max(1)
             .min(u32::try_from(walkers.len()).unwrap_or(u32::MAX));
-        let groups = split(walkers, groups as usize)
-            .into_iter()
-            .zip(channels.iter().cycle())
-            .map(|(group, channel)| (channel.clone(), group))
-            .collect();
-        Ok(Self {
-            opened,
+        let mut all = Self {
+            opened: Opened::default(),
             joints: pack.skeleton().joint_count(),
-            groups,
-        })
+            groups: Vec::new(),
+        };
+        let parts = split(walkers, count as usize).into_iter();
+        for ((part, channel), nth) in parts
+            .zip(channels.iter().cycle())
+            .zip(share.before(live.streams)..)
+        {
+            let route = GroupRoute::new(plan.seed, nth)?;
+            let opened = all.opened.open(route.client(&client)?, &pack, part).await;
+            let walkers = match opened {
+                Ok(walkers) => walkers,
+                Err(error) => {
+                    // The first error says most.
+                    let _ = all.opened.close().await;
+                    return Err(error);
+                }
+            };
+            all.groups.push(Group {
+                channel: channel.clone(),
+                route,
+                walkers,
+            });
+        }
+        Ok(all)
     }
 
     /// Sets the number of characters in the recorder.

@@ -10,6 +10,7 @@ mod grpc;
 mod http;
 mod idle;
 mod requests;
+mod route;
 mod sessions;
 mod step;
 mod wander;

@@ -18,15 +18,16 @@ const TTL_MARGIN: Duration = Duration::from_secs(60);
 /// Maximum time to live that a server allows.
 const MOST_TTL: Duration = Duration::from_secs(86_400);
 
-/// The ids of all sessions that this process opened.
-#[derive(Debug, Clone)]
+/// The sessions that this process opened.
+#[derive(Debug, Default)]
 pub(super) struct Opened {
-    client: Client,
+    /// Clients, each with the ids of its sessions. They may be on different servers.
+    clients: Vec<(Client, Vec<String>)>,
     ids: HashSet<String>,
 }
 
 /// A client with the plan's limits.
-pub(super) async fn client(plan: &Plan) -> Result<Client, Failure> {
+pub(super) async fn client_of(plan: &Plan) -> Result<Client, Failure> {
     let options = ConnectOptions {
         request_timeout: plan.timeout(),
         ..plan.access.options()
@@ -45,28 +46,23 @@ fn priority(nth: u32) -> f32 {
     (f64::from(nth) * 0.618_033_988_749_895).fract() as f32
 }
 
-/// Opens the sessions of a share's characters, each at its own place, and makes a walker for each.
-pub(super) async fn open_walkers(
+/// The characters of a share, each at its own place, with the options of their sessions.
+pub(super) async fn walkers(
+    client: &Client,
     plan: &Plan,
     live: &Live,
     share: Share,
-) -> Result<(Opened, Pack, Vec<Walker>), Failure> {
-    let client = client(plan).await?;
+) -> Result<(Pack, Vec<(Walker, SessionOptions)>), Failure> {
     let mut pack = client.pack(&live.pack).await?;
     if let Some(file) = &live.skeleton {
-        pack = wearing(&client, &pack, file).await?;
+        pack = wearing(client, &pack, file).await?;
     }
-    let styles = styles(&client, &pack, &live.styles).await?;
+    let styles = styles(client, &pack, &live.styles).await?;
     let first = share.before(live.characters);
     let numbers = first..first + share.part(live.characters);
-    let mut walkers = numbers
-        .clone()
-        .map(|number| Walker::new(plan.seed, number, &styles, live))
-        .collect::<Vec<_>>();
-    let options = walkers
-        .iter()
-        .zip(numbers)
-        .map(|(walker, number)| {
+    let walkers = numbers
+        .map(|number| {
+            let walker = Walker::new(plan.seed, number, &styles, live);
             let options = walker
                 .options(plan.seed.wrapping_add(u64::from(number)))
                 .ttl(ttl(plan));
@@ -74,18 +70,15 @@ pub(super) async fn open_walkers(
                 Some(frames) => options.look_ahead_frames(frames),
                 None => options,
             };
-            if live.spread_priorities {
+            let options = if live.spread_priorities {
                 options.priority(priority(number))
             } else {
                 options
-            }
+            };
+            (walker, options)
         })
-        .collect::<Vec<_>>();
-    let sessions = client.open_sessions(&pack, &options).await?;
-    for (walker, session) in walkers.iter_mut().zip(&sessions) {
-        session.id().clone_into(&mut walker.id);
-    }
-    Ok((Opened::new(client, &sessions), pack, walkers))
+        .collect();
+    Ok((pack, walkers))
 }
 
 /// The pack whose characters wear the skeleton of a file. Processes of one load share it.
@@ -100,19 +93,36 @@ async fn wearing(client: &Client, pack: &Pack, file: &Path) -> Result<Pack, Fail
 
 /// Opens sessions without walkers.
 pub(super) async fn open_idle(plan: &Plan, pack: &str, count: u32) -> Result<Opened, Failure> {
-    let client = client(plan).await?;
+    let client = client_of(plan).await?;
     let pack = client.pack(pack).await?;
     let options = (0..u64::from(count)).map(|n| SessionOptions::new().seed(plan.seed + n).ttl(ttl(plan)));
     let sessions = client.open_sessions(&pack, &options.collect::<Vec<_>>()).await?;
-    Ok(Opened::new(client, &sessions))
+    let mut opened = Opened::default();
+    opened.note(client, &sessions);
+    Ok(opened)
 }
 
 impl Opened {
-    fn new(client: Client, sessions: &[Session]) -> Self {
-        Self {
-            client,
-            ids: sessions.iter().map(|s| s.id().to_owned()).collect(),
+    fn note(&mut self, client: Client, sessions: &[Session]) {
+        let ids: Vec<String> = sessions.iter().map(|s| s.id().to_owned()).collect();
+        self.ids.extend(ids.iter().cloned());
+        self.clients.push((client, ids));
+    }
+
+    /// Opens the sessions of a group of characters.
+    pub(super) async fn open(
+        &mut self,
+        client: Client,
+        pack: &Pack,
+        group: Vec<(Walker, SessionOptions)>,
+    ) -> Result<Vec<Walker>, Failure> {
+        let (mut walkers, options): (Vec<_>, Vec<_>) = group.into_iter().unzip();
+        let sessions = client.open_sessions(pack, &options).await?;
+        for (walker, session) in walkers.iter_mut().zip(&sessions) {
+            session.id().clone_into(&mut walker.id);
         }
+        self.note(client, &sessions);
+        Ok(walkers)
     }
 
     /// Number of sessions that were opened.
@@ -121,9 +131,20 @@ impl Opened {
     }
 
     /// The states of the sessions that are still open.
-    async fn now(&self) -> Result<impl Iterator<Item = v1::Session>, Failure> {
-        let open = self.client.list_sessions().await?;
-        Ok(open.into_iter().filter(|s| self.ids.contains(&s.id)))
+    async fn now(&self) -> Result<Vec<v1::Session>, Failure> {
+        let (mut found, mut open) = (HashSet::new(), Vec::new());
+        for (client, ids) in &self.clients {
+            // One list has the sessions of all clients on that server.
+            if ids.iter().all(|id| found.contains(id)) {
+                continue;
+            }
+            for session in client.list_sessions().await? {
+                if self.ids.contains(&session.id) && found.insert(session.id.clone()) {
+                    open.push(session);
+                }
+            }
+        }
+        Ok(open)
     }
 
     /// Reads the counts of the sessions while `tasks` run the load, and closes the sessions
@@ -152,8 +173,8 @@ impl Opened {
 
     async fn stats(&self) -> Result<PlanStats, Failure> {
         let mut sum = PlanStats::default();
-        self.now()
-            .await?
+        let open = self.now().await?;
+        open.into_iter()
             .filter_map(|s| s.stats)
             .for_each(|stats| sum.add(&stats));
         Ok(sum)
@@ -161,7 +182,7 @@ impl Opened {
 
     /// Records a fault if sessions are no longer open.
     pub(super) async fn check(&self, recorder: &Recorder) -> Result<(), Failure> {
-        let open = self.now().await?.count();
+        let open = self.now().await?.len();
         let lost = self.ids.len().saturating_sub(open) as u64;
         if lost > 0 {
             recorder.fault("SESSION_LOST", &format!("{lost} sessions are no longer open"));
@@ -172,7 +193,10 @@ impl Opened {
 
     /// Closes all sessions.
     pub(super) async fn close(self) -> Result<(), Failure> {
-        self.client.close_sessions(self.ids).await?;
+        // A client goes on to the servers that have the rest.
+        if let Some((client, _)) = self.clients.first() {
+            client.close_sessions(self.ids).await?;
+        }
         Ok(())
     }
 }

@@ -13,6 +13,7 @@ use super::connect::MOST_ANSWER_BYTES;
 use super::frames::Block;
 use super::groups::Groups;
 use super::grpc::from_status;
+use super::route::GroupRoute;
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
@@ -47,7 +48,8 @@ impl Step {
         } = self.groups;
         let mut tasks = JoinSet::new();
         let count = u32::try_from(groups.len()).unwrap_or(u32::MAX);
-        for (nth, (channel, walkers)) in (0_u32..).zip(groups) {
+        for (nth, group) in (0_u32..).zip(groups) {
+            let (channel, route, walkers) = (group.channel, group.route, group.walkers);
             let period = Duration::from_secs(1) / self.stepping.live.rate_hz;
             let group = Group {
                 recorder: recorder.clone(),
@@ -62,7 +64,7 @@ impl Step {
                 ids: walkers.iter().map(|w| w.id.clone()).collect(),
                 walkers,
             };
-            tasks.spawn(group.run(channel));
+            tasks.spawn(async move { group.run(channel, &route).await });
         }
         opened.see_through(tasks, recorder).await
     }
@@ -85,7 +87,7 @@ struct Group {
 }
 
 impl Group {
-    async fn run(mut self, channel: KeyedChannel) {
+    async fn run(mut self, channel: KeyedChannel, route: &GroupRoute) {
         let mut rpc = SessionsClient::new(channel).max_decoding_message_size(MOST_ANSWER_BYTES);
         let (start, end) = (self.recorder.clock().start(), self.recorder.clock().end());
         let mut due = start + self.phase;
@@ -100,7 +102,7 @@ impl Group {
                 return;
             }
             let sent = Instant::now();
-            let request = self.request(sent);
+            let request = route.call(self.request(sent));
             self.recorder.sent(sent);
             let outcome = match tokio::time::timeout(self.timeout, rpc.step(request)).await {
                 Ok(Ok(answer)) => self.read(&answer.into_inner(), nth),

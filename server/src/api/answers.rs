@@ -7,7 +7,7 @@ use super::ApiError;
 use troupe_character::live::CommandOutcome;
 use troupe_live::session::End;
 use troupe_live::session::stream::{Closing, Departure, Said};
-use troupe_live::session::{CommandResult, Resumed, SessionError, SessionProblem, Stepped};
+use troupe_live::session::{Closed, CommandResult, Resumed, SessionError, SessionProblem, Stepped};
 use troupe_live::world::ObjectsChanged;
 use troupe_service::ServiceError;
 
@@ -64,6 +64,14 @@ pub(super) fn resumed(resumed: Resumed) -> v1::ResumeSessionsResponse {
     v1::ResumeSessionsResponse {
         sessions: resumed.sessions,
         problems: resumed.problems.into_iter().map(session_problem).collect(),
+    }
+}
+
+/// The answer to a request that closes sessions.
+pub(super) fn closed(closed: Closed) -> v1::CloseSessionsResponse {
+    v1::CloseSessionsResponse {
+        closed: closed.closed,
+        problems: closed.problems.into_iter().map(session_problem).collect(),
     }
 }
 

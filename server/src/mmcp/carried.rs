@@ -5,7 +5,7 @@ use std::sync::Arc;
 use troupe_character::style::Style;
 use troupe_character::take::{Note, Wanted, falls_behind};
 use troupe_live::session::Space;
-use troupe_live::skeleton::{NoCarrier, Worn};
+use troupe_live::skeleton::{Among, NoCarrier, Worn};
 
 use super::fault::Fault;
 use super::model::Model;
@@ -54,7 +54,7 @@ pub(super) fn carried(
     if planner == Planner::Own || !has_path || !asking.model.follows() {
         return Ok(None);
     }
-    let found = find(asking, space);
+    let found = find(asking, space, if must { Among::All } else { Among::Better });
     let (carried, scale) = match found {
         Ok(found) => found,
         Err(NotCarried::Fault(fault)) if must => return Err(fault),
@@ -106,11 +106,11 @@ enum NotCarried {
 }
 
 /// The other pack, and the size of the answer's body by that of the pack's.
-fn find(asking: &Asking<'_>, space: &Space) -> Result<(Carried, f32), NotCarried> {
+fn find(asking: &Asking<'_>, space: &Space, among: Among) -> Result<(Carried, f32), NotCarried> {
     let model = asking.model;
     let of = (&*model.loaded, model.place);
     let skeletons = space.store.skeletons();
-    let carrier = skeletons.carrier(of, asking.word, &space.packs.table());
+    let carrier = skeletons.carrier(of, asking.word, &space.packs.table(), among);
     let carrier = carrier.map_err(NotCarried::None)?;
     let by = Model {
         id: carrier.loaded.pack.name().to_owned(),

@@ -274,6 +274,27 @@ async fn a_pack_plans_itself_what_no_other_can() {
     assert!(server.shut_down().await);
 }
 
+/// Figures of docs/unimogen.md: for people `open` is worse than the pack itself, and so is `human`
+/// for an H1.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_pack_that_plans_no_better_must_be_asked_for() {
+    for (carrier, name) in [("open", "human"), ("human", "h1")] {
+        let (server, client, _folder) = start(&[carrier, "unimogen"]).await;
+        let made = async |planner| {
+            let goal = ahead(name, "walk", planner);
+            whole(&answer(&client, "unimogen", goal).await.unwrap())
+        };
+        let (auto, own) = (made(PathPlanner::Auto).await, made(PathPlanner::Own).await);
+        assert_eq!(auto, own, "{carrier}, {name}");
+        let (_, notes) = made(PathPlanner::Carried).await;
+        assert!(
+            notes[0].starts_with(&format!("planned by {carrier} ")),
+            "{notes:?}"
+        );
+        assert!(server.shut_down().await);
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_carried_is_refused_with_a_way_on() {
     let (server, client, folder) = start(&["g1", "human", "unimogen"]).await;

@@ -28,7 +28,10 @@ dashboard of [compose.yaml](../compose.yaml) are built on these.
 const ELSEWHERE: [(&str, &[Row]); 2] = [
     (
         "With a shared store",
-        &[("troupe_store_leases_total", "counter", "`result`")],
+        &[
+            ("troupe_store_leases_total", "counter", "`result`"),
+            ("troupe_store_uploads_total", "counter", "`result`"),
+        ],
     ),
     (
         "With a GPU",

@@ -70,6 +70,16 @@ fn seen(id: &str, block: &v1::FrameBlock, index: usize) -> v1::SessionResume {
     }
 }
 
+/// The same six frames later and 0.3 m ahead, with the place of the root.
+fn seen_ahead(id: &str, block: &v1::FrameBlock, index: usize) -> (v1::SessionResume, v1::Vec3) {
+    let mut ahead = seen(id, block, index);
+    ahead.frame = ahead.frame.map(|frame| frame + 6);
+    let root = ahead.pose.as_mut().unwrap().root.as_mut().unwrap();
+    root.position.as_mut().unwrap().z += 0.3;
+    let place = root.position.unwrap();
+    (ahead, place)
+}
+
 #[tokio::test]
 async fn sessions_go_on_as_if_the_server_had_never_stopped() {
     let (folder, other) = (Folder::new("same"), Folder::new("other"));
@@ -108,11 +118,7 @@ async fn a_client_goes_on_from_what_it_saw() {
     let server = folder.server().await;
     let mut client = server.sessions().await;
     // One saw more than the server knows, the other less.
-    let mut ahead = seen("a", &first, 0);
-    ahead.frame = ahead.frame.map(|frame| frame + 6);
-    let root = ahead.pose.as_mut().unwrap().root.as_mut().unwrap();
-    root.position.as_mut().unwrap().z += 0.3;
-    let met = root.position.unwrap();
+    let (ahead, met) = seen_ahead("a", &first, 0);
     let mut behind = seen("b", &first, 1);
     behind.frame = Some(5);
     let unknown = v1::SessionResume {
@@ -165,6 +171,53 @@ async fn a_client_goes_on_from_what_it_saw() {
         .into_inner();
     let one = &again.sessions[0];
     assert_eq!((one.restored, one.session.as_ref().unwrap().frame), (false, 56));
+}
+
+#[tokio::test]
+async fn a_call_without_a_frame_leaves_the_last_frame_to_a_later_call() {
+    let folder = Folder::new("later");
+    let server = folder.server().await;
+    let mut client = server.sessions().await;
+    open(&mut client, &["a", "b"]).await;
+    let first = stepped(&mut client, step(&["a", "b"], 40, vec![walk("a", 1, (0.0, 1.2))])).await;
+    server.handle.shut_down().await;
+
+    let server = folder.server().await;
+    let mut client = server.sessions().await;
+    let blind = |id: &str| v1::SessionResume {
+        session_id: id.into(),
+        ..v1::SessionResume::default()
+    };
+    let (ahead, met) = seen_ahead("a", &first, 0);
+    let mut wrong = ahead.clone();
+    wrong.frame = Some(500);
+    // Neither a call without a frame nor one that is refused is the client's return.
+    let asked = vec![blind("a"), blind("a"), wrong, ahead.clone(), ahead, blind("b")];
+    let answer = client.resume_sessions(resume(asked)).await.unwrap().into_inner();
+    let frames: Vec<_> = (answer.sessions.iter())
+        .map(|one| (one.restored, one.session.as_ref().unwrap().frame))
+        .collect();
+    assert_eq!(
+        frames,
+        [(true, 40), (true, 40), (true, 46), (false, 46), (true, 40)]
+    );
+    assert_eq!(answer.problems.len(), 1);
+    let there = answer.sessions[2].session.as_ref().unwrap().position.unwrap();
+    assert!(
+        (there.z - met.z).abs() < 1e-3 && (there.x - met.x).abs() < 1e-3,
+        "{there:?} {met:?}"
+    );
+
+    // A session that a client has resumed and moved on does not go back to another's frame.
+    stepped(&mut client, step(&["b"], 3, vec![])).await;
+    let (ahead, _) = seen_ahead("b", &first, 1);
+    let answer = client
+        .resume_sessions(resume(vec![ahead]))
+        .await
+        .unwrap()
+        .into_inner();
+    let one = &answer.sessions[0];
+    assert_eq!((one.restored, one.session.as_ref().unwrap().frame), (false, 43));
 }
 
 #[tokio::test]

@@ -144,9 +144,10 @@ export class Api {
   private json = async <T>(answer: Promise<Response>): Promise<T> => (await (await answer).json()) as T;
 
   private async call(method: string, path: string, body?: object): Promise<Response> {
+    const way = this.way.to(path);
     for (let moves = 0; ;) {
       const key = sessionStorage.getItem(KEY);
-      const headers = this.way.headers(path);
+      const headers = way.headers(path);
       if (key) headers['authorization'] = `Bearer ${key}`;
       if (body) headers['content-type'] = 'application/json';
       const options = { method, headers, body: body ? JSON.stringify(body) : null };
@@ -156,8 +157,8 @@ export class Api {
       });
       if (answer.ok) return answer;
       const error = await errorOf(answer);
-      // Another server has the session.
-      if (this.way.follow(error) && moves++ < MOVES) continue;
+      // Another server has the session or the scene.
+      if (way.follow(error) && moves++ < MOVES) continue;
       if (error.status !== 401 || !(await this.renewKey(key))) throw error;
     }
   }

@@ -3,10 +3,21 @@ import { Way, mayPass } from './way';
 
 it('calls about sessions carry the key of the page, and others nothing', () => {
   const way = new Way('page-1');
-  for (const path of ['/v1/sessions', '/v1/sessions/a/peek', '/v1/step', '/v1/tickets', '/v1/scenes/yard'])
+  for (const path of ['/v1/sessions', '/v1/sessions/a/peek', '/v1/step', '/v1/tickets', '/v1/scenes'])
     expect(way.headers(path)).toEqual({ 'troupe-session': 'page-1' });
   for (const path of ['/v1/inbetween', '/v1/packs/human/styles?body=fox', '/v1/objects', '/metrics'])
     expect(way.headers(path)).toEqual({});
+});
+
+it('calls about a scene go to its server, and the sessions of the page stay', () => {
+  const way = new Way('page-1');
+  expect(way.to('/v1/step')).toBe(way);
+  expect(way.to('/v1/scenes')).toBe(way);
+  const toYard = way.to('/v1/scenes/yard/objects?convention=unity');
+  expect(toYard.headers('/v1/scenes/yard')).toEqual({ 'troupe-scene': 'yard' });
+  expect(toYard.follow({ reason: 'SESSION_ELSEWHERE', allowed: 'b:8080' })).toBe(true);
+  expect(toYard.headers('/v1/scenes/yard')).toEqual({ 'troupe-scene': 'yard', 'troupe-server': 'b:8080' });
+  expect(way.headers('/v1/step')).toEqual({ 'troupe-session': 'page-1' });
 });
 
 it('pages have keys of their own', () => {

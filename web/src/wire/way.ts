@@ -5,6 +5,7 @@ const ELSEWHERE = 'SESSION_ELSEWHERE';
 const MOVED = 'SESSION_MOVED';
 /** Calls that any server answers: they carry no route. */
 const ANYWHERE = /^\/(metrics|v1\/(inbetween|generate|describe|packs|skeletons|objects))(\/|\?|$)/;
+const SCENE = /^\/v1\/scenes\/([^/?]+)/;
 
 /** Why a session is not on the server that was asked, and which one has it. */
 export interface Elsewhere {
@@ -27,13 +28,23 @@ export function isElsewhere(reason: string | undefined): boolean {
 export class Way {
   private server = '';
 
-  /** `key`: a name that no other page has. */
-  constructor(private readonly key = `page-${Array.from(crypto.getRandomValues(new Uint32Array(2)), hex).join('')}`) {}
+  /** `key`: a name that no other page has, or the scene that a call is about. */
+  constructor(
+    private readonly key = `page-${Array.from(crypto.getRandomValues(new Uint32Array(2)), hex).join('')}`,
+    private readonly header: 'troupe-session' | 'troupe-scene' = 'troupe-session',
+  ) {}
+
+  /** The way of a call. A scene may be on another server than the page's sessions. */
+  to(path: string): Way {
+    // As it is in the path. A name with other characters is no scene's.
+    const scene = SCENE.exec(path)?.[1];
+    return scene === undefined ? this : new Way(scene, 'troupe-scene');
+  }
 
   /** Headers of a call. */
   headers(path: string): Record<string, string> {
     if (ANYWHERE.test(path)) return {};
-    return { 'troupe-session': this.key, ...(this.server ? { 'troupe-server': this.server } : {}) };
+    return { [this.header]: this.key, ...(this.server ? { 'troupe-server': this.server } : {}) };
   }
 
   /** A WebSocket has no headers, but a query. */

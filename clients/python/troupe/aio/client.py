@@ -240,7 +240,7 @@ class Client:
         return calls.last([part async for part in self._connection.parts(calls.replay(recording, anyway))])
 
     async def close_sessions(self, ids: Iterable[str]) -> int:
-        """Closes sessions and says how many were still open."""
+        """Closes sessions on whatever servers have them, and says how many were still open."""
         return await self._connection.run(calls.close_sessions(ids))
 
     async def crowd(

@@ -234,10 +234,12 @@ class CloseSessionsRequest(_message.Message):
     def __init__(self, ids: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class CloseSessionsResponse(_message.Message):
-    __slots__ = ("closed",)
+    __slots__ = ("closed", "problems")
     CLOSED_FIELD_NUMBER: _ClassVar[int]
+    PROBLEMS_FIELD_NUMBER: _ClassVar[int]
     closed: int
-    def __init__(self, closed: _Optional[int] = ...) -> None: ...
+    problems: _containers.RepeatedCompositeFieldContainer[SessionProblem]
+    def __init__(self, closed: _Optional[int] = ..., problems: _Optional[_Iterable[_Union[SessionProblem, _Mapping]]] = ...) -> None: ...
 
 class Locomote(_message.Message):
     __slots__ = ("velocity", "facing", "style", "gait", "height")

@@ -131,10 +131,30 @@ impl Link {
         }
     }
 
-    /// Runs scripts, and gives their answers in the same order. After an error any of them may
-    /// have run. This blocks.
+    /// Runs scripts about leases, and gives their answers in the same order. After an error any of
+    /// them may have run. This blocks.
     pub(super) fn run(&mut self, scripts: Vec<Cmd>) -> Result<Vec<Answer>, RecordsError> {
-        if scripts.is_empty() {
+        let values = self.ask(scripts)?;
+        let answers = values.into_iter().map(|value| self.read(value, read));
+        answers.collect()
+    }
+
+    /// Reads an answer. After one that cannot be read, the next call connects again.
+    pub(super) fn read<T>(
+        &mut self,
+        value: Value,
+        read: impl FnOnce(Value) -> Result<T, RedisError>,
+    ) -> Result<T, RecordsError> {
+        read(value).map_err(|error| {
+            self.open = None;
+            self.unreachable(error)
+        })
+    }
+
+    /// Runs commands, and gives their answers in the same order. After an error any of them may
+    /// have run. This blocks.
+    pub(super) fn ask(&mut self, commands: Vec<Cmd>) -> Result<Vec<Value>, RecordsError> {
+        if commands.is_empty() {
             return Ok(Vec::new());
         }
         if let Some((at, error)) = &self.failed
@@ -143,11 +163,11 @@ impl Link {
             return Err(self.unreachable(error.clone()));
         }
         let was_open = self.open.is_some();
-        let mut result = self.try_run(&scripts);
+        let mut result = self.try_ask(&commands);
         // Redis, or a proxy before it, may have closed an idle connection.
         if was_open && result.as_ref().is_err_and(|error| !error.is_timeout()) {
             self.open = None;
-            result = self.try_run(&scripts);
+            result = self.try_ask(&commands);
         }
         match result {
             Ok(answers) => {
@@ -169,19 +189,17 @@ impl Link {
         }
     }
 
-    fn try_run(&mut self, scripts: &[Cmd]) -> Result<Vec<Answer>, RedisError> {
+    fn try_ask(&mut self, commands: &[Cmd]) -> Result<Vec<Value>, RedisError> {
         let open = match self.open.take() {
             Some(open) => open,
             None => connect(&self.place)?,
         };
         let open = self.open.insert(open);
-        let mut answers = Vec::with_capacity(scripts.len());
-        let mut rest = scripts;
+        let mut answers = Vec::with_capacity(commands.len());
+        let mut rest = commands;
         while !rest.is_empty() {
             let (part, later) = rest.split_at(fitting(rest));
-            for value in send(open, part)? {
-                answers.push(read(value)?);
-            }
+            answers.extend(send(open, part)?);
             rest = later;
         }
         Ok(answers)

@@ -71,6 +71,16 @@ else redis.call('PEXPIRE', KEYS[1], text(ends - ms + math.max(ARGV[7] + 0, ARGV[
 return answer
 ";
 
+/// Says which server has a lease.
+const LOOK: &str = r"
+local time = redis.call('TIME')
+local ms = math.floor((time[1] * 1000000 + time[2]) / 1000)
+local at = redis.call('HMGET', KEYS[1], 'owner', 'until')
+local ends = tonumber(at[2] or '0')
+if ends > ms then return {'elsewhere', at[1], string.format('%.0f', ends - ms)} end
+return {'unknown'}
+";
+
 /// What a claim is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Want {
@@ -134,6 +144,13 @@ pub(super) fn claim(key: &str, address: &str, want: Want, times: Times) -> Cmd {
         Want::Any => "any",
     });
     eval.arg(times.remember);
+    eval
+}
+
+/// Looks which server has a lease. Nothing changes.
+pub(super) fn look(key: &str) -> Cmd {
+    let mut eval = cmd("EVAL");
+    eval.arg(LOOK).arg(1).arg(key);
     eval
 }
 

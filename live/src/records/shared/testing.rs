@@ -82,7 +82,7 @@ impl Redis {
         SharedRecords::new(&place, address.to_owned(), TERMS, &Telemetry::new().unwrap())
     }
 
-    pub(super) fn ask<T: redis::FromRedisValue>(&self, command: &[&str]) -> T {
+    pub(crate) fn ask<T: redis::FromRedisValue>(&self, command: &[&str]) -> T {
         let client = redis::Client::open(format!("redis://127.0.0.1:{}", self.port)).unwrap();
         let mut asked = redis::cmd(command[0]);
         for part in &command[1..] {

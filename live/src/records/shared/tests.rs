@@ -129,6 +129,21 @@ fn a_session_that_is_opened_again_at_once_is_not_removed() {
 }
 
 #[test]
+fn a_session_whose_record_is_being_removed_is_gone_for_its_own_server() {
+    let Some(mut redis) = Redis::start() else { return };
+    let mut one = redis.server("one:1");
+    ask(&one, Want::New).unwrap();
+    written(&mut one, "first").unwrap();
+    redis.stop();
+    let mut changes = Changes::default();
+    changes.remove(Kind::Session, HERO);
+    assert!(one.write(&changes).is_err());
+    assert_eq!(ask(&one, Want::Known).unwrap(), Claim::Unknown);
+    // Its lease is not free yet.
+    assert_eq!(owner_of(&ask(&one, Want::New).unwrap()), "one:1");
+}
+
+#[test]
 fn redis_that_comes_back_empty_gets_everything_again_from_the_newest_owner() {
     let Some(mut redis) = Redis::start() else { return };
     let (mut old, mut new) = (redis.server("old:1"), redis.server("new:2"));
@@ -344,6 +359,23 @@ fn a_cluster_has_the_leases_on_all_of_its_nodes() {
             .iter()
             .all(|claim| *claim == Claim::Taken(Some(vec![7; 10_000])))
     );
+
+    // The uploads are together on one node.
+    let (mut log, mut other) = (one.uploads().unwrap(), two.uploads().unwrap());
+    let writes: Vec<Write> = (0..600)
+        .map(|number| Write {
+            field: format!("scene//{number}"),
+            rank: 0,
+            record: Some(vec![7; 10_000]),
+        })
+        .collect();
+    assert!(log.write(&writes).unwrap().iter().all(Option::is_some));
+    let changes = other.since(0).unwrap();
+    let fields: Vec<String> = changes.list.into_iter().map(|change| change.field).collect();
+    let all: Vec<&String> = writes.iter().map(|write| &write.field).collect();
+    assert_eq!(fields.iter().collect::<Vec<_>>(), all);
+    let records = other.records(&fields).unwrap();
+    assert!(records.iter().all(|record| *record == Some(vec![7; 10_000])));
 }
 
 /// Two servers do anything at random, leases end, and Redis loses everything. Each token is higher

@@ -89,7 +89,7 @@ pub(super) enum Event {
     Load(Load),
     /// Whether the cursor waits for plans, from now on.
     Clock(ClockWord),
-    /// The cursor moves by so many sub-frames.
+    /// The cursor moves by this number of sub-frames.
     Go(u32),
     /// The plan of this number comes.
     Plan(u64),

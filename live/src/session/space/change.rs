@@ -50,7 +50,7 @@ impl Spaces {
     /// [`ChangeError`]. Then the packs are as before.
     pub fn serve(&self, loaded: LoadedPack) -> Result<Option<Arc<LoadedPack>>, ChangeError> {
         self.check_shape(&loaded.pack)?;
-        let _one = self.making();
+        let one = self.making();
         let loaded = Arc::new(loaded);
         let before = self.common.packs.table().get(loaded.pack.name()).cloned();
         let spaces: Vec<Arc<Space>> = self.all().collect();
@@ -69,6 +69,10 @@ impl Spaces {
             count_styles([&pack], &space.store);
             let common = space.tenant.as_ref().map(|_| &self.common.packs);
             space.packs.serve(table.with(pack), common);
+        }
+        drop((one, spaces));
+        if let Some(uploads) = self.uploads() {
+            uploads.pack_came(loaded.pack.name());
         }
         Ok(before)
     }

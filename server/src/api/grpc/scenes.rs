@@ -142,6 +142,6 @@ impl Scenes for ScenesApi {
         &self,
         request: Request<v1::DetectRequest>,
     ) -> Result<Response<v1::DetectResponse>, Status> {
-        answer(ours(&self.0, &request).await?.detect(request.get_ref()))
+        answer(ours(&self.0, &request).await?.detect(request.get_ref()).await)
     }
 }

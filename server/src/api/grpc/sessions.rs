@@ -94,7 +94,7 @@ impl Sessions for SessionsApi {
         let service = ours(&self.service, &request).await?;
         let sessions = service.sessions();
         sessions.bring(&request.get_ref().ids).await;
-        answer(sessions.close(request.get_ref()))
+        answer(sessions.close(request.get_ref()).map(answers::closed))
     }
 
     async fn command(

@@ -92,6 +92,7 @@ pub(in crate::api) struct SceneForm {
     responses(
         (status = 200, description = "The scene", body = v1::Scene),
         (status = 404, description = "No such scene"),
+        (status = 421, description = "Another server has the scene"),
     )
 )]
 pub(in crate::api) async fn get(
@@ -216,6 +217,7 @@ pub(in crate::api) async fn remove(
         (status = 200, description = "The objects in reach", body = v1::DetectResponse),
         (status = 404, description = "No such session or scene"),
         (status = 409, description = "The session is in no scene"),
+        (status = 421, description = "Another server has the session or the scene"),
         (status = 410, description = "The session has expired"),
     )
 )]
@@ -223,7 +225,7 @@ pub(in crate::api) async fn detect(
     Ours(service): Ours,
     JsonBody(request): JsonBody<v1::DetectRequest>,
 ) -> Result<Json<v1::DetectResponse>, ApiError> {
-    Ok(Json(service.detect(&request)?))
+    Ok(Json(service.detect(&request).await?))
 }
 
 /// List object definitions

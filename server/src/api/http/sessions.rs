@@ -128,7 +128,10 @@ pub(in crate::api) async fn get(
     path = "/v1/sessions/{id}",
     operation_id = "CloseSessions",
     tag = "sessions",
-    responses((status = 200, description = "How many were closed: 1 or 0", body = v1::CloseSessionsResponse))
+    responses(
+        (status = 200, description = "How many were closed: 1 or 0", body = v1::CloseSessionsResponse),
+        (status = 421, description = "Another server has the session"),
+    )
 )]
 pub(in crate::api) async fn close(
     Ours(service): Ours,
@@ -139,7 +142,7 @@ pub(in crate::api) async fn close(
     };
     let sessions = service.sessions();
     sessions.bring(&request.ids).await;
-    Ok(Json(sessions.close(&request)?))
+    Ok(Json(answers::closed(sessions.close(&request)?)))
 }
 
 /// How much of the future to return.
