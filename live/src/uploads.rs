@@ -133,7 +133,7 @@ impl Changed {
 /// An upload as the store has it.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Record<'a> {
-    format: u32,
+    pub(crate) format: u32,
     /// Differs for every upload of a scene. 0 for other uploads.
     pub(crate) content: u64,
     /// The pack that an object definition is for. Empty for other uploads.
