@@ -32,12 +32,12 @@ def lacking() -> str | None:
 class Redis(Process):
     """A redis-server that writes nothing to the disk."""
 
-    def __init__(self, folder: Path, is_open: bool = False, prefix: list[str] | None = None):
+    def __init__(self, folder: Path, is_open: bool = False):
         (self.port,) = free_ports(1)
         # Namespaces reach it by another address than loopback.
         hosts = ["--bind", "0.0.0.0", "--protected-mode", "no"] if is_open else ["--bind", "127.0.0.1"]
         command = ["redis-server", "--port", str(self.port), *hosts, "--save", "", "--appendonly", "no"]
-        super().__init__([*(prefix or []), *command, "--dir", str(folder)], folder / "redis.log")
+        super().__init__([*command, "--dir", str(folder)], folder / "redis.log")
         with self.or_end():
             until(lambda: accepts(self.port), "Redis listens")
 
@@ -72,7 +72,8 @@ class Replica(Process):
         state = str(folder / name.split(":")[0])
         more = {"ORT_DYLIB_PATH": library, "TROUPE_STORE": store, "XDG_STATE_HOME": state}
         command = [str(BINARY), "--packs", packs, "--listen", self.address, "--advertise", name]
-        command = [*(spot.prefix if spot else ()), *(prefix or []), *command]
+        # A namespace hides control groups from what is started in it.
+        command = [*(prefix or []), *(spot.prefix if spot else ()), *command]
         super().__init__(command, folder / f"{name.split(':')[0]}.log", more)
 
     @property
@@ -150,37 +151,28 @@ class Witness(threading.Thread):
 
 
 class Cluster:
-    """Redis, servers, and HAProxy. `prefixes` go before the commands of the servers, and `beside` before all others."""
+    """Redis, servers, and HAProxy. `prefixes` go before the commands of the servers."""
 
     def __init__(
         self,
         folder: Path,
         count: int = 3,
         prefixes: list[list[str]] | None = None,
-        beside: list[str] | None = None,
         in_namespaces: bool = False,
         look_s: float = 0.05,
     ):
         self.parts = ExitStack()
         try:
-            self.begin(folder, count, prefixes, beside, in_namespaces, look_s)
+            self.begin(folder, count, prefixes, in_namespaces, look_s)
         except BaseException:
             self.stop()
             raise
 
-    def begin(
-        self,
-        folder: Path,
-        count: int,
-        prefixes: list[list[str]] | None,
-        beside: list[str] | None,
-        in_namespaces: bool,
-        look_s: float,
-    ):
+    def begin(self, folder: Path, count: int, prefixes: list[list[str]] | None, in_namespaces: bool, look_s: float):
         """Starts all of it, one after another."""
         if in_namespaces:
             self.parts.callback(Networks().close)
-        self.redis = Redis(folder, in_namespaces, beside)
+        self.redis = Redis(folder, in_namespaces)
         self.parts.callback(self.redis.kill)
         names = NAMES[:count]
         self.spots: dict[str, Loopback | Namespace] = {}
@@ -197,7 +189,7 @@ class Cluster:
         # On ports of servers that are not there nothing listens.
         servers = {name: f"127.0.0.1:{port}" for name, port in zip(NAMES, free_ports(len(NAMES)), strict=True)}
         servers |= {name: one.address for name, one in self.replicas.items()}
-        self.router = Router("haproxy", servers, folder, beside)
+        self.router = Router("haproxy", servers, folder)
         self.parts.callback(self.router.kill)
         self.address = f"127.0.0.1:{self.router.port}"
         until(

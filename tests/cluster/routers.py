@@ -21,12 +21,12 @@ def haproxy() -> str | None:
 class Router(Process):
     """A router that listens on a port of its own. `servers` has the address of each server by its name."""
 
-    def __init__(self, kind: str, servers: dict[str, str], folder: Path, prefix: list[str] | None = None):
+    def __init__(self, kind: str, servers: dict[str, str], folder: Path):
         self.kind = kind
         (self.port,) = free_ports(1)
         make = self.of_haproxy if kind == "haproxy" else self.of_envoy
         command, more = make(servers, folder)
-        super().__init__([*(prefix or []), *command], folder / f"{kind}.log", more)
+        super().__init__(command, folder / f"{kind}.log", more)
         with self.or_end():
             until(lambda: accepts(self.port) or self.process.poll() is not None, f"{kind} listens")
             assert self.process.poll() is None, self.log.read_text()
