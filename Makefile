@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-failures cluster-figure kubernetes-test c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-failures cluster-figure swap-figure kubernetes-test c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -108,7 +108,7 @@ ros2-figure: runtime
 # HAProxy and Envoy: which server gets what, and who moves if one is not there. Without haproxy its part is left out, aloud.
 cluster-test:
 	tests/cluster/setup.sh
-	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster/test_routing.py
+	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster/test_processes.py tests/cluster/test_routing.py
 
 # Three servers with one store behind HAProxy: what characters notice of failures. It needs haproxy and redis-server.
 cluster-failures: runtime
@@ -116,12 +116,18 @@ cluster-failures: runtime
 	scripts/test-server.sh
 	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster/test_failures.py
 
-# 300 characters for three minutes while servers are killed and Redis fails, and what one, two and three servers can do
-# (ARGS="--characters 30 --seconds 40" for a short look)
+# 300 characters for three minutes while servers are killed and Redis fails, what one, two and three servers can do, and what Redis
+# costs beside redb (ARGS="--only failures --characters 30 --seconds 40" for a short look)
 cluster-figure: runtime
 	tests/cluster/setup.sh
 	cargo build --release --package troupe-server --package troupe-loadtest
 	TROUPE_SERVER=target/release/troupe-server target/cluster/venv/bin/python tests/cluster/figure.py $(ARGS)
+
+# A pack that is swapped under live characters, and under single requests (ARGS="--only live --characters 100")
+swap-figure: runtime
+	tests/cluster/setup.sh
+	cargo build --release --package troupe-server --package troupe-loadtest
+	TROUPE_SERVER=target/release/troupe-server target/cluster/venv/bin/python tests/cluster/swap.py $(ARGS)
 
 # The manifests and the page that plans: rendered by kubectl and checked against Kubernetes' own schemas. Without kubectl they are left
 # out, aloud.

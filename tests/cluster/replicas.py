@@ -3,16 +3,17 @@
 import os
 import shutil
 import signal
-import socket
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import httpx
 import redis
-from routers import NAMES, ROOT, START_S, Process, Router, accepts, free_ports, haproxy, until
+from processes import START_S, Process, accepts, free_ports, until
+from routers import NAMES, ROOT, Router, haproxy
+from spots import Loopback, Namespace, Networks
 
 sys.path.append(str(ROOT / "clients/python"))
 
@@ -31,11 +32,14 @@ def lacking() -> str | None:
 class Redis(Process):
     """A redis-server that writes nothing to the disk."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, is_open: bool = False):
         (self.port,) = free_ports(1)
-        command = ["redis-server", "--port", str(self.port), "--bind", "127.0.0.1", "--save", "", "--appendonly", "no"]
+        # Namespaces reach it by another address than loopback.
+        hosts = ["--bind", "0.0.0.0", "--protected-mode", "no"] if is_open else ["--bind", "127.0.0.1"]
+        command = ["redis-server", "--port", str(self.port), *hosts, "--save", "", "--appendonly", "no"]
         super().__init__([*command, "--dir", str(folder)], folder / "redis.log")
-        until(lambda: accepts(self.port), "Redis listens")
+        with self.or_end():
+            until(lambda: accepts(self.port), "Redis listens")
 
     def pause(self, seconds: float):
         """Stops it for a time."""
@@ -50,62 +54,32 @@ class Redis(Process):
         until(lambda: accepts(self.port), "Redis listens again")
 
 
-class Cable:
-    """A TCP proxy between a server and Redis. While it is cut nothing passes, as if packets were lost."""
-
-    def __init__(self, to: int):
-        self.to = to
-        self.is_cut = threading.Event()
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self.listener.getsockname()[1]
-        self.open: list[socket.socket] = []
-        threading.Thread(target=self.accept, daemon=True).start()
-
-    def accept(self):
-        """Takes connections, also while it is cut: packets that open them are what gets lost last."""
-        with suppress(OSError):
-            while True:
-                near, _ = self.listener.accept()
-                with suppress(OSError):
-                    far = socket.create_connection(("127.0.0.1", self.to))
-                    self.open += [near, far]
-                    threading.Thread(target=self.pass_on, args=(near, far), daemon=True).start()
-                    threading.Thread(target=self.pass_on, args=(far, near), daemon=True).start()
-                    continue
-                near.close()
-
-    def pass_on(self, source: socket.socket, target: socket.socket):
-        """Passes bytes on. What came while it was cut comes late."""
-        with suppress(OSError):
-            while data := source.recv(1 << 16):
-                while self.is_cut.is_set():
-                    time.sleep(0.01)
-                target.sendall(data)
-        for one in (source, target):
-            with suppress(OSError):
-                one.close()
-
-    def close(self):
-        """Ends it."""
-        self.is_cut.clear()
-        for one in (self.listener, *self.open):
-            with suppress(OSError):
-                one.close()
-
-
 class Replica(Process):
-    """A server of the cluster."""
+    """A server. `store` is its store's address or folder; `spot` says where it runs."""
 
-    def __init__(self, name: str, port: int, store: int, folder: Path, cores: str = ""):
-        self.port = port
+    def __init__(
+        self,
+        name: str,
+        store: str,
+        folder: Path,
+        spot: Loopback | Namespace | None = None,
+        prefix: list[str] | None = None,
+        packs: str = PACKS,
+    ):
+        (self.port,) = free_ports(1)
+        self.host = spot.host if spot else "127.0.0.1"
         library = os.environ.get("ORT_DYLIB_PATH", str(ROOT / ".runtime/libonnxruntime.so"))
-        more = {
-            "ORT_DYLIB_PATH": library,
-            "TROUPE_STORE": f"redis://127.0.0.1:{store}",
-            "XDG_STATE_HOME": str(folder / name.split(":")[0]),
-        }
-        command = [str(BINARY), "--packs", PACKS, "--listen", f"127.0.0.1:{port}", "--advertise", name]
-        super().__init__(command, folder / f"{name.split(':')[0]}.log", more, cores)
+        state = str(folder / name.split(":")[0])
+        more = {"ORT_DYLIB_PATH": library, "TROUPE_STORE": store, "XDG_STATE_HOME": state}
+        command = [str(BINARY), "--packs", packs, "--listen", self.address, "--advertise", name]
+        # A namespace hides control groups from what is started in it.
+        command = [*(prefix or []), *(spot.prefix if spot else ()), *command]
+        super().__init__(command, folder / f"{name.split(':')[0]}.log", more)
+
+    @property
+    def address(self) -> str:
+        """Where it listens."""
+        return f"{self.host}:{self.port}"
 
     def wait_ready(self):
         """Waits until it serves."""
@@ -113,24 +87,29 @@ class Replica(Process):
         def is_ready() -> bool:
             assert self.process.poll() is None, self.log.read_text()[-4000:]
             with suppress(httpx.HTTPError):
-                return httpx.get(f"http://127.0.0.1:{self.port}/readyz", trust_env=False).status_code == 200
+                return httpx.get(f"http://{self.address}/readyz", trust_env=False).status_code == 200
             return False
 
         until(is_ready, f"{self.command[-1]} is ready", READY_S)
 
+    def metric(self, name: str, labels: str = "") -> float:
+        """A metric: the sum of all its series that have these labels."""
+        text = httpx.get(f"http://{self.address}/metrics", trust_env=False).text
+        lines = (line.rsplit(" ", 1) for line in text.splitlines() if line.startswith((f"{name} ", f"{name}{{")))
+        return sum(float(value) for series, value in lines if labels in series)
+
     def leases(self, result: str) -> float:
         """Number of its leases with a result."""
-        text = httpx.get(f"http://127.0.0.1:{self.port}/metrics", trust_env=False).text
-        start = f'troupe_store_leases_total{{result="{result}"}} '
-        return next(float(line.removeprefix(start)) for line in text.splitlines() if line.startswith(start))
+        return self.metric("troupe_store_leases_total", f'result="{result}"')
 
 
 class Witness(threading.Thread):
     """Looks at the leases in Redis all the time. Each has one owner, and its token only rises."""
 
-    def __init__(self, port: int):
+    def __init__(self, port: int, every_s: float):
         super().__init__(daemon=True)
         self.redis = redis.Redis(port=port, socket_timeout=1, decode_responses=True)
+        self.every_s = every_s
         self.owners: dict[str, dict[int, str]] = {}
         self.faults: list[str] = []
         self.looks = 0
@@ -139,10 +118,15 @@ class Witness(threading.Thread):
 
     def run(self):
         """Looks."""
-        while not self.is_over.wait(0.05):
+        while not self.is_over.wait(self.every_s):
             with suppress(redis.RedisError, OSError):
-                for key in self.redis.scan_iter("troupe:*", count=1000):
-                    self.look(key, *self.redis.hmget(key, "token", "owner"))
+                # Sessions and scenes.
+                keys = list(self.redis.scan_iter("troupe:s[ce]*", count=1000))
+                pipe = self.redis.pipeline(transaction=False)
+                for key in keys:
+                    pipe.hmget(key, "token", "owner")
+                for key, (token, owner) in zip(keys, pipe.execute(), strict=True):
+                    self.look(key, token, owner)
                 self.looks += 1
 
     def look(self, key: str, token: str | None, owner: str | None):
@@ -167,32 +151,54 @@ class Witness(threading.Thread):
 
 
 class Cluster:
-    """Redis, servers with a cable to it each, and HAProxy."""
+    """Redis, servers, and HAProxy. `prefixes` go before the commands of the servers."""
 
-    def __init__(self, folder: Path, count: int = 3, cores: tuple[str, ...] = ("", "", "")):
-        self.redis = Redis(folder)
+    def __init__(
+        self,
+        folder: Path,
+        count: int = 3,
+        prefixes: list[list[str]] | None = None,
+        in_namespaces: bool = False,
+        look_s: float = 0.05,
+    ):
+        self.parts = ExitStack()
+        try:
+            self.begin(folder, count, prefixes, in_namespaces, look_s)
+        except BaseException:
+            self.stop()
+            raise
+
+    def begin(self, folder: Path, count: int, prefixes: list[list[str]] | None, in_namespaces: bool, look_s: float):
+        """Starts all of it, one after another."""
+        if in_namespaces:
+            self.parts.callback(Networks().close)
+        self.redis = Redis(folder, in_namespaces)
+        self.parts.callback(self.redis.kill)
         names = NAMES[:count]
-        ports = dict(zip(NAMES, free_ports(3), strict=True))
-        self.cables = {name: Cable(self.redis.port) for name in names}
-        self.replicas = {
-            name: Replica(name, ports[name], self.cables[name].port, folder, cores[nth])
-            for nth, name in enumerate(names)
-        }
+        self.spots: dict[str, Loopback | Namespace] = {}
+        self.replicas: dict[str, Replica] = {}
+        for nth, name in enumerate(names):
+            spot = Namespace(nth, self.redis.port) if in_namespaces else Loopback(self.redis.port)
+            self.spots[name] = spot
+            self.parts.callback(spot.close)
+            prefix = prefixes[nth] if prefixes else None
+            self.replicas[name] = Replica(name, f"redis://{spot.store}", folder, spot, prefix)
+            self.parts.callback(self.replicas[name].kill)
         for one in self.replicas.values():
             one.wait_ready()
-        # Servers that are not there have ports on which nothing listens.
-        self.router = Router("haproxy", ports, folder)
+        # On ports of servers that are not there nothing listens.
+        servers = {name: f"127.0.0.1:{port}" for name, port in zip(NAMES, free_ports(len(NAMES)), strict=True)}
+        servers |= {name: one.address for name, one in self.replicas.items()}
+        self.router = Router("haproxy", servers, folder)
+        self.parts.callback(self.router.kill)
         self.address = f"127.0.0.1:{self.router.port}"
         until(
             lambda: httpx.get(f"http://{self.address}/v1/packs", trust_env=False).status_code == 200, "HAProxy serves"
         )
         time.sleep(START_S / 30)
-        self.witness = Witness(self.redis.port)
+        self.witness = Witness(self.redis.port, look_s)
+        self.parts.callback(self.witness.end)
 
     def stop(self):
-        """Ends all."""
-        self.witness.end()
-        for one in (self.router, *self.replicas.values(), self.redis):
-            one.kill()
-        for one in self.cables.values():
-            one.close()
+        """Ends all, the last part first."""
+        self.parts.close()

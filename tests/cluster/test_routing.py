@@ -4,11 +4,13 @@ import signal
 import subprocess
 import sys
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 
 import httpx
 import pytest
-from routers import CONFIGURATIONS, NAMES, START_S, VENV, Process, Router, accepts, free_ports, haproxy, until
+from processes import START_S, Process, accepts, free_ports, until
+from routers import CONFIGURATIONS, NAMES, VENV, Router, haproxy
 from websockets.sync.client import connect
 
 SESSIONS = [f"hero-{nth}" for nth in range(90)]
@@ -19,17 +21,30 @@ class Cluster:
     """Three servers that say their names, and a router."""
 
     def __init__(self, kind: str, folder: Path):
-        self.ports = dict(zip(NAMES, free_ports(3), strict=True))
-        self.servers = {
-            name: Process([sys.executable, Path(__file__).parent / "stub.py", name, str(port)], folder / "stub.log")
-            for name, port in self.ports.items()
-        }
-        for name, port in self.ports.items():
+        self.parts = ExitStack()
+        try:
+            self.begin(kind, folder)
+        except BaseException:
+            self.stop()
+            raise
+
+    def begin(self, kind: str, folder: Path):
+        """Starts all of it."""
+        ports = dict(zip(NAMES, free_ports(3), strict=True))
+        self.servers: dict[str, Process] = {}
+        for name, port in ports.items():
+            command = [sys.executable, Path(__file__).parent / "stub.py", name, str(port)]
+            self.servers[name] = Process(command, folder / "stub.log")
+            self.parts.callback(self.servers[name].kill)
+        for name, port in ports.items():
             until(lambda port=port: accepts(port), f"{name} listens")
-        self.router = Router(kind, self.ports, folder)
+        self.router = Router(kind, {name: f"127.0.0.1:{port}" for name, port in ports.items()}, folder)
+        self.parts.callback(self.router.kill)
         self.base = f"http://127.0.0.1:{self.router.port}"
-        self.http1 = httpx.Client(base_url=self.base, trust_env=False, timeout=START_S)
-        self.http2 = httpx.Client(base_url=self.base, trust_env=False, timeout=START_S, http1=False, http2=True)
+        self.http1 = self.parts.enter_context(httpx.Client(base_url=self.base, trust_env=False, timeout=START_S))
+        self.http2 = self.parts.enter_context(
+            httpx.Client(base_url=self.base, trust_env=False, timeout=START_S, http1=False, http2=True)
+        )
         until(lambda: self.seen() == set(NAMES), "all three serve")
 
     def seen(self) -> set[str]:
@@ -55,10 +70,7 @@ class Cluster:
 
     def stop(self):
         """Ends all."""
-        self.http1.close()
-        self.http2.close()
-        for one in (self.router, *self.servers.values()):
-            one.kill()
+        self.parts.close()
 
 
 @pytest.fixture(params=["haproxy", "envoy"])
