@@ -405,6 +405,8 @@ fn lost_before(change: &Change) -> Lost {
 }
 
 #[cfg(test)]
+mod simulation;
+#[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
