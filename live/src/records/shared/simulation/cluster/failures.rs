@@ -113,9 +113,11 @@ impl Cluster {
         self.servers.iter().map(|server| server.sessions.len()).collect()
     }
 
-    /// The server that the router would choose if all were there.
-    pub(in super::super) fn home(&self, session: usize) -> usize {
-        self.ring.route(&name(session), |_| true).unwrap()
+    /// The server to which the router sends a new client of a session if all servers but some are
+    /// there.
+    pub(in super::super) fn place(&self, session: usize, without: &[usize]) -> usize {
+        let is_there = |server| !without.contains(&server);
+        self.ring.route(&name(session), is_there).unwrap()
     }
 
     /// Compares all sessions but those that are gone with the store. One server has each, and
