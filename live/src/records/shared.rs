@@ -450,6 +450,8 @@ fn lost_before(change: &Change) -> Lost {
 }
 
 #[cfg(test)]
+mod simulation;
+#[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
