@@ -1,8 +1,9 @@
 //! A Godot 4 extension: characters of a scene that a Troupe motion server moves.
 //!
 //! [`nodes`] has the classes that Godot gets. [`link`] is the connection, on a thread of its own.
-//! [`rig`] makes joints of bones. [`axes`] and [`convert`] lead from one frame of reference, and one
-//! set of types, to the other. Only `nodes` calls the engine, so that all else is tested without it.
+//! [`rig`] makes joints of bones. [`axes`] and [`convert`] lead from one frame of reference, and
+//! one set of types, to the other. Only `nodes` calls the engine, so that all else is tested
+//! without it.
 
 #![allow(unsafe_code, reason = "the engine vouches for its calls")]
 

@@ -14,7 +14,7 @@ const UNEVEN: f32 = 0.01;
 /// A bone of a Godot skeleton, in its rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bone {
-    /// Its name.
+    /// Unique in the skeleton.
     pub name: String,
     /// Index of its parent. None: it has none.
     pub parent: Option<usize>,

@@ -23,6 +23,7 @@ func _run() -> void:
 	await _commands_are_refused_and_limited(server)
 	await _sentences_are_acted_out(server)
 	await _the_example_runs()
+	await _the_script_of_the_tutorial_runs()
 	await _a_connection_that_is_opened_again_has_its_characters(server)
 	await _a_connection_that_breaks_goes_on()
 	await _tls_and_a_key_are_needed()
@@ -230,6 +231,29 @@ func _the_example_runs() -> void:
 	)
 	Input.action_release("ui_up")
 	_free(example)
+
+
+## The nodes of the tutorial, with its script.
+func _the_script_of_the_tutorial_runs() -> void:
+	var scene := Node3D.new()
+	var character := _figure(Vector3.ZERO)
+	character.name = "TroupeCharacter"
+	scene.add_child(character)
+	scene.set_script(load("res://tutorial.gd"))
+	var arrived := _noted(character.arrived)
+	var performing := _noted(character.performing)
+	root.add_child(scene)
+	await _until(func() -> bool: return not performing.is_empty(), "it arrives, and waves")
+	_check(arrived[0] < 0.5, arrived)
+	_check(performing == ["a person waves"], performing)
+	# Another model takes the place of the first.
+	character.get_child(0).free()
+	await _until(func() -> bool: return not character.is_moving(), "without a model it leaves")
+	character.add_child(Figure.new())
+	root.remove_child(scene)
+	root.add_child(scene)
+	await _until(character.is_moving, "it moves the new model")
+	_free(scene)
 
 
 func _a_connection_that_is_opened_again_has_its_characters(server: TroupeServer) -> void:

@@ -10,6 +10,7 @@ project=$home/project
 rm -rf "$project"
 cp -r clients/godot/project "$project"
 cp clients/godot/tests/engine.gd "$project/"
+sed -n '/^```gdscript$/,/^```$/{/^```/!p}' docs/tutorials/godot.md >"$project/tutorial.gd"
 mkdir -p "$project/addons/troupe/bin"
 cp "$library" "$project/addons/troupe/bin/"
 # What Godot keeps of its user.

@@ -72,7 +72,8 @@ pub struct TroupeCharacter {
     /// Name of the scene on the server. Empty: flat ground at the height of this node.
     #[export]
     scene: GString,
-    /// Which characters get plans first if there are too many: 0 is far from the camera, 1 the hero.
+    /// Which characters get plans first if there are too many: 0 is far from the camera, 1 the
+    /// hero.
     #[export(range = (0.0, 1.0))]
     #[var(set = set_priority)]
     #[init(val = 0.5)]
@@ -295,9 +296,16 @@ impl TroupeCharacter {
         })
     }
 
+    /// The skeleton of the property, unless it was freed.
+    fn live_skeleton(&self) -> Option<Gd<Skeleton3D>> {
+        // A reference to a freed node must not be cloned.
+        let skeleton = self.skeleton.as_ref();
+        skeleton.filter(|skeleton| skeleton.is_instance_valid()).cloned()
+    }
+
     fn find_skeleton(&self) -> Option<Gd<Skeleton3D>> {
-        if let Some(skeleton) = &self.skeleton {
-            return Some(skeleton.clone()).filter(Gd::is_instance_valid);
+        if let Some(skeleton) = self.live_skeleton() {
+            return Some(skeleton);
         }
         // Nodes of an instanced model have another owner.
         let found = self
@@ -327,8 +335,9 @@ impl TroupeCharacter {
 
     /// Shows the newest frame.
     fn show(&mut self) {
-        let Some(mut skeleton) = self.find_skeleton() else {
-            return;
+        let Some(mut skeleton) = self.live_skeleton() else {
+            // The model is gone. Another one joins, or its lack is reported.
+            return self.leave();
         };
         if self.pose.rotations.len() != self.joints.len() {
             return;
