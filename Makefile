@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-failures cluster-figure swap-figure kubernetes-test c-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint budgets rust-test python-test python-client web-test mmcp-test mmcp-figure sonic-test sonic-figure ros2-test ros2-figure cluster-test cluster-failures cluster-figure swap-figure kubernetes-test c-client godot-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -92,6 +92,10 @@ sonic-figure: runtime
 # The C interface and what stands on it: C with sanitizers, a CMake package, C# under Mono. Without cmake or mono parts are left out, aloud.
 c-client: runtime
 	scripts/c-client.sh
+
+# The Godot extension: checked, tested, and run in Godot 4 if there is one. It takes minutes, so `make test` leaves it out.
+godot-client: runtime
+	scripts/godot-client.sh
 
 # The ROS 2 node, with another DDS as the other side
 ros2-test: runtime

@@ -24,12 +24,38 @@ impl Client {
         pack: &Pack,
         force: bool,
     ) -> Result<v1::OwnSkeleton, ClientError> {
+        let source = Source::File(v1::SkeletonFile {
+            name: file.0.to_owned(),
+            data: file.1,
+        });
+        self.put_source(name, source, pack, force).await
+    }
+
+    /// Adds a skeleton of these joints, or replaces one that no session wears, as
+    /// [`Self::put_skeleton`] does with a file.
+    ///
+    /// # Errors
+    /// As [`Self::put_skeleton`].
+    pub async fn put_joints(
+        &self,
+        name: &str,
+        joints: v1::BodySkeleton,
+        pack: &Pack,
+        force: bool,
+    ) -> Result<v1::OwnSkeleton, ClientError> {
+        self.put_source(name, Source::Joints(joints), pack, force).await
+    }
+
+    async fn put_source(
+        &self,
+        name: &str,
+        source: Source,
+        pack: &Pack,
+        force: bool,
+    ) -> Result<v1::OwnSkeleton, ClientError> {
         let request = v1::PutSkeletonRequest {
             name: name.to_owned(),
-            source: Some(Source::File(v1::SkeletonFile {
-                name: file.0.to_owned(),
-                data: file.1,
-            })),
+            source: Some(source),
             pack: pack.name().to_owned(),
             body: pack.body().to_owned(),
             force,

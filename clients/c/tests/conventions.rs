@@ -1,10 +1,14 @@
-//! The table of known poses agrees with the conventions of the server.
+//! The table of known poses agrees with the conventions of the server, and with those of Godot.
 
 use std::path::Path;
 
 use glam::{Quat, Vec3};
 use serde_json::Value;
 use troupe_motion::conventions::Convention;
+
+/// The conversions of the Godot extension, whose own tests take minutes to compile.
+#[path = "../../godot/src/axes.rs"]
+mod godot;
 
 fn numbers(of: &Value) -> Vec<f32> {
     let numbers = of.as_array().expect("an array").iter();
@@ -19,7 +23,7 @@ fn pose(row: &Value, frame: &str) -> (Vec3, Quat) {
 }
 
 #[test]
-fn the_servers_conventions_give_the_poses_of_the_table() {
+fn conventions_give_the_poses_of_the_table() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../conventions/poses.json");
     let table: Vec<Value> = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     assert!(table.len() >= 8);
@@ -34,5 +38,9 @@ fn the_servers_conventions_give_the_poses_of_the_table() {
                 .abs_diff_eq(turned, 1e-5);
             assert!(near, "{frame}: {row}");
         }
+        let (there, turned) = pose(row, "godot");
+        assert!(godot::position(position).abs_diff_eq(there, 1e-5), "godot: {row}");
+        let near = godot::rotation(rotation).abs_diff_eq(turned, 1e-5);
+        assert!(near, "godot: {row}");
     }
 }

@@ -1,0 +1,5 @@
+//! The nodes that Godot gets.
+
+mod character;
+mod commands;
+mod server;
