@@ -118,8 +118,8 @@ all cores and one segment a call. The paper reports 15,000 frames/s and 2 ms on 
 plan has four context frames, four targets and one pass of the pose network. Troupe's figures are for whole requests over gRPC; client and
 server share the cores.
 
-As published, the code computes in f32 and takes one plan a call. It always computes 64 frames. *Changed* is our work: what batches of
-plans and bf16 need, and nothing else.""",
+As published, the code computes in f32 and takes one plan a call. Its answers have 64 frames, of which those that were asked for count. *Changed* is our work: what batches of plans
+and bf16 need, and nothing else. Troupe's queue has no time limit here, because NVIDIA's code has none.""",
         tables.official,
     ),
     (
