@@ -62,7 +62,8 @@ def _troupe_turn(settings: Settings, store: Store, repeat: int, lengths: tuple[i
         wanted = [key for key in wanted if not store.of(key)]
         if not wanted:
             continue
-        # The public code lets plans wait as long as they have to. Random weights need not pass the accuracy check.
+        # The public code lets plans wait as long as they have to. Random weights need not pass
+        # the accuracy check.
         options = ["--store", "", "--max-queue-ms", "0", *(("--accuracy-check", "report") if _random() else ())]
         with programs.troupe(engine, WORK / "pack", *options) as server:
             for key in wanted:
