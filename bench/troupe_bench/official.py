@@ -17,6 +17,7 @@ from troupe_bench.settings import OFFICIAL_LENGTHS, OFFICIAL_WAYS, Settings
 from troupe_bench.store import Json, Store
 from troupe_bench.walk import write_walk
 
+NETWORK_MEMORY_MIB = 6144
 CLIENTS = {"alone": 1, "saturated": 32}
 LIKE = ROOT / "models" / "g1"
 """The robot's own pack: a walk of one of its styles is what requests are made of."""
@@ -62,10 +63,7 @@ def _troupe_turn(settings: Settings, store: Store, repeat: int, lengths: tuple[i
         wanted = [key for key in wanted if not store.of(key)]
         if not wanted:
             continue
-        # The public code lets plans wait as long as they have to. Random weights need not pass
-        # the accuracy check.
-        options = ["--store", "", "--max-queue-ms", "0", *(("--accuracy-check", "report") if _random() else ())]
-        with programs.troupe(engine, WORK / "pack", *options) as server:
+        with programs.troupe(engine, WORK / "pack", *_server_options()) as server:
             for key in wanted:
                 store.add(key, troupe(server, CLIENTS[key["way"]], key["frames"], settings))
                 say(f"{key}: {_summary(store.of(key)[0])}")
@@ -93,6 +91,16 @@ def prepare(settings: Settings, code: Path) -> None:
         raise Failed(f"there is no {settings.train_python}: `make python-env` makes it, --train-python names another")
     command = (settings.train_python, "-m", "troupe_training", "check-motionbricks", code, "--env", ENVIRONMENT)
     programs.call(*command, "--keep", WORK, env={"PYTHONPATH": str(ROOT / "training")})
+
+
+def _server_options() -> list[str]:
+    """What differs from the server's defaults."""
+    # The public code lets plans wait as long as they have to.
+    options = ["--store", "", "--max-queue-ms", "0"]
+    # The default is for packs that are a thirtieth of this one's size.
+    options += ["--network-memory-mib", str(NETWORK_MEMORY_MIB)]
+    # Random weights need not pass.
+    return options + (["--accuracy-check", "report"] if _random() else [])
 
 
 def _random() -> bool:

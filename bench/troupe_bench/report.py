@@ -119,7 +119,11 @@ plan has four context frames, four targets and one pass of the pose network. Tro
 server share the cores.
 
 As published, the code computes in f32 and takes one plan a call. Its answers have 64 frames, of which those that were asked for count. *Changed* is our work: what batches of plans
-and bf16 need, and nothing else. Troupe's queue has no time limit here, because NVIDIA's code has none.""",
+and bf16 need, and nothing else. Troupe's queue has no time limit here, because NVIDIA's code has none. Its networks have 6 GiB in bf16,
+which more than fits all sizes.
+
+With random weights nothing can be said about the accuracy of bf16: the [check](engines.md#the-accuracy-check) is reported and not enforced.
+If the published weights do not pass it, a server with `engine = "auto"` takes f32.""",
         tables.official,
     ),
     (
