@@ -13,7 +13,7 @@ from typing import Any
 
 from troupe_bench.cli import STAGES
 from troupe_bench.machine import ROOT
-from troupe_bench.settings import CROWD, JEMALLOC, RAW_LOOPS, Settings
+from troupe_bench.settings import CROWD, JEMALLOC, OFFICIAL_WAYS, RAW_LOOPS, Settings
 from troupe_bench.store import Json, Store, dig
 
 FOLDER = ROOT / "bench" / "figures"
@@ -46,6 +46,15 @@ LIVE = {
     "p99_ms": ("latency_ms", "p99"),
     "memory_bytes": ("server", "rss_peak_bytes"),
 }
+
+OFFICIAL_RATIOS = {
+    "alone": (("alone", ("alone",), "p50_ms"), ("alone_changed", ("alone", "alone-bf16"), "p50_ms")),
+    "saturated": (
+        ("published", ("alone", "processes"), "frames_per_s"),
+        ("changed", tuple(OFFICIAL_WAYS), "frames_per_s"),
+    ),
+}
+"""What Troupe's ways are compared with: a name, ways of NVIDIA's code of which the fastest counts, and the number."""
 
 WORDS_TIMES = ("first_frames_ms", "answer_ms")
 
@@ -303,6 +312,42 @@ def words(store: Store) -> dict[str, Any]:
     return {"repeats": repeats, "checks": checks, "rows": rows, "ratios": shares, "tuned": tuned}
 
 
+def official(store: Store) -> dict[str, Any]:
+    """NVIDIA's public code and Troupe: every way of both, and the ratios within each turn."""
+    rows: list[Row] = []
+    for key in store.every_key():
+        row: Row = {name: key[name] for name in ("target", "way", "frames")}
+        row |= {"engine": key.get("engine") or _precision(key["way"])}
+        if row not in rows:
+            rows.append(row)
+    shares: list[Row] = []
+    ours = [row for row in rows if row["target"] == "troupe"]
+    for row in ours:
+        for what, ways, number in OFFICIAL_RATIOS[row["way"]]:
+            # Batches in bf16 are beside bf16 alone.
+            fair = (way for way in ways if row["engine"] != "cpu" or _precision(way) == "cpu")
+            theirs = [{"target": "public", "way": way, "frames": row["frames"]} for way in fair]
+            found = [_times(number, *turn) for turn in store.turns((row, number), *((key, number) for key in theirs))]
+            if found:
+                shares.append({"engine": row["engine"], "frames": row["frames"], "what": what, "spread": spread(found)})
+    measured = []
+    for row in rows:
+        key = {name: value for name, value in row.items() if name != "engine" or row["target"] == "troupe"}
+        measured.append(row | {what: store.median(key, what) for what in ("frames_per_s", "p50_ms")})
+    repeats = len({key["repeat"] for key in store.every_key()})
+    return {"repeats": repeats, "rows": measured, "ratios": shares}
+
+
+def _precision(way: str) -> str:
+    """The engine that computes as a way of the public code does."""
+    return "openvino-bf16" if way.endswith("bf16") else "cpu"
+
+
+def _times(number: str, mine: float, *others: float) -> float:
+    """How many times faster than the fastest of others."""
+    return min(others) / mine if number == "p50_ms" else mine / max(others)
+
+
 PARTS = {
     "serving": serving,
     "mixed": mixed,
@@ -312,6 +357,7 @@ PARTS = {
     "ceiling": ceiling,
     "operators": operators,
     "paper": paper,
+    "official": official,
     "idle": idle,
     "micro": micro,
     "tune": tune,

@@ -110,6 +110,29 @@ of the paper's section 7.4. `paper-wide` has the layer widths that the paper sta
 all cores and one segment a call. The paper reports 15,000 frames/s and 2 ms on an RTX 5090.""",
         tables.paper,
     ),
+    (
+        "How fast is NVIDIA's own code?",
+        "official",
+        """NVIDIA's public MotionBricks code in PyTorch on a CPU, beside a server with a pack of the same weights
+([how it is made](../training/README.md#nvidias-networks)). Before it is measured, both must give the same answers within 1e-4. Each
+plan has four context frames, four targets and one pass of the pose network. Troupe's figures are for whole requests over gRPC; client and
+server share the cores.
+
+As published, the code computes in f32 and takes one plan a call. Its answers have 64 frames, of which those that were asked for count. *Changed* is our work: what batches of plans
+and bf16 need, and nothing else. Troupe's queue has no time limit here, because NVIDIA's code has none. Its networks have 6 GiB in bf16,
+which more than fits all sizes.
+
+With random weights nothing can be said about the accuracy of bf16: the [check](engines.md#the-accuracy-check) is reported and not enforced.
+If the published weights do not pass it, a server with `engine = "auto"` takes f32.""",
+        tables.official,
+    ),
+    (
+        "How does that compare with Troupe?",
+        "official",
+        """Ratios within each turn; *frames/s* are those of 32 clients. Troupe in f32 is beside NVIDIA's code in f32, and Troupe in bf16 beside both
+precisions.""",
+        tables.official_ratios,
+    ),
     ("What does an idle server take?", "idle", "", tables.idle),
     (
         "What do the server's own parts take?",

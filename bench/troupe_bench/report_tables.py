@@ -5,7 +5,7 @@ from typing import Any
 
 from troupe_bench.cli import STAGES
 from troupe_bench.figures import ENGINES
-from troupe_bench.settings import CROWD, CROWD_SIZE, JEMALLOC, PAUSE_US
+from troupe_bench.settings import CROWD, CROWD_SIZE, JEMALLOC, OFFICIAL_BATCH, OFFICIAL_LENGTHS, PAUSE_US
 
 NAMES = {"raw": "raw loop", JEMALLOC: "raw loop, jemalloc", "troupe": "**Troupe**", CROWD: "**Troupe**"}
 NAMES |= {"litserve": "LitServe", "fastapi": "FastAPI"}
@@ -47,6 +47,22 @@ WORDS_RATIOS = {
 }
 WORDS_OTHERS = {"fastapi": "FastAPI's in parts", "fastapi-whole": "FastAPI's at the end"}
 FRAMES_PER_TOKEN = 4
+
+OFFICIAL_NAMES = {
+    ("public", "alone"): ("NVIDIA's code", "as published, all cores"),
+    ("public", "processes"): ("NVIDIA's code", "as published, a process a core"),
+    ("public", "alone-bf16"): ("NVIDIA's code, changed", "autocast, all cores"),
+    ("public", "batched"): ("NVIDIA's code, changed", f"{OFFICIAL_BATCH} plans a call"),
+    ("public", "batched-bf16"): ("NVIDIA's code, changed", f"{OFFICIAL_BATCH} plans a call, autocast"),
+    ("troupe", "alone"): ("**Troupe**", "1 client"),
+    ("troupe", "saturated"): ("**Troupe**", "32 clients"),
+}
+OFFICIAL_RATIOS = {
+    "alone": ("p50, one plan at a time", "≥ 4 ×"),
+    "alone_changed": ("the same, the fastest way of NVIDIA's code, changed or not", ""),
+    "published": ("frames/s, NVIDIA's code as published", "≥ 25 ×"),
+    "changed": ("frames/s, the fastest way of NVIDIA's code, changed or not", ""),
+}
 
 Machine = dict[str, Any]
 Row = dict[str, Any]
@@ -320,6 +336,35 @@ def paper(machines: list[Machine]) -> list[str]:
     if rows:
         rows.append(["the paper", "–", "RTX 5090", "≈ 212 M", "15,000", "–", "2"])
     return table(["pack", "engine", "machine", "parameters", "frames/s", "at batch", "alone (ms)"], rows, 3)
+
+
+def official(machines: list[Machine]) -> list[str]:
+    """NVIDIA's code and Troupe: every way of both, with a column for each length."""
+    found = each(machines, "official")
+    names: dict[Key, None] = dict.fromkeys((r["target"], r["way"], r["engine"], title) for title, r in found)
+    lines = []
+    for target, way, engine, title in sorted(names, key=lambda name: list(OFFICIAL_NAMES).index(name[:2])):
+        same = [r for t, r in found if (r["target"], r["way"], r["engine"], t) == (target, way, engine, title)]
+        at = {row["frames"]: row for row in same}
+        cells = [number(at.get(frames, {}).get("frames_per_s")) for frames in OFFICIAL_LENGTHS]
+        cells += [number(at.get(frames, {}).get("p50_ms"), 1) for frames in OFFICIAL_LENGTHS]
+        lines.append([*OFFICIAL_NAMES[target, way], SHORT[engine], title, *cells])
+    heads = [f"frames/s, {frames} a plan" for frames in OFFICIAL_LENGTHS]
+    heads += [f"p50 of a call, {frames} (ms)" for frames in OFFICIAL_LENGTHS]
+    return table(["target", "way", "precision", "machine", *heads], lines, 4)
+
+
+def official_ratios(machines: list[Machine]) -> list[str]:
+    """How many times faster than NVIDIA's code Troupe is, of runs of one turn."""
+    found = each(machines, "official", "ratios")
+    lines = []
+    for what, (words, bar) in OFFICIAL_RATIOS.items():
+        for title, row in (pair for pair in found if pair[1]["what"] == what):
+            # The goals are those of 40 frames with the engine that the server chooses here.
+            goal = bar if (row["frames"], row["engine"]) == (OFFICIAL_LENGTHS[0], ENGINES[-1]) else ""
+            times = median_of(row["spread"], 1, " ×")
+            lines.append([words, str(row["frames"]), SHORT[row["engine"]], title, times, goal])
+    return table(["", "frames a plan", "Troupe's precision", "machine", "Troupe is faster by", "bar"], lines, 4)
 
 
 def idle(machines: list[Machine]) -> list[str]:

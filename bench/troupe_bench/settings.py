@@ -21,6 +21,19 @@ CROWD = "troupe-crowd"
 CROWD_SIZE = 16
 CROWD_CLIENTS = 8
 
+OFFICIAL_LENGTHS = (40, 64)
+"""Frames of a plan. The public code computes 64 for each."""
+OFFICIAL_BATCH = 16
+OFFICIAL_WAYS: dict[str, tuple[str, ...]] = {
+    "alone": (),
+    "processes": (),
+    "alone-bf16": ("--bf16",),
+    "batched": ("--batch", str(OFFICIAL_BATCH)),
+    "batched-bf16": ("--batch", str(OFFICIAL_BATCH), "--bf16"),
+}
+"""Ways of the public code with their options. `processes` has a process a core, the others one process with all cores. Options
+change the code."""
+
 
 @dataclass
 class Settings:
@@ -44,6 +57,7 @@ class Settings:
     words_clients: tuple[int, ...] = (1, 8, 32)
     words_pack: Path = ROOT / "models" / "vermo"
     official: Path | None = None
+    official_warmup_s: float = 15.0  # OpenVINO takes seconds to open networks so large for another size of batch
     results: Path = field(default=HOME / "results")
     train_python: Path = ROOT / ".venv" / "bin" / "python"
 
@@ -53,7 +67,7 @@ class Settings:
         self.warmup_s, self.measured_s, self.raw_s, self.tune_s = 1.0, 3.0, 0.5, 2.0
         self.idle_s, self.idle_sessions, self.clients = 5.0, 500, (1, 32)
         self.live_characters, self.live_s, self.overload_s = 100, 10.0, 10.0
-        self.words_clients = (1, 8)
+        self.words_clients, self.official_warmup_s = (1, 8), 5.0
 
 
 def python_settings(kind: str, quick: bool) -> list[Json]:
