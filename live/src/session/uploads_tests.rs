@@ -350,7 +350,7 @@ async fn what_is_too_large_or_cannot_be_read_is_left_out_and_the_rest_comes() {
     let spaces = Arc::new(spaces_within(ROOM, Vec::new()).await);
     let log = redis.server("four:4").uploads().unwrap();
     let uploads = SharedUploads {
-        max_record_bytes: 300,
+        max_record_bytes: 64,
         ..SharedUploads::new(log, &spaces, &Telemetry::new().unwrap())
     };
     spaces.share_uploads(uploads);
