@@ -20,6 +20,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use cluster::{Cluster, ROUND, STEP, STEPS_OF_ROUND, Said, in_leases, terms, walks};
 
+const PLANNING: &str = include_str!("../../../../docs/planning.md");
 const SERVERS: usize = 1000;
 const SESSIONS: usize = 10 * SERVERS;
 
@@ -67,6 +68,22 @@ fn waited(cluster: &Cluster) -> (f64, f64) {
     )
 }
 
+/// Shows a row of the table in docs/planning.md, and compares it.
+fn show(failure: &str, result: &str) {
+    let row = format!("| {failure} | {result} |");
+    println!("{row}");
+    let has_row = PLANNING.lines().any(|line| line == row);
+    assert!(has_row, "docs/planning.md has not this row: {row}");
+}
+
+/// As pages write it: 15,023.
+fn thousands(number: usize) -> String {
+    match number / 1000 {
+        0 => number.to_string(),
+        thousands => format!("{thousands},{:03}", number % 1000),
+    }
+}
+
 #[test]
 fn a_thousand_servers_keep_their_sessions() {
     let Some(mut cluster) = Cluster::start(SERVERS, SESSIONS) else {
@@ -82,10 +99,10 @@ fn a_thousand_servers_keep_their_sessions() {
     assert_eq!((cluster.fenced, cluster.failed_rounds), (0, 0));
     // A lease that is renewed too seldom would have ended.
     assert!(witness.kept >= 4 * SESSIONS, "{}", witness.kept);
-    println!(
-        "none fails: the busiest server has {:.1} times the mean; {} writes and renewals in two leases",
-        spread(&cluster),
-        witness.kept
+    let busiest = spread(&cluster);
+    show(
+        "none fails, for two leases",
+        &format!("no session moves; the busiest server has {busiest:.1} times the mean"),
     );
 }
 
@@ -129,14 +146,16 @@ fn only_the_sessions_of_killed_servers_move_and_none_is_lost() {
         *heirs.entry(after[session]).or_default() += 1;
     }
     let (median, longest) = waited(&cluster);
-    println!(
-        "{} of {SERVERS} servers die: {} sessions move, to {} servers, at most {} to one; they have an owner after \
-         {median:.2} leases (median), {longest:.2} (longest); the oldest record of a walker is {:.2} leases old",
-        killed.len(),
-        theirs.len(),
-        heirs.len(),
-        heirs.values().max().unwrap(),
-        in_leases(oldest),
+    let most = heirs.values().max().unwrap();
+    show(
+        &format!("{} servers are killed", killed.len()),
+        &format!(
+            "their {} sessions move, to {} servers, at most {most} to one; they are there again after {median:.1} leases \
+             (median), {longest:.1} (longest); of walkers, at most the last {:.1} leases are lost",
+            theirs.len(),
+            heirs.len(),
+            in_leases(oldest),
+        ),
     );
 }
 
@@ -160,13 +179,15 @@ fn a_rolling_restart_in_tens_lets_no_client_wait_for_a_lease() {
     assert!(cluster.gone.is_empty());
     assert_eq!((cluster.witness.refused, cluster.fenced), (0, 0));
     assert!(cluster.waits.iter().all(|&wait| wait < STEP));
-    let loads = cluster.loads();
-    println!(
-        "a rolling restart in tens: {} moves, none of which waits for a lease; then the busiest server has {:.1} times the \
-         mean, and {} servers have no session",
-        cluster.witness.granted - SESSIONS,
-        spread(&cluster),
-        loads.iter().filter(|&&load| load == 0).count(),
+    let empty = cluster.loads().iter().filter(|&&load| load == 0).count();
+    show(
+        "all restart, ten at a time",
+        &format!(
+            "{} moves, and none waits for a lease; then the busiest server has {:.1} times the mean, and {empty} servers have \
+             no session",
+            thousands(cluster.witness.granted - SESSIONS),
+            spread(&cluster),
+        ),
     );
 }
 
@@ -215,16 +236,20 @@ fn nothing_that_servers_write_counts_after_others_took_over() {
     let last = tokens(&cluster);
     let is_kept = |&session: &usize| (last[session] == first[session]) != taken.contains(&session);
     assert!((0..SESSIONS).all(|session| is_kept(&session)));
-    println!(
-        "{} servers are cut off for two leases, and the router still sends to {}: {} of their {} sessions are taken over, and \
-         all {} writes of these that come later are refused; the others keep their leases, and the clients of {} wait for \
-         the network, because the router sends them to another server that is cut off",
-        cut.len(),
-        routed.len(),
-        taken.len(),
-        theirs.len(),
-        cluster.fenced,
-        stuck.len(),
+    show(
+        &format!(
+            "{} do not reach the store for two leases, and the router reaches only {} of them",
+            cut.len(),
+            routed.len(),
+        ),
+        &format!(
+            "{} of their {} sessions are taken over, and all {} later writes and renewals of the old owners are refused; \
+             {} clients wait for the network, because the router sends them to another server without the store",
+            taken.len(),
+            theirs.len(),
+            cluster.fenced,
+            stuck.len(),
+        ),
     );
 }
 
@@ -273,15 +298,20 @@ fn after_the_store_was_emptied_the_newest_owner_has_each_session() {
             .all(|&session| cut.contains(&owners[session]))
     );
     assert!(is_back(&cluster));
-    println!(
-        "the store is emptied, {} servers come back with {} old sessions, and {} die: {} sessions have their owners again \
-         after {:.2} leases, {} are lost with the servers that died",
-        cut.len(),
-        stale.len(),
-        killed.len(),
-        SESSIONS - lost.len(),
-        in_leases(took),
-        lost.len(),
+    show(
+        &format!(
+            "the store is emptied; {} servers that were cut off come back with {} old sessions; {} are killed before they \
+             write again",
+            cut.len(),
+            stale.len(),
+            killed.len(),
+        ),
+        &format!(
+            "{} sessions have an owner again after {:.1} leases, the newest of two; {} are lost with the killed servers",
+            thousands(SESSIONS - lost.len()),
+            in_leases(took),
+            lost.len(),
+        ),
     );
 }
 

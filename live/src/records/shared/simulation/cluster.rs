@@ -1,8 +1,8 @@
 //! Servers, clients and a router around a real store.
 //!
 //! Each simulated server has the real [`SharedRecords`]. What is around it in a server is modelled:
-//! its keeper's rounds (`session/keep`), its answer to a client (`session/share`), and a client that
-//! goes where an error sends it.
+//! its keeper's rounds (`session/keep`), its answer to a client (`session/share`), and a client
+//! that goes where an error sends it.
 //!
 //! All servers use the same two connections. A server gets them for one call, and gives them back.
 //! The address that it has itself is a port without a listener, so a server that is cut off
