@@ -12,7 +12,7 @@ import pytest
 
 import troupe_reader
 from troupe_bench import figures, official, report_tables
-from troupe_bench.machine import ROOT
+from troupe_bench.machine import ROOT, busy_share, cores
 from troupe_bench.programs import Failed
 from troupe_bench.settings import OFFICIAL_WAYS, Settings
 from troupe_bench.store import Store
@@ -89,6 +89,26 @@ def test_processes_begin_when_all_are_ready():
 def test_public_code_that_fails_is_no_figure(code: str, why: str):
     with pytest.raises(Failed, match=why):
         official._together([process(code)])
+
+
+def test_other_work_on_the_cores_is_noticed():
+    many = max(1, int(cores()))
+    running = [process("while True: pass") for _ in range(many)]
+    try:
+        assert busy_share(0.5) > 0.5
+    finally:
+        for one in running:
+            one.kill()
+            one.wait()
+
+
+def test_nothing_is_measured_beside_other_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "out" / "motionbricks_pose").mkdir(parents=True)
+    monkeypatch.setattr(official, "prepare", lambda *_: None)
+    monkeypatch.setattr(official, "busy_share", lambda _: 0.4)
+    with pytest.raises(Failed, match="other programs take 40% of the cores, at most 5% is allowed"):
+        official.measure(Settings(official=tmp_path, results=tmp_path / "results"))
+    assert not (tmp_path / "results").exists()
 
 
 def test_a_folder_that_is_no_checkout_is_refused_with_what_is_expected(tmp_path: Path):

@@ -3,6 +3,7 @@
 import os
 import platform
 import subprocess
+import time
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,21 @@ def cores() -> float:
         return min(mask, int(quota) / int(period))
     except (OSError, ValueError):
         return mask
+
+
+def busy_share(seconds: float) -> float:
+    """Share of all cores that is taken by anything, over some seconds."""
+    before = _ticks()
+    time.sleep(seconds)
+    idle, total = (after - then for after, then in zip(_ticks(), before, strict=True))
+    return 1.0 - idle / total if total else 0.0
+
+
+def _ticks() -> tuple[int, int]:
+    """Ticks in which cores were idle or waited for disks, and all ticks."""
+    # Time of guests is within that of users.
+    ticks = [int(text) for text in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
+    return ticks[3] + ticks[4], sum(ticks)
 
 
 def describe() -> dict[str, Any]:

@@ -11,12 +11,13 @@ import subprocess
 from pathlib import Path
 
 from troupe_bench import figures, programs, report_tables
-from troupe_bench.machine import ROOT, cores, pack_id
+from troupe_bench.machine import ROOT, busy_share, cores, pack_id
 from troupe_bench.programs import HOME, Failed, say
 from troupe_bench.settings import OFFICIAL_LENGTHS, OFFICIAL_WAYS, Settings
 from troupe_bench.store import Json, Store
 from troupe_bench.walk import write_walk
 
+IDLE_S, MOST_BUSY = 5.0, 0.05
 NETWORK_MEMORY_MIB = 6144
 CLIENTS = {"alone": 1, "saturated": 32}
 LIKE = ROOT / "models" / "g1"
@@ -30,6 +31,13 @@ def measure(settings: Settings) -> None:
     """Both sides in turns. Every other turn begins with Troupe, so that none is always behind the other."""
     code = checkout_of(settings)
     prepare(settings, code)
+    # Threads of PyTorch wait for each other at every layer: other work on a core slows them more
+    # than it slows Troupe.
+    busy = busy_share(IDLE_S)
+    if busy > MOST_BUSY and not settings.quick:
+        raise Failed(
+            f"other programs take {busy:.0%} of the cores, at most {MOST_BUSY:.0%} is allowed; --quick measures all the same"
+        )
     store = Store(settings.results, "official")
     if store.of_pack(pack_id(WORK / "pack")):
         say("what was measured of other weights is forgotten")
