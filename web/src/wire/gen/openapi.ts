@@ -953,6 +953,11 @@ export interface components {
              * @default 0
              */
             closed: number;
+            /**
+             * @description Sessions that may be open and are not closed: another server has them, or the store that servers share does not answer. If none was closed, the first of these is the call's error.
+             * @default []
+             */
+            problems: components["schemas"]["SessionProblem"][];
         };
         /** @description A static body that characters stand on, or that is in the way to objects. It does not stop locomotion. */
         Collider: {
@@ -4996,6 +5001,15 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
+            /** @description Another server has the session or the scene */
+            421: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
             /** @description Not ready yet */
             503: {
                 headers: {
@@ -6417,6 +6431,15 @@ export interface operations {
                     "application/json": components["schemas"]["ErrorBody"];
                 };
             };
+            /** @description Another server has the scene */
+            421: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
             /** @description Not ready yet */
             503: {
                 headers: {
@@ -7200,6 +7223,15 @@ export interface operations {
             };
             /** @description Origin or Host is not one that the server allows, or the key's role is too low */
             403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Another server has the session */
+            421: {
                 headers: {
                     [name: string]: unknown;
                 };

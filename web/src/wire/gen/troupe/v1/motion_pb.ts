@@ -2588,8 +2588,8 @@ export const SoundSchema: GenEnum<Sound> = /*@__PURE__*/
  */
 export enum PathPlanner {
   /**
-   * PATH_PLANNER_CARRIED if a loaded pack can do it as asked, and keeps up with the path. Otherwise
-   * PATH_PLANNER_OWN.
+   * PATH_PLANNER_CARRIED if a pack of the same body, or for robots one of a robot, can do it as
+   * asked and keeps up with the path. Otherwise PATH_PLANNER_OWN.
    *
    * @generated from enum value: PATH_PLANNER_AUTO = 0;
    */
