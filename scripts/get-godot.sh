@@ -9,7 +9,8 @@ home=$PWD/target/godot/engine
 command -v apt-get >/dev/null || { echo "this needs apt: name a Godot of your own in GODOT" >&2; exit 1; }
 
 # The mirror that this machine uses for Debian.
-site=$(apt-get indextargets --format '$(SITE)' 'Created-By: Packages' | grep '/debian/\?$' | head -n 1)
+sites=$(apt-get indextargets --format '$(SITE)' 'Created-By: Packages' | grep '/debian/\?$')
+site=${sites%%$'\n'*}
 state=$PWD/target/godot/apt
 rm -rf "$state" "$home"
 mkdir -p "$state"/{lists,cache}/partial "$state/cache/archives/partial" "$home"

@@ -10,18 +10,17 @@ home=$PWD/target/godot
 crate=clients/godot
 mkdir -p "$home"
 export CARGO_TARGET_DIR=${TROUPE_GODOT_BUILD:-$home/build}
-cargo="cargo --quiet"
 
 echo "Rust"
 python3 clients/conventions/make.py --check
-(cd $crate && cargo fmt --check && $cargo clippy --all-targets --locked -- -D warnings && $cargo test --locked && $cargo build --locked)
-scripts/tool.sh cargo-deny --manifest-path $crate/Cargo.toml --log-level error check --config "$PWD/deny.toml" bans licenses sources
+(cd $crate && cargo fmt --check && cargo --quiet clippy --all-targets --locked -- -D warnings && cargo --quiet test --locked && cargo --quiet build --locked)
+scripts/tool.sh cargo-deny --manifest-path $crate/Cargo.toml --log-level error --config deny.toml check bans licenses sources
 
 # The engine finds the library's entry by its name.
 addon=project/addons/troupe/troupe.gdextension
 library=$CARGO_TARGET_DIR/debug/libtroupe_godot.so
 entry=$(sed -n 's/^entry_symbol = "\(.*\)"$/\1/p' $crate/$addon)
-nm --dynamic --defined-only "$library" | grep -q " T $entry$" || { echo "$library has no symbol $entry" >&2; exit 1; }
+nm --dynamic --defined-only "$library" | grep " T $entry$" >/dev/null || { echo "$library has no symbol $entry" >&2; exit 1; }
 minimum=$(sed -n 's/^compatibility_minimum = //p' $crate/$addon)
 grep -q "\"api-${minimum/./-}\"" $crate/Cargo.toml || { echo "$addon and Cargo.toml name other versions of Godot" >&2; exit 1; }
 

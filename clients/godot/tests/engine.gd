@@ -1,7 +1,8 @@
 extends SceneTree
 ## Runs the extension in Godot against the servers that engine.sh starts.
 
-const LIMIT_S := 60.0
+## A busy machine is slow.
+const LIMIT_S := 180.0
 ## Longest frame while a character opens. A call that waits for the network takes longer.
 const LONGEST_FRAME_MS := 250.0
 
@@ -243,8 +244,11 @@ func _the_script_of_the_tutorial_runs() -> void:
 	var arrived := _noted(character.arrived)
 	var performing := _noted(character.performing)
 	root.add_child(scene)
-	await _until(func() -> bool: return not performing.is_empty(), "it arrives, and waves")
-	_check(arrived[0] < 0.5, arrived)
+	var ends := _noted(character.failed)
+	character.refused.connect(ends.append)
+	await _until(func() -> bool: return not (arrived + ends).is_empty(), "it arrives")
+	_check(ends.is_empty() and arrived[0] < 0.5, [arrived, ends])
+	await _until(func() -> bool: return not (performing + ends).is_empty(), "it waves")
 	_check(performing == ["a person waves"], performing)
 	# Another model takes the place of the first.
 	character.get_child(0).free()

@@ -194,13 +194,13 @@ impl TroupeCharacter {
 
     fn advance(&mut self) {
         self.join();
-        let Some(actor) = self.actor.clone() else {
-            return;
-        };
-        if actor.take_pose(&mut self.pose) {
+        if let Some(actor) = &self.actor
+            && actor.take_pose(&mut self.pose)
+        {
             self.show();
         }
-        while let Some(note) = actor.take_note() {
+        // A character that leaves meanwhile has no more notes.
+        while let Some(note) = self.actor.as_ref().and_then(|actor| actor.take_note()) {
             self.report(note);
         }
     }
