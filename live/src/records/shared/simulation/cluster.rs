@@ -25,7 +25,7 @@ use crate::records::{Changes, Kind, RecordStore as _, Tended};
 
 /// The terms of servers are longer by this, so that the time of the test itself does not count.
 /// Its clock is moved instead.
-const SCALE: u32 = 1000;
+const SCALE: u32 = 10_000;
 /// Time from one round of a server's keeper to the next, and between two calls of a client.
 pub(super) const ROUND: Duration = Duration::from_millis(250 * SCALE as u64);
 /// Servers have their rounds in turns, and clients make their calls in turns.
@@ -37,8 +37,8 @@ const KEEP: Duration = Duration::from_secs(3600 * SCALE as u64);
 /// this names.
 const CALLS: usize = 4;
 
-/// Moves the clock of Redis for all leases: their ends are nearer. Keys stay for a thousand hours
-/// after that, so their own end does not matter here.
+/// Moves the clock of Redis for all leases: their ends are nearer. Keys stay for ten thousand
+/// hours after that, so their own end does not matter here.
 const ADVANCE: &str = r"
 for _, key in ipairs(redis.call('KEYS', 'troupe:*')) do
   redis.call('HINCRBY', key, 'until', -ARGV[1])
