@@ -11,10 +11,11 @@ from processes import RUNNING, Process, until
 
 HERE = Path(__file__).parent
 PARENT = """
-import sys, time
+import signal, sys, time
 sys.path.insert(0, {here!r})
 from pathlib import Path
 from processes import Process
+signal.signal(signal.SIGINT, signal.default_int_handler)  # What runs in the background may have been told to ignore it.
 print(Process(["sleep", "600"], Path({log!r})).process.pid, flush=True)
 time.sleep(600)
 """
@@ -39,7 +40,10 @@ def test_a_process_ends_with_the_test_that_started_it(tmp_path, how):
         child = int(parent.stdout.readline())
         assert runs(child)
         parent.send_signal(how)
-    until(lambda: not runs(child), "the process ends", 5)
+        try:
+            until(lambda: not runs(child), "the process ends", 5)
+        finally:
+            parent.kill()
 
 
 def test_a_cluster_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch):
