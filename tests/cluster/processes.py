@@ -1,22 +1,22 @@
 """Processes of a test. They end with it, also if it fails, is interrupted or is killed."""
 
 import atexit
-import ctypes
 import os
+import shutil
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 START_S = 60.0
-PR_SET_PDEATHSIG = 1
 RUNNING: set["Process"] = set()
 """All processes that were started and not ended."""
-_LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
+SETPRIV = shutil.which("setpriv")
+"""Has Linux kill a process when the thread that started it ends, however that ends. A function that runs between fork and
+exec could do so too, but gRPC's threads do not survive such a fork."""
 
 
 def free_ports(count: int) -> list[int]:
@@ -47,12 +47,6 @@ def until(is_so, what: str, limit_s: float = START_S):
     return found
 
 
-def end_with_parent():
-    """Runs in a new process: Linux kills it when the thread that started it ends, however that ends."""
-    if _LIBC:
-        _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
 @atexit.register
 def end_all():
     """Ends what a test has left, on systems that do not do it themselves."""
@@ -64,7 +58,7 @@ class Process:
     """A process whose output is a file. The thread that starts it must live as long as the test."""
 
     def __init__(self, command: list[str | Path], log: Path, more: dict[str, str] | None = None):
-        self.command = command
+        self.command = [SETPRIV, "--pdeathsig", "KILL", *command] if SETPRIV else command
         self.environment = {**os.environ, **(more or {})}
         self.log = log
         self.start()
@@ -72,9 +66,7 @@ class Process:
     def start(self):
         """Starts it, for the first time or again."""
         with self.log.open("ab") as log:
-            self.process = subprocess.Popen(
-                self.command, env=self.environment, stdout=log, stderr=subprocess.STDOUT, preexec_fn=end_with_parent
-            )
+            self.process = subprocess.Popen(self.command, env=self.environment, stdout=log, stderr=subprocess.STDOUT)
         RUNNING.add(self)
 
     @contextmanager

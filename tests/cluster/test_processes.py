@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import test_routing
-from processes import RUNNING, Process, until
+from processes import RUNNING, SETPRIV, Process, until
 
 HERE = Path(__file__).parent
 PARENT = """
@@ -30,7 +30,9 @@ def runs(pid: int) -> bool:
     return state not in "ZX"
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux kills processes with their parent")
+@pytest.mark.skipif(
+    not SETPRIV, reason="there is no setpriv (Debian: util-linux), which has processes end with their parent"
+)
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_a_process_ends_with_the_test_that_started_it(tmp_path, how):
     script = PARENT.format(here=str(HERE), log=str(tmp_path / "log"))
