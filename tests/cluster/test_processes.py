@@ -15,7 +15,7 @@ import signal, sys, time
 sys.path.insert(0, {here!r})
 from pathlib import Path
 from processes import Process
-signal.signal(signal.SIGINT, signal.default_int_handler)  # What runs in the background may have been told to ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)  # What runs in the background may ignore it.
 print(Process(["sleep", "600"], Path({log!r})).process.pid, flush=True)
 time.sleep(600)
 """
