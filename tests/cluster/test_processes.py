@@ -25,7 +25,7 @@ def runs(pid: int) -> bool:
     """Whether a process is there, and is not only waiting to be collected."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except FileNotFoundError:
+    except (FileNotFoundError, ProcessLookupError):  # Before and while its file is read.
         return False
     return state not in "ZX"
 
