@@ -40,7 +40,7 @@ def test_a_process_ends_with_the_test_that_started_it(tmp_path, how):
         [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as parent:
         child = int(parent.stdout.readline())
-        assert runs(child)
+        until(lambda: Path(f"/proc/{child}/comm").read_text() == "sleep\n", "setpriv has begun it", 5)
         parent.send_signal(how)
         try:
             until(lambda: not runs(child), "the process ends", 5)
