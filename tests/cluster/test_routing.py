@@ -51,7 +51,7 @@ class Cluster:
         until(lambda: self.seen() == set(NAMES), "all three serve")
 
     def seen(self) -> set[str]:
-        """The servers that answer requests without a key: at random, so many are asked."""
+        """The servers that answer requests without a key: at random, so it asks often."""
         return {self.http1.get("/v1/packs").json().get("server") for _ in range(40)} if self.answers() else set()
 
     def answers(self) -> bool:

@@ -352,7 +352,7 @@ impl SharedUploads {
                 .collect();
             let records = log.records(&fields)?;
             for ((upload, _), record) in pending.into_iter().zip(records) {
-                // One that was removed meanwhile comes with the next round.
+                // One that was just removed comes with the next round.
                 if let Some(record) = record {
                     self.take_one(space, items, upload, Some(&record));
                 }

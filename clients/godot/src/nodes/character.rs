@@ -199,7 +199,7 @@ impl TroupeCharacter {
         {
             self.show();
         }
-        // A character that leaves meanwhile has no more notes.
+        // A character that leaves during this has no more notes.
         while let Some(note) = self.actor.as_ref().and_then(|actor| actor.take_note()) {
             self.report(note);
         }

@@ -190,7 +190,7 @@ impl UploadLog {
             let page = self.link.read(answer, listed)?;
             let is_last = page.list.len() < PAGE;
             if after != position && page.epoch != all.epoch {
-                // Emptied meanwhile, which the next call sees.
+                // Emptied by now, which the next call sees.
                 return Ok(all);
             }
             after = page.list.last().map_or(after, |change| change.at.position);
