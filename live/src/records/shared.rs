@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 
 use super::{Change, Changes, Kind, Lost, RecordStore, RecordsError, Tended};
 use link::Link;
-use script::{Answer, Hold, Mine, Times, claim, hold, look};
+use script::{Answer, Hold, Mine, Times, claim, filling, hold, look};
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
 pub use link::Place;
@@ -47,6 +47,8 @@ pub struct Terms {
     pub remember: Duration,
     /// Time from a claim to the session that it is for.
     pub settle: Duration,
+    /// Time in which servers write everything again after the store was emptied.
+    pub fill: Duration,
 }
 
 impl Default for Terms {
@@ -56,6 +58,7 @@ impl Default for Terms {
             renew: Duration::from_millis(400),
             remember: Duration::from_secs(3600),
             settle: Duration::from_secs(10),
+            fill: Duration::from_secs(3),
         }
     }
 }
@@ -88,6 +91,9 @@ pub enum Claim {
     Exists,
     /// [`Want::Known`] of something without a record.
     Unknown,
+    /// [`Want::Known`] of something without a record, in a store that was empty just now. Its server
+    /// may be about to write it again.
+    Filling,
     /// Another server has the lease.
     Elsewhere {
         /// Its address.
@@ -198,13 +204,26 @@ impl Leases {
                 }
             }
         }
-        let mut answers = link.run(scripts)?.into_iter();
+        let asks_known = claims
+            .iter()
+            .zip(asked)
+            .any(|(claim, (_, _, want))| claim.is_none() && *want == Want::Known);
+        if asks_known {
+            scripts.push(filling(millis(self.terms.fill)));
+        }
+        let mut answers = link.run(scripts)?;
+        let is_filling = asks_known && answers.pop() == Some(Answer::Filling);
+        let mut answers = answers.into_iter();
         let done = claims
             .into_iter()
             .zip(asked)
             .map(|(claim, (kind, name, _))| match claim {
                 Some(claim) => claim,
                 None => self.took((*kind, name.clone()), answers.next(), sent),
+            })
+            .map(|claim| match claim {
+                Claim::Unknown if is_filling => Claim::Filling,
+                claim => claim,
             });
         Ok(done.collect())
     }
@@ -232,7 +251,7 @@ impl Leases {
                 }
             }
             Some(Answer::Exists) => Claim::Exists,
-            Some(Answer::Unknown | Answer::Kept) | None => Claim::Unknown,
+            Some(Answer::Unknown | Answer::Kept | Answer::Filling) | None => Claim::Unknown,
         }
     }
 

@@ -18,7 +18,7 @@ const FAILED: Duration = Duration::from_secs(1);
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Away {
     why: Why,
-    /// Until when this holds.
+    /// When the lease ends, or the answer is old.
     until: Instant,
     /// From when on the store should be asked again.
     again: Instant,
@@ -63,14 +63,12 @@ impl Away {
         now >= self.again
     }
 
-    /// The error for a call at `now`. `None` if this does not hold any more.
-    pub(super) fn error(&self, id: &str, field: String, now: Instant) -> Option<SessionError> {
-        let left = self
-            .until
-            .checked_duration_since(now)
-            .filter(|left| !left.is_zero())?;
+    /// The error for a call at `now`. It is given until the store says otherwise: a call may come
+    /// long after it asked, and that the session is gone would be a guess.
+    pub(super) fn error(&self, id: &str, field: String, now: Instant) -> SessionError {
+        let left = self.until.saturating_duration_since(now);
         let id = id.to_owned();
-        Some(match &self.why {
+        match &self.why {
             Why::Elsewhere { owner } if owner.is_empty() => SessionError::Moved { id, field },
             Why::Elsewhere { owner } => SessionError::Elsewhere {
                 what: "session",
@@ -88,7 +86,7 @@ impl Away {
                 limit: *limit,
                 place: "",
             },
-        })
+        }
     }
 }
 
@@ -125,17 +123,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_entry_names_the_owner_until_its_lease_ends() {
+    fn an_entry_names_the_owner_until_the_store_is_asked_again() {
         let (now, mut table) = (Instant::now(), AwayTable::default());
         let name = |id: &str| (None, Arc::from(id));
         let away = Away::of("10.0.0.2:8080".to_owned(), Duration::from_millis(900), now);
         table.note(name("hero"), away, now);
-        let error = |at| table.get(&name("hero"))?.error("hero", "id".to_owned(), at);
-        assert_eq!(
-            error(now + Duration::from_millis(300)).map(|error| error.to_string()),
-            Some("session \"hero\" is on the server 10.0.0.2:8080, whose lease ends in 600 ms".to_owned())
-        );
-        assert!(error(now + Duration::from_millis(900)).is_none());
+        for (at_ms, left_ms) in [(300, 600), (900, 0), (1000, 0)] {
+            let at = now + Duration::from_millis(at_ms);
+            let error = table
+                .get(&name("hero"))
+                .unwrap()
+                .error("hero", "id".to_owned(), at);
+            let wanted =
+                format!("session \"hero\" is on the server 10.0.0.2:8080, whose lease ends in {left_ms} ms");
+            assert_eq!(error.to_string(), wanted);
+        }
         let is_old = |ms| {
             table
                 .get(&name("hero"))

@@ -22,6 +22,7 @@ mod away;
 mod backlog;
 mod calls;
 mod cell;
+mod coming;
 mod commands;
 mod describe;
 mod drive;

@@ -3,11 +3,12 @@
 //! needs the lease of both.
 
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use super::away::Away;
 use super::cell::SessionCell;
+use super::coming::Coming;
 use super::keep::{RESTORED, restore_session, scene_of};
 use super::space::{Spaces, record_name};
 use super::{SessionError, Sessions};
@@ -24,6 +25,8 @@ const MAX_BROUGHT: usize = 4096;
 /// Time after which the objects of a scene that came here are free, if the sessions that had them
 /// have not come.
 const ABSENT: Duration = Duration::from_secs(60);
+/// What is said of a store that has been empty until now.
+const FILLING: &str = "it was emptied, and servers write their sessions again";
 
 /// How a server shares its sessions.
 #[derive(Debug)]
@@ -31,6 +34,10 @@ pub(super) struct Sharing {
     leases: Arc<Leases>,
     spaces: Weak<Spaces>,
     adopted: Mutex<Vec<Adopted>>,
+    coming: Coming,
+    /// Held from the claim of a scene until its objects are placed. A second call for the scene
+    /// waits.
+    scenes: Mutex<()>,
     restored: Counter,
     left_out: Counter,
 }
@@ -73,6 +80,8 @@ impl Sessions {
             leases,
             spaces: Arc::downgrade(spaces),
             adopted: Mutex::default(),
+            coming: Coming::default(),
+            scenes: Mutex::default(),
             restored: counter("restored"),
             left_out: counter("left_out"),
         });
@@ -168,6 +177,7 @@ impl Sharing {
         if self.leases.keeps(Kind::Scene, &name) {
             return Ok(());
         }
+        let _placing = self.placing();
         let claims = self.leases.claim(&[(Kind::Scene, name, Want::Any)]);
         let claims = claims.map_err(|error| SessionError::NoStore {
             reason: error.to_string(),
@@ -200,6 +210,7 @@ impl Sharing {
             .iter()
             .map(|cell| (Kind::Session, record_name(tenant, cell.id()), Want::New));
         let asked: Vec<_> = of_scenes.chain(of_cells).collect();
+        let placing = (!scenes.is_empty()).then(|| self.placing());
         let claims = self.leases.claim(&asked).map_err(|error| SessionError::NoStore {
             reason: error.to_string(),
             field: "sessions".to_owned(),
@@ -224,10 +235,15 @@ impl Sharing {
                 self.adopt(tenant, scene, &record, world, sessions.time().now());
             }
         }
+        drop(placing);
         for (index, (cell, claim)) in cells.iter().zip(claims).enumerate() {
             accepted("session", cell.id(), format!("sessions[{index}].id"), claim)?;
         }
         Ok(taken)
+    }
+
+    fn placing(&self) -> MutexGuard<'_, ()> {
+        self.scenes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Places the objects of a scene as its last server left them.
@@ -251,7 +267,14 @@ impl Sharing {
     }
 
     fn bring(&self, sessions: &Sessions, ids: Vec<String>) {
-        let (registry, now) = (sessions.registry(), sessions.time().now());
+        let registry = sessions.registry();
+        let brought = self
+            .coming
+            .begin(ids, |id| registry.lacks(id, sessions.time().now()));
+        let (ids, now) = (&brought.ids, sessions.time().now());
+        if ids.is_empty() {
+            return;
+        }
         let usual_ttl = Duration::from_millis(sessions.limits().ttl_ms.into());
         if let Err(SessionError::TooMany { open, limit, .. }) = registry.room_for(ids.len(), usual_ttl, now) {
             let away = Away::no_room(open, limit, now);
@@ -284,6 +307,10 @@ impl Sharing {
                 }
                 // It was elsewhere, and is closed.
                 Claim::Unknown => registry.forget_away(id),
+                Claim::Filling => {
+                    let away = Away::no_store(FILLING.to_owned(), now);
+                    registry.note_away(id, away, now);
+                }
                 Claim::Had | Claim::Taken(None) | Claim::Exists => {}
             }
         }
@@ -327,6 +354,7 @@ impl Sharing {
         let tenant = sessions.registry().tenant();
         let space = spaces.of(tenant).map_err(|error| unfit(&error))?;
         if let Some(scene) = scene_of(record) {
+            let _placing = self.placing();
             let now = sessions.time().now();
             let asked = [(Kind::Scene, record_name(tenant, scene), Want::Any)];
             let claims = self.leases.claim(&asked).map_err(|error| unfit(&error))?;
@@ -381,7 +409,8 @@ fn accepted(
         Claim::Had => Ok(None),
         Claim::Taken(record) => Ok(record),
         Claim::Elsewhere { owner, ends_in } => Err(elsewhere(what, name, owner, ends_in, field)),
-        Claim::Exists | Claim::Unknown => Err(SessionError::Exists {
+        // Only claims of what is known are answered that it is unknown.
+        Claim::Exists | Claim::Unknown | Claim::Filling => Err(SessionError::Exists {
             id: name.to_owned(),
             field,
         }),

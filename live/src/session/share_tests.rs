@@ -8,7 +8,8 @@ use super::super::keep::tests::{House, command, open};
 use super::super::{Keeper, Space};
 use super::*;
 use crate::records::RecordStore;
-use crate::records::shared::testing::{LEASE, Redis};
+use crate::records::shared::Terms;
+use crate::records::shared::testing::{LEASE, Redis, TERMS};
 use crate::world::Folders;
 
 /// Longer than the time in which the store is not asked again.
@@ -25,12 +26,15 @@ struct Server {
 
 impl Server {
     fn start(house: &House, redis: &Redis, address: &str, scenes: &tempfile::TempDir) -> Self {
+        Self::start_with(house, Box::new(redis.server(address)), scenes)
+    }
+
+    fn start_with(house: &House, records: Box<dyn RecordStore>, scenes: &tempfile::TempDir) -> Self {
         let folders = Folders {
             scenes: Some(scenes.path().to_owned()),
             ..Folders::default()
         };
         let spaces = house.spaces_in(folders, 8);
-        let records: Box<dyn RecordStore> = Box::new(redis.server(address));
         let keeper = Keeper::new(&spaces, records, &house.telemetry).unwrap();
         Self {
             space: spaces.common().clone(),
@@ -138,6 +142,25 @@ async fn a_session_moves_when_its_server_stops_or_is_paused() {
 }
 
 #[tokio::test]
+async fn calls_that_bring_a_session_at_the_same_time_all_find_it() {
+    let Some(redis) = Redis::start() else { return };
+    let (house, scenes) = (House::new().await, tempfile::tempdir().unwrap());
+    let start = |address| Server::start(&house, &redis, address, &scenes);
+    let (mut one, mut two) = (start("one:1"), start("two:2"));
+    open(&one.space, "hero").await;
+    for _ in 0..5 {
+        one.round();
+        one.keeper.finish().unwrap();
+        let looks = [(); 4].map(|()| two.last_sequence("hero"));
+        for found in futures_util::future::join_all(looks).await {
+            assert_eq!(found, Ok(0));
+        }
+        std::mem::swap(&mut one, &mut two);
+        sleep(JUST_ASKED);
+    }
+}
+
+#[tokio::test]
 async fn what_another_server_has_is_not_closed_and_that_server_is_named() {
     let Some(redis) = Redis::start() else { return };
     let (house, scenes) = (House::new().await, tempfile::tempdir().unwrap());
@@ -239,9 +262,26 @@ async fn sessions_go_on_without_their_store_and_new_ones_wait() {
     );
     assert_eq!(one.last_sequence("hero").await, Ok(5));
 
-    // It comes back with nothing in it.
+    // It comes back with nothing in it, and this is not taken for the end of its sessions.
     redis.start_again();
     sleep(Duration::from_millis(600));
+    let terms = Terms {
+        fill: Duration::from_secs(1),
+        ..TERMS
+    };
+    let three = Server::start_with(&house, Box::new(redis.server_with("three:3", terms)), &scenes);
+    says(
+        three.last_sequence("hero").await,
+        "it was emptied, and servers write their sessions again",
+    );
+    one.round();
+    sleep(JUST_ASKED);
+    says(three.last_sequence("hero").await, "is on the server one:1");
+    sleep(Duration::from_millis(800));
+    says(
+        three.last_sequence("other").await,
+        "no session has the id \"other\"",
+    );
     one.round();
     let two = Server::start(&house, &redis, "two:2", &scenes);
     says(two.last_sequence("hero").await, "is on the server one:1");

@@ -81,6 +81,16 @@ if ends > ms then return {'elsewhere', at[1], string.format('%.0f', ends - ms)} 
 return {'unknown'}
 ";
 
+/// Says whether the store was empty a moment ago. The key has the time at which this was first
+/// asked, ms.
+const FILLING: &str = r"
+local time = redis.call('TIME')
+local ms = math.floor((time[1] * 1000000 + time[2]) / 1000)
+redis.call('SET', KEYS[1], string.format('%.0f', ms), 'NX')
+if ms - redis.call('GET', KEYS[1]) < ARGV[1] + 0 then return {'filling'} end
+return {'kept'}
+";
+
 /// What a claim is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Want {
@@ -123,6 +133,8 @@ pub(super) enum Answer {
     Exists,
     /// There is no record.
     Unknown,
+    /// The store was empty a moment ago.
+    Filling,
 }
 
 /// Times that a script needs, ms.
@@ -151,6 +163,13 @@ pub(super) fn claim(key: &str, address: &str, want: Want, times: Times) -> Cmd {
 pub(super) fn look(key: &str) -> Cmd {
     let mut eval = cmd("EVAL");
     eval.arg(LOOK).arg(1).arg(key);
+    eval
+}
+
+/// Asks whether the store was empty in the last `fill_ms`.
+pub(super) fn filling(fill_ms: u64) -> Cmd {
+    let mut eval = cmd("EVAL");
+    eval.arg(FILLING).arg(1).arg("troupe:since").arg(fill_ms);
     eval
 }
 
@@ -215,6 +234,7 @@ pub(super) fn read(value: Value) -> Result<Answer, RedisError> {
         },
         "exists" => Answer::Exists,
         "unknown" => Answer::Unknown,
+        "filling" => Answer::Filling,
         _ => return Err(unknown()),
     })
 }

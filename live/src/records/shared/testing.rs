@@ -10,11 +10,12 @@ use super::{SharedRecords, Terms};
 use troupe_base::telemetry::Telemetry;
 
 pub(crate) const LEASE: Duration = Duration::from_secs(1);
-pub(super) const TERMS: Terms = Terms {
+pub(crate) const TERMS: Terms = Terms {
     lease: LEASE,
     renew: Duration::ZERO,
     remember: Duration::from_secs(60),
     settle: Duration::ZERO,
+    fill: Duration::ZERO,
 };
 /// Programs that serve, the first that there is.
 const SERVERS: [&str; 2] = ["redis-server", "valkey-server"];
@@ -78,8 +79,12 @@ impl Redis {
     }
 
     pub(crate) fn server(&self, address: &str) -> SharedRecords {
+        self.server_with(address, TERMS)
+    }
+
+    pub(crate) fn server_with(&self, address: &str, terms: Terms) -> SharedRecords {
         let place = format!("redis://127.0.0.1:{}", self.port).parse().unwrap();
-        SharedRecords::new(&place, address.to_owned(), TERMS, &Telemetry::new().unwrap())
+        SharedRecords::new(&place, address.to_owned(), terms, &Telemetry::new().unwrap())
     }
 
     pub(crate) fn ask<T: redis::FromRedisValue>(&self, command: &[&str]) -> T {

@@ -40,7 +40,7 @@ const CALLS: usize = 4;
 /// Moves the clock of Redis for all leases: their ends are nearer. Keys stay for ten thousand
 /// hours after that, so their own end does not matter here.
 const ADVANCE: &str = r"
-for _, key in ipairs(redis.call('KEYS', 'troupe:*')) do
+for _, key in ipairs(redis.call('KEYS', 'troupe:session:*')) do
   redis.call('HINCRBY', key, 'until', -ARGV[1])
 end
 ";
@@ -53,6 +53,8 @@ pub(super) fn terms() -> Terms {
         renew: usual.renew * SCALE,
         remember: usual.remember * SCALE,
         settle: usual.settle * SCALE,
+        // A client that finds no session ends an experiment.
+        fill: Duration::ZERO,
     }
 }
 
