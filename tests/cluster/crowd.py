@@ -179,7 +179,9 @@ class Crowd(threading.Thread):
                 if block.ids:
                     track.take(block.ids, np.asarray(block.first_frames), block.root[-1], block.rotations[-1])
         await drive.close()
-        await routed.close_sessions(names)
+        closed = await routed.close_sessions(names)
+        if closed != len(names):
+            self.report.lost.append(f"{len(names) - closed} of the stream of {names[0]} at the end")
 
     def mark(self, frames: int):
         """Counts the next frames of all as those after a break."""

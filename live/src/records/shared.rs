@@ -424,6 +424,8 @@ impl RecordStore for SharedRecords {
                 closed.push((key, held.asked));
             }
         }
+        // So that the store knows since when it has been there.
+        scripts.push(filling(millis(terms.fill)));
         let mut tended = Tended::default();
         for ((key, keep), answer) in renewed.into_iter().zip(self.link.run(scripts)?) {
             self.leases.note(key, keep, answer, now, &mut tended);

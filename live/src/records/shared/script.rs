@@ -82,7 +82,7 @@ return {'unknown'}
 ";
 
 /// Says whether the store was empty a moment ago. The key has the time at which this was first
-/// asked, ms.
+/// asked, ms. Servers ask in every round.
 const FILLING: &str = r"
 local time = redis.call('TIME')
 local ms = math.floor((time[1] * 1000000 + time[2]) / 1000)
