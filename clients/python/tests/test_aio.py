@@ -1,9 +1,12 @@
 """The client for asyncio, against a real server."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+import gc
+from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any
 
+import grpc
+import grpc.aio
 import numpy as np
 import pytest
 
@@ -11,7 +14,9 @@ import troupe
 import troupe.aio
 from conftest import ROOT
 from troupe import client as blocking
+from troupe import io
 from troupe.aio import client as awaiting
+from troupe.v1 import session_pb2
 
 
 def run(address: str, test: Callable[[troupe.aio.Client], Coroutine[Any, Any, None]]) -> None:
@@ -49,6 +54,44 @@ def test_gaps_paths_and_refusals(address: str) -> None:
             await client.pack("absent")
 
     run(address, test)
+
+
+async def breaks_off(asked: AsyncIterator[Any], context: Any) -> AsyncIterator[Any]:
+    """A server's end of a stream, which breaks after the first message."""
+    async for _ in asked:
+        yield session_pb2.DriveResponse()
+        await context.abort(grpc.StatusCode.UNAVAILABLE, "it breaks off")
+
+
+def test_a_stream_that_breaks_leaves_nothing_behind() -> None:
+    async def main() -> None:
+        said: list[str] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _loop, context: said.append(context["message"]))
+        drives = grpc.stream_stream_rpc_method_handler(
+            breaks_off, session_pb2.DriveRequest.FromString, session_pb2.DriveResponse.SerializeToString
+        )
+        service, method = io.DRIVE.path.strip("/").split("/")
+        server = grpc.aio.server()
+        server.add_generic_rpc_handlers([grpc.method_handlers_generic_handler(service, {method: drives})])
+        port = server.add_insecure_port("127.0.0.1:0")
+        await server.start()
+        async with troupe.aio.Client(f"127.0.0.1:{port}") as client:
+            stream = client._connection.stream()
+            for _ in range(5):
+                await stream.do(io.Open(session_pb2.DriveRequest()))
+                assert isinstance(await stream.do(io.Receive(10.0)), session_pb2.DriveResponse)
+                broken = await stream.do(io.Receive(10.0))
+                assert isinstance(broken, troupe.UnavailableError), broken
+            del stream
+        for _ in range(3):
+            await asyncio.sleep(0.02)
+            gc.collect()
+        # Tasks of the server are not meant.
+        names = [repr(task.get_coro()) for task in asyncio.all_tasks()]
+        assert said == [] and not [name for name in names if "_Opened" in name or "_StreamRequest" in name]
+        await server.stop(None)
+
+    asyncio.run(main())
 
 
 def test_a_crowd_and_a_drive(address: str) -> None:

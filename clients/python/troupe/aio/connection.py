@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import grpc
@@ -183,20 +184,26 @@ class _Opened:
         self._came: asyncio.Queue[Received] = asyncio.Queue(QUEUE)
         self.asks: asyncio.Queue[session_pb2.DriveRequest | None] = asyncio.Queue()
         self.asks.put_nowait(first)
-        self._call = method(self._requests(), metadata=connection.metadata(io.DRIVE.path))
-        self._task = asyncio.create_task(self._pump())
+        self._call = method(metadata=connection.metadata(io.DRIVE.path))
+        self._writing = asyncio.create_task(self._write())
+        self._reading = asyncio.create_task(self._read())
 
-    async def _requests(self) -> AsyncIterator[session_pb2.DriveRequest]:
-        while (message := await self.asks.get()) is not None:
-            yield message
+    async def _write(self) -> None:
+        # The reading task says why a call has ended.
+        with suppress(grpc.RpcError, grpc.aio.UsageError, asyncio.InvalidStateError):
+            while (message := await self.asks.get()) is not None:
+                await self._call.write(message)
+            await self._call.done_writing()
 
-    async def _pump(self) -> None:
+    async def _read(self) -> None:
         try:
             async for message in self._call:
                 await self._came.put(message)
             await self._came.put(None)
         except grpc.RpcError as error:
             await self._came.put(self._connection.error(error))
+        finally:
+            self._writing.cancel()
 
     def poll(self) -> Received | Nothing:
         try:
@@ -211,5 +218,6 @@ class _Opened:
             raise drive.no_answer(self._connection.target.address, timeout or 0) from None
 
     def cancel(self) -> None:
-        self._task.cancel()
+        self._reading.cancel()
+        self._writing.cancel()
         self._call.cancel()
