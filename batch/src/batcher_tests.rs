@@ -106,6 +106,7 @@ pub(super) fn limits(workers: usize) -> Limits {
         workers,
         max_batch: 4,
         max_batch_time: Duration::ZERO,
+        calls_batch_time: Duration::ZERO,
         max_queued: 100,
         max_wait: Duration::ZERO,
         ..Limits::default()

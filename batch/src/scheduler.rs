@@ -25,7 +25,8 @@
 //! At the end of a step a worker reports its room: how many more jobs it can take. It gets up to so
 //! many characters. In a family with one step they are its next batch. In a family with several
 //! steps they join the jobs that it already has. A batch is limited to [`Limits::max_batch`], and
-//! to the work that a worker does in [`Limits::max_batch_time`]. While some group calls for little
+//! to the work that a worker does in [`Limits::max_batch_time`], or in
+//! [`Limits::calls_batch_time`] if no plan came for five seconds. While some group calls for little
 //! and another asks for much, each has at most [`Limits::shared_batch_time`] of it, times its
 //! share: its part. A group calls for little if its open work, waiting or with workers, is no more
 //! than that, or a single character, and was so for three seconds. If only clients of one group
@@ -64,6 +65,9 @@ use super::order::{Class, Order};
 pub use event::{Action, Batch, BatchReason, Event, Finished, Ready, RequestId, RequestSlice};
 pub use limits::{Limits, QueueRefusal};
 
+/// Time from a plan on in which more of them are expected: a live character plans several times.
+const PLANS_LATELY: Duration = Duration::from_secs(5);
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Worker {
     /// It has not reported yet, or has jobs.
@@ -96,6 +100,7 @@ pub struct Scheduler {
     /// [`Limits::call_share`].
     call_credit: usize,
     callers: Callers,
+    last_plan: Option<Instant>,
 }
 
 impl Scheduler {
@@ -107,6 +112,7 @@ impl Scheduler {
             meter: Meter::new(limits.workers),
             call_credit: limits.call_share,
             callers: Callers::default(),
+            last_plan: None,
             limits,
         }
     }
@@ -180,6 +186,9 @@ impl Scheduler {
         order: Order,
         actions: &mut Vec<Action>,
     ) {
+        if order.class != Class::Request {
+            self.last_plan = Some(now);
+        }
         let part = self.within(self.limits.shared_batch_time);
         let asked = order.cost() * characters as u64;
         let [of_group, of_client] = (self.queue.open_work_of(&order))
@@ -274,7 +283,7 @@ impl Scheduler {
             _ => {}
         }
         let room = room.min(self.limits.max_batch);
-        let work = self.within(self.limits.max_batch_time);
+        let work = self.within(self.longest_batch(now));
         let slices = self.take(now, self.share(worker, room, work), work, actions);
         self.workers[worker] = match slices.is_empty() && is_idle {
             true => Worker::Idle(room),
@@ -291,6 +300,15 @@ impl Scheduler {
                 slices,
                 reason,
             }));
+        }
+    }
+
+    /// The limit on the time of a batch.
+    fn longest_batch(&self, now: Instant) -> Duration {
+        let is_recent = |plan| now.saturating_duration_since(plan) < PLANS_LATELY;
+        match self.last_plan.is_some_and(is_recent) {
+            true => self.limits.max_batch_time,
+            false => self.limits.calls_batch_time,
         }
     }
 

@@ -119,6 +119,7 @@ fn a_client_has_a_part_of_a_batch_while_another_calls_for_little() {
     for (client, small, age_ms, characters) in cases {
         let mut setup = Setup::busy(Limits {
             max_batch_time: MS * 101 / 2,
+            calls_batch_time: MS * 101 / 2,
             shared_batch_time: MS * 21 / 2,
             ..limits(1, 64)
         });
@@ -144,6 +145,7 @@ fn many_clients_fill_a_batch_together() {
 fn a_batch_of_dear_work_is_short_too() {
     let mut setup = Setup::busy(Limits {
         max_batch_time: MS * 66,
+        calls_batch_time: MS * 66,
         ..limits(1, 64)
     });
     setup.take_a_ms_each();

@@ -474,7 +474,15 @@ impl Model {
     /// The work that a worker does in the longest time of a batch, and in that of a client's part;
     /// the numbers may differ in how they are rounded.
     pub(super) fn work_caps(&self) -> Vec<[u64; 2]> {
-        let batch = self.within(self.limits.max_batch_time);
+        let is_recent = |arrival: &Arrival| self.now - arrival.at < Duration::from_secs(5);
+        let batch = match self
+            .arrivals
+            .iter()
+            .any(|arrival| !arrival.is_call && is_recent(arrival))
+        {
+            true => self.within(self.limits.max_batch_time),
+            false => self.within(self.limits.calls_batch_time),
+        };
         let client = self.within(self.limits.shared_batch_time);
         let pairs = batch
             .iter()

@@ -101,6 +101,7 @@ fn some_limits() -> impl Strategy<Value = Limits> {
                 max_batch,
                 call_rows,
                 max_batch_time: Duration::from_millis(batch_ms),
+                calls_batch_time: Duration::from_millis(batch_ms * 3),
                 shared_batch_time: Duration::from_millis(shared_ms),
                 max_queued: 12 + spare,
                 max_live: 3 + spare,

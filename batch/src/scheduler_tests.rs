@@ -12,6 +12,7 @@ fn limits(workers: usize, max_batch: usize) -> Limits {
         max_batch,
         call_rows: 0,
         max_batch_time: Duration::ZERO,
+        calls_batch_time: Duration::ZERO,
         shared_batch_time: Duration::ZERO,
         max_queued: 100,
         max_live: 100,
@@ -438,19 +439,35 @@ fn expired_work_is_not_run() {
 
 #[test]
 fn a_batch_is_limited_by_measured_time() {
-    for (character_ms, taken) in [(5, 13), (10, 6), (40, 1)] {
-        let mut setup = Setup::busy(Limits {
-            max_batch_time: MS * 66,
-            ..limits(1, 64)
-        });
-        for _ in 0..200 {
-            setup.step(Event::Tried {
-                work: 10,
-                took: MS * character_ms * 10,
+    // Where live characters plan, batches are shorter.
+    for (character_ms, beside_plans, else_taken) in [(5, 13, 40), (10, 6, 20), (40, 1, 5), (400, 1, 1)] {
+        let cases = [
+            (None, else_taken),
+            (Some(0), beside_plans),
+            (Some(4_999), beside_plans),
+            (Some(5_000), else_taken),
+        ];
+        for (plan_ms_ago, taken) in cases {
+            let mut setup = Setup::busy(Limits {
+                max_batch_time: MS * 66,
+                calls_batch_time: MS * 200,
+                ..limits(1, 64)
             });
+            for _ in 0..200 {
+                setup.step(Event::Tried {
+                    work: 10,
+                    took: MS * character_ms * 10,
+                });
+            }
+            if let Some(ms) = plan_ms_ago {
+                let (plan, _) = setup.plan(1, 60_000);
+                let request = RequestId(plan);
+                setup.step(Event::Gone { request });
+                setup.pass(ms);
+            }
+            let call = setup.call(60);
+            assert_eq!(setup.ready(0), [(call, taken)], "{character_ms} {plan_ms_ago:?}");
         }
-        let call = setup.call(60);
-        assert_eq!(setup.ready(0), [(call, taken)], "{character_ms}");
     }
 }
 

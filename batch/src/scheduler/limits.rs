@@ -20,6 +20,9 @@ pub struct Limits {
     pub call_rows: usize,
     /// Longest time of a batch, estimated from measured steps; zero for no limit.
     pub max_batch_time: Duration,
+    /// The same while no plan came lately. A large network needs large batches to be fast, and then
+    /// no live character waits for them.
+    pub calls_batch_time: Duration,
     /// Most of a batch for one client while another client calls for little, or for a group while a
     /// client of another group does; zero for no limit. So a client with few calls does not wait
     /// long for a batch of another.
@@ -47,6 +50,7 @@ impl Default for Limits {
             // Two frames at 30 Hz. Half of a plan's usual look-ahead is then left for its own
             // batch.
             max_batch_time: Duration::from_millis(66),
+            calls_batch_time: Duration::from_millis(500),
             shared_batch_time: Duration::from_millis(8),
             max_queued: 1024,
             max_live: 16_384,

@@ -69,6 +69,7 @@ impl Config {
             max_batch,
             call_rows: 0,
             max_batch_time: self.fixed.max_batch_time,
+            calls_batch_time: self.fixed.calls_batch_time,
             shared_batch_time: self.fixed.shared_batch_time,
             max_queued: self.max_queued_characters(),
             max_live: self.max_sessions,
