@@ -91,8 +91,8 @@ pub enum Claim {
     Exists,
     /// [`Want::Known`] of something without a record.
     Unknown,
-    /// [`Want::Known`] of something without a record, in a store that was empty just now. Its server
-    /// may be about to write it again.
+    /// [`Want::Known`] of something without a record, in a store that was empty just now. Its
+    /// server may be about to write it again.
     Filling,
     /// Another server has the lease.
     Elsewhere {

@@ -15,7 +15,7 @@ pub(super) struct Coming {
 #[must_use]
 pub(super) struct Brought<'a> {
     all: &'a Coming,
-    /// Their ids.
+    /// Those that were not here when the call began.
     pub(super) ids: Vec<String>,
 }
 
