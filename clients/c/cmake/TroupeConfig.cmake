@@ -4,7 +4,7 @@ get_filename_component(_troupe "${CMAKE_CURRENT_LIST_DIR}" DIRECTORY)
 find_path(TROUPE_INCLUDE_DIR troupe.h
     PATHS "${_troupe}/include" "${_troupe}/../../include" NO_DEFAULT_PATH)
 find_library(TROUPE_LIBRARY NAMES troupe_c
-    PATHS "${_troupe}/.." "${_troupe}/../../target/dist" "${_troupe}/../../target/release" "${_troupe}/../../target/debug"
+    PATHS "${_troupe}/.." "${_troupe}/../../target/release" "${_troupe}/../../target/dist" "${_troupe}/../../target/debug"
     NO_DEFAULT_PATH)
 if(NOT TROUPE_INCLUDE_DIR OR NOT TROUPE_LIBRARY)
     set(Troupe_FOUND FALSE)

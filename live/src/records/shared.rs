@@ -204,28 +204,26 @@ impl Leases {
                 }
             }
         }
-        let asks_known = claims
-            .iter()
-            .zip(asked)
-            .any(|(claim, (_, _, want))| claim.is_none() && *want == Want::Known);
-        if asks_known {
-            scripts.push(filling(millis(self.terms.fill)));
-        }
-        let mut answers = link.run(scripts)?;
-        let is_filling = asks_known && answers.pop() == Some(Answer::Filling);
+        let answers = link.run(scripts)?;
+        let is_filling = answers.contains(&Answer::Unknown) && self.is_filling(&mut link);
         let mut answers = answers.into_iter();
         let done = claims
             .into_iter()
             .zip(asked)
             .map(|(claim, (kind, name, _))| match claim {
                 Some(claim) => claim,
-                None => self.took((*kind, name.clone()), answers.next(), sent),
-            })
-            .map(|claim| match claim {
-                Claim::Unknown if is_filling => Claim::Filling,
-                claim => claim,
+                None => match self.took((*kind, name.clone()), answers.next(), sent) {
+                    Claim::Unknown if is_filling => Claim::Filling,
+                    claim => claim,
+                },
             });
         Ok(done.collect())
+    }
+
+    /// Whether the store was empty a moment ago. If it does not say, what it has said counts.
+    fn is_filling(&self, link: &mut Link) -> bool {
+        let answers = link.run(vec![filling(millis(self.terms.fill))]);
+        answers.is_ok_and(|answers| answers.contains(&Answer::Filling))
     }
 
     fn took(&self, key: Key, answer: Option<Answer>, sent: Instant) -> Claim {

@@ -13,6 +13,8 @@ const MAX_AWAY: usize = 65_536;
 const ASK_AGAIN: Duration = Duration::from_millis(250);
 /// Time for which a failed look for a session is remembered.
 const FAILED: Duration = Duration::from_secs(1);
+/// Time after the end of a lease in which its owner is still named: longer than calls wait here.
+const STALE: Duration = Duration::from_secs(10);
 
 /// Why a session is not here.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -63,12 +65,15 @@ impl Away {
         now >= self.again
     }
 
-    /// The error for a call at `now`. It is given until the store says otherwise: a call may come
-    /// long after it asked, and that the session is gone would be a guess.
-    pub(super) fn error(&self, id: &str, field: String, now: Instant) -> SessionError {
+    /// The error for a call at `now`. It outlives the lease, because the call may be late, and
+    /// until the store is asked again nothing else is known. `None` if it is too old.
+    pub(super) fn error(&self, id: &str, field: String, now: Instant) -> Option<SessionError> {
+        if now.saturating_duration_since(self.until) >= STALE {
+            return None;
+        }
         let left = self.until.saturating_duration_since(now);
         let id = id.to_owned();
-        match &self.why {
+        Some(match &self.why {
             Why::Elsewhere { owner } if owner.is_empty() => SessionError::Moved { id, field },
             Why::Elsewhere { owner } => SessionError::Elsewhere {
                 what: "session",
@@ -86,7 +91,7 @@ impl Away {
                 limit: *limit,
                 place: "",
             },
-        }
+        })
     }
 }
 
@@ -128,12 +133,16 @@ mod tests {
         let name = |id: &str| (None, Arc::from(id));
         let away = Away::of("10.0.0.2:8080".to_owned(), Duration::from_millis(900), now);
         table.note(name("hero"), away, now);
-        for (at_ms, left_ms) in [(300, 600), (900, 0), (1000, 0)] {
-            let at = now + Duration::from_millis(at_ms);
-            let error = table
+        let error_at = |at| {
+            table
                 .get(&name("hero"))
                 .unwrap()
-                .error("hero", "id".to_owned(), at);
+                .error("hero", "id".to_owned(), at)
+        };
+        assert!(error_at(now + Duration::from_millis(10_900)).is_none());
+        for (at_ms, left_ms) in [(300, 600), (900, 0), (10_899, 0)] {
+            let at = now + Duration::from_millis(at_ms);
+            let error = error_at(at).unwrap();
             let wanted =
                 format!("session \"hero\" is on the server 10.0.0.2:8080, whose lease ends in {left_ms} ms");
             assert_eq!(error.to_string(), wanted);

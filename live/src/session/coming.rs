@@ -1,17 +1,17 @@
-//! Sessions that are on their way here from the shared store. A second call for one of them waits
-//! until it is here: the lease is this server's before the session is open.
+//! What is on its way here from the shared store: sessions, and objects of scenes. A second call
+//! for it waits until it is here, because the lease is this server's before that.
 
 use std::collections::HashSet;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// The ids of one tenant's sessions that calls bring here.
+/// The ids of what calls bring here.
 #[derive(Debug, Default)]
 pub(super) struct Coming {
     ids: Mutex<HashSet<String>>,
     changed: Condvar,
 }
 
-/// Sessions that one call brings. They count as coming until this is dropped.
+/// What one call brings. It counts as coming until this is dropped.
 #[must_use]
 pub(super) struct Brought<'a> {
     all: &'a Coming,
@@ -31,6 +31,11 @@ impl Coming {
         ids.retain(|id| lacks(id));
         coming.extend(ids.iter().cloned());
         Brought { all: self, ids }
+    }
+
+    /// Whether a call brings it now.
+    pub(super) fn has(&self, id: &str) -> bool {
+        self.lock().contains(id)
     }
 
     fn lock(&self) -> MutexGuard<'_, HashSet<String>> {

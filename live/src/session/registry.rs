@@ -298,9 +298,9 @@ impl Registry {
     }
 
     fn away_error(&self, id: &str, now: Instant, field: String) -> Option<SessionError> {
-        let all = self.all.away();
-        let away = all.get(&(self.tenant.clone(), Arc::from(id)))?;
-        Some(away.error(id, field, now))
+        let away = self.all.away();
+        away.get(&(self.tenant.clone(), Arc::from(id)))?
+            .error(id, field, now)
     }
 
     /// The error for an id that no open session has.

@@ -3,7 +3,7 @@
 //! needs the lease of both.
 
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use super::away::Away;
@@ -26,7 +26,7 @@ const MAX_BROUGHT: usize = 4096;
 /// have not come.
 const ABSENT: Duration = Duration::from_secs(60);
 /// What is said of a store that has been empty until now.
-const FILLING: &str = "it was emptied, and servers write their sessions again";
+const FILLING: &str = "it has just been empty, and servers may still write their sessions";
 
 /// How a server shares its sessions.
 #[derive(Debug)]
@@ -35,9 +35,9 @@ pub(super) struct Sharing {
     spaces: Weak<Spaces>,
     adopted: Mutex<Vec<Adopted>>,
     coming: Coming,
-    /// Held from the claim of a scene until its objects are placed. A second call for the scene
-    /// waits.
-    scenes: Mutex<()>,
+    /// Records of scenes whose objects are not placed yet. Who waits for one may bring sessions,
+    /// but not the other way round.
+    placing: Coming,
     restored: Counter,
     left_out: Counter,
 }
@@ -81,7 +81,7 @@ impl Sessions {
             spaces: Arc::downgrade(spaces),
             adopted: Mutex::default(),
             coming: Coming::default(),
-            scenes: Mutex::default(),
+            placing: Coming::default(),
             restored: counter("restored"),
             left_out: counter("left_out"),
         });
@@ -152,11 +152,13 @@ impl Sessions {
             return Ok(());
         };
         let record = record_name(self.registry().tenant(), name);
-        if !is_name(name) || sharing.leases.has(Kind::Scene, &record) {
+        let is_here = sharing.leases.has(Kind::Scene, &record) && !sharing.placing.has(&record);
+        if !is_name(name) || is_here {
             return Ok(());
         }
         let (name, field) = (name.to_owned(), field.to_owned());
         offload(usize::MAX, 0, move || {
+            drop(sharing.placing.begin(vec![record.clone()], |_| false));
             match sharing.leases.other_owner(Kind::Scene, &record) {
                 Ok(None) => Ok(()),
                 Ok(Some((owner, ends_in))) => Err(elsewhere("scene", &name, owner, ends_in, field)),
@@ -174,10 +176,11 @@ impl Sharing {
     fn own_scene(&self, sessions: &Sessions, scene: &str, world: &Store) -> Result<(), SessionError> {
         let tenant = sessions.registry().tenant();
         let name = record_name(tenant, scene);
-        if self.leases.keeps(Kind::Scene, &name) {
+        let keeps = |name: &str| self.leases.keeps(Kind::Scene, name);
+        let placing = self.placing.begin(vec![name.clone()], |name| !keeps(name));
+        if placing.ids.is_empty() {
             return Ok(());
         }
-        let _placing = self.placing();
         let claims = self.leases.claim(&[(Kind::Scene, name, Want::Any)]);
         let claims = claims.map_err(|error| SessionError::NoStore {
             reason: error.to_string(),
@@ -210,7 +213,11 @@ impl Sharing {
             .iter()
             .map(|cell| (Kind::Session, record_name(tenant, cell.id()), Want::New));
         let asked: Vec<_> = of_scenes.chain(of_cells).collect();
-        let placing = (!scenes.is_empty()).then(|| self.placing());
+        // A session with one of the ids may be coming, and its scene with it.
+        let ids = cells.iter().map(|cell| cell.id().to_string());
+        let _coming = self.coming.begin(ids.collect(), |_| true);
+        let records = scenes.iter().map(|name| record_name(tenant, name));
+        let placing = self.placing.begin(records.collect(), |_| true);
         let claims = self.leases.claim(&asked).map_err(|error| SessionError::NoStore {
             reason: error.to_string(),
             field: "sessions".to_owned(),
@@ -240,10 +247,6 @@ impl Sharing {
             accepted("session", cell.id(), format!("sessions[{index}].id"), claim)?;
         }
         Ok(taken)
-    }
-
-    fn placing(&self) -> MutexGuard<'_, ()> {
-        self.scenes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Places the objects of a scene as its last server left them.
@@ -311,7 +314,8 @@ impl Sharing {
                     let away = Away::no_store(FILLING.to_owned(), now);
                     registry.note_away(id, away, now);
                 }
-                Claim::Had | Claim::Taken(None) | Claim::Exists => {}
+                // It is here, or a call opens one of this name.
+                Claim::Had | Claim::Taken(None) | Claim::Exists => registry.forget_away(id),
             }
         }
     }
@@ -337,6 +341,7 @@ impl Sharing {
                     NotRevived::Elsewhere(away) => sessions.registry().note_away(id, away, now),
                     NotRevived::Unfit(reason) => {
                         self.left_out.increment(1);
+                        sessions.registry().forget_away(id);
                         tracing::warn!(
                             session = name,
                             reason,
@@ -354,9 +359,10 @@ impl Sharing {
         let tenant = sessions.registry().tenant();
         let space = spaces.of(tenant).map_err(|error| unfit(&error))?;
         if let Some(scene) = scene_of(record) {
-            let _placing = self.placing();
             let now = sessions.time().now();
-            let asked = [(Kind::Scene, record_name(tenant, scene), Want::Any)];
+            let record = record_name(tenant, scene);
+            let _placing = self.placing.begin(vec![record.clone()], |_| true);
+            let asked = [(Kind::Scene, record, Want::Any)];
             let claims = self.leases.claim(&asked).map_err(|error| unfit(&error))?;
             match claims.into_iter().next() {
                 Some(Claim::Taken(Some(objects))) => self.adopt(tenant, scene, &objects, &space.store, now),

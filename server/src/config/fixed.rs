@@ -12,9 +12,6 @@ pub struct Fixed {
     /// Longest time of a batch, by the engine's measured speed, so that no plan of a live character
     /// waits long behind it: two frames. Zero: no limit.
     pub max_batch_time: Duration,
-    /// The same for a pack that has had no plan of a live character lately. Eight plans of networks
-    /// of NVIDIA's size take 0.2 s of a core in bf16, half as long as one by one.
-    pub calls_batch_time: Duration,
     /// Most of a batch for one client while another calls for little. Two clients with 256
     /// characters a call then do not delay a third client's single calls by more than this each.
     pub shared_batch_time: Duration,
@@ -70,7 +67,6 @@ impl Default for Fixed {
         Self {
             worker_spin: Duration::from_micros(800),
             max_batch_time: Duration::from_millis(66),
-            calls_batch_time: Duration::from_millis(500),
             shared_batch_time: Duration::from_millis(8),
             max_queued_characters: None,
             max_characters_per_request: 256,

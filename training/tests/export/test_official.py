@@ -20,6 +20,7 @@ from troupe_training.export.motionbricks.official.checkpoints import Ignored, Re
 from troupe_training.export.motionbricks.official.pack import skeleton_of
 from troupe_training.export.motionbricks.official.release import Configuration, Release
 from troupe_training.export.motionbricks.official.styles import MODES
+from troupe_training.export.onnx import largest_of
 from troupe_training.models.motionbricks.official.weights import WeightsError
 
 STAGES = ("root", "pose", "decoder")
@@ -72,6 +73,11 @@ def test_its_styles_are_the_clips(pack: Path):
     assert gait["key_count"] == 12 and gait["period_frames"] == 20.0 and gait["keys"][0]["height"] == 0.6
     # The clips face to the left, and a key is without its heading.
     assert np.allclose(np.abs(gait["keys"][5]["rotations"]), [1, 0, 0, 0] * 34, atol=1e-4)
+
+
+@pytest.mark.parametrize(("values", "largest"), [([0.5, -2.0], 2.0), ([0.5, float("nan")], float("inf"))])
+def test_a_number_that_is_none_is_no_small_difference(values: list[float], largest: float):
+    assert largest_of(torch.tensor(values)) == largest
 
 
 def test_without_clips_it_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):

@@ -7,7 +7,7 @@ import torch
 
 from troupe_training.data.conventions import MAX_FRAMES, MIN_FRAMES
 from troupe_training.data.store import ClipStore
-from troupe_training.export.onnx import Session, graph_of
+from troupe_training.export.onnx import Session, graph_of, largest_of
 from troupe_training.models.evaluator import INPUTS, Evaluator, inputs_of
 
 OPSET = 17
@@ -44,7 +44,7 @@ def export_evaluator(model: Evaluator, store: ClipStore, out: Path) -> float:
     worst = 0.0
     for example in examples:
         with torch.no_grad():
-            worst = max(worst, float((session.run(example)["latent"] - model(**example)).abs().max()))
+            worst = max(worst, largest_of(session.run(example)["latent"] - model(**example)))
     if worst > TOLERANCE:
         raise SystemExit(f"{out} differs from PyTorch by {worst:.1e}, at most {TOLERANCE} is allowed")
     return worst

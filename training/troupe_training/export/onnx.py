@@ -16,6 +16,11 @@ SMALLEST_HALF = 256  # tensors with fewer numbers stay in 32 bits
 Axes = dict[int, Any]  # of an input: the open ones by their place, each a `torch.export.Dim` or a multiple of one
 
 
+def largest_of(differences: Tensor) -> float:
+    """The largest absolute difference; infinite if one is not a number."""
+    return float(differences.abs().nan_to_num(nan=float("inf")).max())
+
+
 def graph_of(
     module: nn.Module, inputs: dict[str, Tensor], outputs: Sequence[str], axes: Sequence[Axes], opset: int
 ) -> onnx.ModelProto:

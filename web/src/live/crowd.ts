@@ -187,7 +187,7 @@ export class Crowd {
           character.slot = slot;
           this.bySlot[slot] = character;
         }
-        this.attachLater(message.problems.filter(isBusy));
+        this.attachLater(message.problems.filter(comesSoon));
         void this.mend(message.problems.filter((one) => !mayPass(one.problem?.reason)));
         this.goAfter(message.problems);
         break;
@@ -229,7 +229,6 @@ export class Crowd {
     this.stream.attach([...this.bySession.keys()]);
   }
 
-  /** A step that is still on its way holds sessions for a moment. */
   private attachLater(busy: readonly SessionProblem[]): void {
     if (busy.length === 0) return;
     setTimeout(() => {
@@ -327,8 +326,9 @@ function optionsOf({ role, x, z, heading, seed, priority }: Opening): SessionOpt
   return { ...role, position: { x, y: 0, z }, heading, seed: String(seed), priority, ttl_ms: TTL_MS };
 }
 
-function isBusy({ problem }: SessionProblem): boolean {
-  return problem?.reason === 'SESSION_BUSY';
+/** A step has it for a moment, or the store does not answer. */
+function comesSoon({ problem }: SessionProblem): boolean {
+  return mayPass(problem?.reason) && !isElsewhere(problem?.reason);
 }
 
 function openingOf(one: Character, seed: number): Opening {

@@ -1,7 +1,7 @@
 using System.IO;
 using UnrealBuildTool;
 
-// ThirdParty/troupe has troupe.h and the library of `cargo build --release -p troupe-c`; README.md says how they get there.
+// ThirdParty/troupe has troupe.h and the library of `cargo build --release -p troupe-c`; docs/tutorials/unreal.md says how they get there.
 public class Troupe : ModuleRules
 {
 	public Troupe(ReadOnlyTargetRules Target) : base(Target)

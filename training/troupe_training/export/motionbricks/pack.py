@@ -22,7 +22,7 @@ from troupe_training.data.limits import measure
 from troupe_training.data.store import ClipStore, SegmentSource
 from troupe_training.export.manifest import About, Family, write_limits, write_manifest
 from troupe_training.export.motionbricks.examples import Inputs, example_inputs
-from troupe_training.export.onnx import Axes, Session, graph_of, round_to_half, store_as_half
+from troupe_training.export.onnx import Axes, Session, graph_of, largest_of, round_to_half, store_as_half
 from troupe_training.models.layers import unroll_convolutions
 from troupe_training.models.motionbricks.config import FRAMES_PER_TOKEN, MAX_TOKENS, MIN_TOKENS
 from troupe_training.models.motionbricks.served import OUTPUTS, Networks
@@ -184,5 +184,5 @@ def largest_difference(path: Path, stage: nn.Module, inputs: Inputs, lengths: Te
         if difference.dim() >= 3:  # the second axis is time, in tokens or frames
             steps = difference.shape[1]
             difference = difference[torch.arange(steps)[None] < lengths[:, None] * (steps // slots)]
-        worst = max(worst, float(difference.max()))
+        worst = max(worst, largest_of(difference))
     return worst

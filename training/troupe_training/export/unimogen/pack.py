@@ -23,7 +23,7 @@ from troupe_training.data.conventions import CONTEXT_FRAMES, MAX_TARGETS
 from troupe_training.data.corpus import CorpusClip
 from troupe_training.export.bodies import write_body
 from troupe_training.export.manifest import About, Family, write_manifest
-from troupe_training.export.onnx import Axes, Session, graph_of, round_to_half, store_as_half
+from troupe_training.export.onnx import Axes, Session, graph_of, largest_of, round_to_half, store_as_half
 from troupe_training.models.unimogen.config import DIFFUSION_STEPS, RATE, SAMPLER_STEPS
 from troupe_training.models.unimogen.diffusion import cosine_signal
 from troupe_training.models.unimogen.network import UniMoGen
@@ -186,7 +186,7 @@ def check_network(model: UniMoGen, path: Path, bodies: Sequence[Body]) -> float:
         inputs = example(model, bodies, which, frames, seed + 7)
         with torch.no_grad():
             expected = model(*inputs.values())
-        worst = max(worst, float((session.run(inputs)["clean"] - expected).abs().max()))
+        worst = max(worst, largest_of(session.run(inputs)["clean"] - expected))
     return worst
 
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from troupe_training.data.rotations import matrix_to_six_d, six_d_to_matrix
-from troupe_training.export.onnx import Axes, Session, graph_of, round_to_half, store_as_half
+from troupe_training.export.onnx import Axes, Session, graph_of, largest_of, round_to_half, store_as_half
 from troupe_training.models.layers import unroll_convolutions
 from troupe_training.models.vermo.config import MAX_TOKENS, RATE
 from troupe_training.models.vermo.flow import FlowDecoder
@@ -189,7 +189,7 @@ def largest(module: nn.Module, several: list[Inputs], path: Path) -> float:
         with torch.no_grad():
             expected = module(*inputs.values())
         found = session.run(inputs)
-        worst = max(worst, *(float((a - b).abs().max()) for a, b in zip(found.values(), expected, strict=True)))
+        worst = max(worst, *(largest_of(a - b) for a, b in zip(found.values(), expected, strict=True)))
     return worst
 
 

@@ -21,7 +21,7 @@ from troupe_training.export.motionbricks.examples import Inputs
 from troupe_training.export.motionbricks.official.checkpoints import ReleaseError
 from troupe_training.export.motionbricks.official.pack import import_release, skeleton_of
 from troupe_training.export.motionbricks.official.release import Release
-from troupe_training.export.onnx import Session
+from troupe_training.export.onnx import Session, largest_of
 from troupe_training.models.motionbricks.official.served import UPRIGHT, Joints
 from troupe_training.models.motionbricks.official.sizes import Sizes
 
@@ -172,8 +172,7 @@ def compare(
     worst: dict[str, float] = {}
 
     def note(name: str, ours: Tensor, theirs: Tensor) -> None:
-        difference = float((ours.double() - theirs.double()).abs().max())
-        worst[name] = max(worst.get(name, 0.0), difference)
+        worst[name] = max(worst.get(name, 0.0), largest_of(ours.double() - theirs.double()))
 
     session = Session(pack / "root.onnx")
     for number, request in enumerate(requests):
