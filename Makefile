@@ -112,7 +112,7 @@ ros2-figure: runtime
 # HAProxy and Envoy: which server gets what, and who moves if one is not there. Without haproxy its part is left out, aloud.
 cluster-test:
 	tests/cluster/setup.sh
-	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster/test_processes.py tests/cluster/test_routing.py
+	target/cluster/venv/bin/python -m pytest --quiet -rs tests/cluster/test_processes.py tests/cluster/test_routing.py tests/cluster/test_store_tls.py
 
 # Three servers with one store behind HAProxy: what characters notice of failures. It needs haproxy and redis-server.
 cluster-failures: runtime

@@ -1,5 +1,6 @@
 //! Packs that are loaded, unloaded and swapped while a server runs.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -14,7 +15,7 @@ use troupe_engine::pack::Pack;
 use troupe_engine::{EngineError, Stages};
 use troupe_proto::v1;
 use troupe_server::config::Config;
-use troupe_server::server::{PackSource, Provider, StartError, serve_from};
+use troupe_server::server::{PackSource, Provider, Seen, StartError, serve_from};
 use troupe_service::{Offer, Stock};
 
 use crate::common::calls::{frames_of, options, step, stepped, walk};
@@ -89,25 +90,41 @@ impl Provider for Toys {
         };
         Ok(PackSource::of_stages(pack, 1, Box::new(stages), None))
     }
+
+    fn look(&self) -> Result<BTreeMap<PathBuf, Seen>, String> {
+        let seen = |offer: Offer| {
+            let print = vec![(PathBuf::from("root.onnx"), 1, None)];
+            let folder = offer.folder.clone();
+            let offer = Some(offer);
+            (folder, Seen { print, offer })
+        };
+        Ok(self.stock()?.offers.into_iter().map(seen).collect())
+    }
 }
 
 /// A server with `toy` (the default) and `other`, both of version 1.2.3, that can load `all`.
 async fn start(all: &[(&'static str, &'static str, Flaw)]) -> TestServer {
+    start_watched(all, 0).await.0
+}
+
+/// [`start`], and its packs, at which it looks every so many seconds.
+async fn start_watched(
+    all: &[(&'static str, &'static str, Flaw)],
+    watch_packs_s: u64,
+) -> (TestServer, Arc<Toys>) {
     let mut config = Config::local(Path::new("unused")).unwrap();
     config.default_pack = Some("toy".into());
+    config.watch_packs_s = watch_packs_s;
     let gate = Gate::default();
-    let toys = Toys {
+    let toys = Arc::new(Toys {
         gate: gate.clone(),
         all: Mutex::new(all.to_vec()),
-    };
+    });
     let listener = TcpListener::bind(config.listen).await.unwrap();
-    let mut handle = serve_from(config, listener, Arc::new(toys)).await.unwrap();
+    let mut handle = serve_from(config, listener, toys.clone()).await.unwrap();
     handle.ready().await.unwrap();
-    TestServer {
-        handle,
-        gate,
-        clock: HandClock::default(),
-    }
+    let clock = HandClock::default();
+    (TestServer { handle, gate, clock }, toys)
 }
 
 /// `POST /v1/packs/NAME/CHANGE`: status and body.
@@ -126,6 +143,17 @@ async fn versions(server: &TestServer) -> Vec<String> {
         .iter()
         .map(|pack| format!("{} {}", pack.name, pack.version))
         .collect()
+}
+
+/// Waits until these are served.
+async fn become_served(server: &TestServer, wanted: &[&str]) {
+    for _ in 0..1500 {
+        if versions(server).await == wanted {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    panic!("{:?} are served, and not {wanted:?}", versions(server).await);
 }
 
 /// Waits until no pack that is not served is in memory.
@@ -147,6 +175,24 @@ fn largest_step(roots: &[f32]) -> f32 {
         .windows(2)
         .map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][2] - pair[0][2]));
     steps.fold(0.0, f32::max)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_folder_that_is_watched_decides_what_is_served() {
+    let first = [("toy", "1.2.3", Flaw::None), ("other", "1.2.3", Flaw::None)];
+    let (server, toys) = start_watched(&first, 1).await;
+    become_served(&server, &["other 1.2.3", "toy 1.2.3"]).await;
+    let changed = [
+        first[0],
+        ("other", "1.3.0", Flaw::None),
+        ("new", "1.0.0", Flaw::None),
+    ];
+    *toys.all.lock().unwrap() = changed.to_vec();
+    become_served(&server, &["new 1.0.0", "other 1.3.0", "toy 1.2.3"]).await;
+    // What does not load leaves the old one.
+    let worse = [first[0], ("other", "1.4.0", Flaw::Networks), changed[1]];
+    *toys.all.lock().unwrap() = worse.to_vec();
+    become_served(&server, &["other 1.3.0", "toy 1.2.3"]).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
