@@ -51,6 +51,22 @@ for sanitize in OFF ON; do
     ASAN_OPTIONS=detect_leaks=1 "$home/sanitize-$sanitize/walk" "$TROUPE_SERVER" 2
 done
 
+# The program of a tutorial, as its page has it, but for the server's address.
+of_page() { # PAGE LANGUAGE TEXT-OF-THE-BLOCK
+    python3 - "$@" <<'END'
+import os, re, sys
+page, language, text = sys.argv[1:]
+blocks = re.findall(rf"^```{language}\n(.*?)^```", open(page, encoding="utf-8").read(), re.DOTALL | re.MULTILINE)
+(block,) = (block for block in blocks if text in block)
+print(block.replace("http://127.0.0.1:8080", os.environ["TROUPE_SERVER"]))
+END
+}
+echo "C, as the tutorial has it"
+of_page docs/tutorials/c.md c 'int main' >"$home/walk.c"
+gcc -std=c11 -Wall -Wextra -Werror -Iclients/c/include "$home/walk.c" -o "$home/walk" "$so"
+"$home/walk" | tee "$home/walk.txt"
+[ "$(wc -l <"$home/walk.txt")" = 3 ]
+
 # The header in C++, and the static library.
 g++ -std=c++17 -Wall -Wextra -Werror -fsyntax-only -x c++ clients/c/include/troupe.h
 if [ -f "$TROUPE_LIBRARY/libtroupe_c.a" ]; then
@@ -78,6 +94,11 @@ if command -v mcs >/dev/null && command -v mono >/dev/null; then
     find clients/unity/Runtime -name '*.cs' -print0 |
         xargs -0 mcs -unsafe -warnaserror -out:"$home/Program.exe" clients/unity/Tests~/Program.cs
     mono "$home/Program.exe" clients/conventions/poses.json
+    echo "C#, as the tutorial has it"
+    of_page docs/tutorials/unity.md csharp 'static void Main' >"$home/Walk.cs"
+    find clients/unity/Runtime -name '*.cs' -print0 |
+        xargs -0 mcs -unsafe -warnaserror -out:"$home/Walk.exe" "$home/Walk.cs"
+    mono "$home/Walk.exe" "$TROUPE_SERVER"
 else
     lacks "THE C# CLIENT WAS NOT TESTED: there is no mono (Debian: mono-mcs, mono-runtime)"
 fi
