@@ -71,6 +71,9 @@ class Replica(Process):
         library = os.environ.get("ORT_DYLIB_PATH", str(ROOT / ".runtime/libonnxruntime.so"))
         state = str(folder / name.split(":")[0])
         more = {"ORT_DYLIB_PATH": library, "TROUPE_STORE": store, "XDG_STATE_HOME": state}
+        if self.host != "127.0.0.1":
+            # Nothing but this machine reaches the namespaces.
+            more["TROUPE_WITHOUT_KEYS"] = "anyone"
         command = [str(BINARY), "--packs", packs, "--listen", self.address, "--advertise", name]
         # A namespace hides control groups from what is started in it.
         command = [*(prefix or []), *(spot.prefix if spot else ()), *command]
