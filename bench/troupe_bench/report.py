@@ -134,8 +134,8 @@ precisions.
 
 **Both bars are missed.** On the same two cores both sides compute the same products: 25 times as many frames would need an advantage that
 is not there. Alone, a plan reads all of the networks' 182 million weights once: 0.7 GB in f32, and half of that in bf16. Weights of 8 bits would
-move it. At saturation the server once had batches of one or two, because it kept them below 66 ms; batches of eight made it 1.4 to 1.9 times as fast.
-More cores and a GPU would move the rest.""",
+move it. At saturation the server once had batches of one or two, because it kept them below 66 ms; batches of eight made it 1.4 to 1.9 times as fast
+(one run after the other, not in turns). More cores and a GPU would move the rest.""",
         tables.official_ratios,
     ),
     ("What does an idle server take?", "idle", "", tables.idle),

@@ -35,7 +35,8 @@ const LEAST_QUEUED: usize = 1024;
 const USUAL_BATCH: usize = 32;
 
 /// Longest time of a batch while no live character plans, if calls may wait for ever. Eight plans
-/// of networks of NVIDIA's size take 0.2 s of a core in bf16, half as long as one by one.
+/// of networks of NVIDIA's size take 0.2 to 0.3 s of a core in bf16, about 0.6 of the time that
+/// they take one by one.
 const UNLIMITED_BATCH: Duration = Duration::from_millis(500);
 
 /// Smallest memory for requests and answers in transfer if the option is 0, bytes.

@@ -112,7 +112,7 @@ async fn start(all: &[(&'static str, &'static str, Flaw)]) -> TestServer {
     start_watched(all, 0).await.0
 }
 
-/// [`start`], and its packs, at which it looks every so many seconds.
+/// [`start`], and its packs. It looks at them every `watch_packs_s` seconds; 0: never.
 async fn start_watched(
     all: &[(&'static str, &'static str, Flaw)],
     watch_packs_s: u64,
