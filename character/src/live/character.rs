@@ -16,7 +16,7 @@ use super::behaviour::{self, Behaviour, CharacterParts, Next, PostProcess, SetPl
 use super::buffer::{Frames, MotionBuffer};
 use super::event::EventLog;
 use super::inbox::Inbox;
-use super::legs::finish_legs;
+use super::limbs::finish_limbs;
 use super::performance::Performance;
 use super::planning::{Planned, Planning};
 use super::request::Context;
@@ -280,7 +280,7 @@ impl Character {
             return arrival;
         }
         if !self.planning.is_for_object(number) {
-            finish_legs(&self.rig, plan.feet_glide, self.timeline.last_plan_mut());
+            finish_limbs(&self.rig, plan.feet_glide, self.timeline.last_plan_mut());
         }
         if let Some((behaviour, mut parts)) = self.acting() {
             behaviour.landed(number, &plan.trace.off, &mut parts);

@@ -9,7 +9,7 @@ mod character;
 mod event;
 mod inbox;
 mod intent;
-mod legs;
+mod limbs;
 pub mod load;
 mod performance;
 mod pin;

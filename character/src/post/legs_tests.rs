@@ -1,7 +1,10 @@
 use std::f32::consts::PI;
 
+use troupe_motion::bones::nearest_points;
+
 use super::*;
 use crate::live::behaviour::testing::{doll_rig, doll_style};
+use crate::post::apart::LEAVE_FRAMES;
 
 const FRAMES: usize = 40;
 const LEFT: usize = 10;
@@ -77,26 +80,4 @@ fn legs_that_are_apart_or_stand_are_unchanged() {
     let mut rotations = crossed.clone();
     part_legs(&rig, &roots, &mut rotations);
     assert_eq!(rotations, crossed);
-}
-
-#[test]
-fn easing_shortens_no_offset() {
-    let ways: Vec<Vec3> = (0..40)
-        .map(|frame| {
-            if (15..22).contains(&frame) {
-                Vec3::X * 0.05
-            } else {
-                Vec3::ZERO
-            }
-        })
-        .collect();
-    let eased = eased(&ways);
-    assert!(
-        ways.iter()
-            .zip(&eased)
-            .all(|(way, eased)| eased.x >= way.x - 1e-6)
-    );
-    let steps = eased.windows(2).map(|pair| (pair[1].x - pair[0].x).abs());
-    assert!(steps.fold(0.0, f32::max) < 0.013);
-    assert_eq!((eased[0], eased[39]), (Vec3::ZERO, Vec3::ZERO));
 }

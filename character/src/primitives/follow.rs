@@ -1,4 +1,4 @@
-//! Gaits that the networks do not know: a plan follows their own poses.
+//! Gaits that the networks do not know, or know less well: a plan follows their own poses.
 
 use troupe_motion::fk::world_transforms;
 use troupe_motion::interpolate::smoothstep;
@@ -17,14 +17,14 @@ pub struct Follow {
     pub weights: Vec<f32>,
 }
 
-/// Weights of `frames` frames, whose last context frame is `now`, for a gait with the share `built`
-/// of the moving ones. A character in step with the gait follows it at once. Otherwise the networks
+/// Weights of `frames` frames, whose last context frame is `now`, for a gait that is followed by
+/// `share`, 0 to 1. A character in step with the gait follows it at once. Otherwise the networks
 /// bring it into step first.
-pub(super) fn weights(built: f32, off_m: f32, now: usize, frames: usize) -> Vec<f32> {
+pub(super) fn weights(share: f32, off_m: f32, now: usize, frames: usize) -> Vec<f32> {
     let at_once = 1.0 - smoothstep((off_m / FOLLOWS_M - 1.0).clamp(0.0, 1.0));
     let weight = |frame: usize| {
         let passed = frame.saturating_sub(now) as f32 / FOLLOW_FRAMES;
-        built * (at_once + (1.0 - at_once) * smoothstep(passed.min(1.0)))
+        share * (at_once + (1.0 - at_once) * smoothstep(passed.min(1.0)))
     };
     (0..frames).map(weight).collect()
 }

@@ -10,15 +10,16 @@ use super::super::blend::STYLE_FPS;
 use super::super::follow::{self, Follow};
 use super::super::path::run::Way;
 use super::super::recipe::{
-    BUILT_PARTS, CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO,
-    HORIZON_S, PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
+    ASIDE_FOLLOWS, BUILT_PARTS, CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES,
+    HEIGHT_RATIO, HORIZON_S, PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES,
+    TARGET_KEYS,
 };
 use super::super::{GapPose, Guide, PathGoal, PlanTargets, TargetKey};
 use super::{NOW, Plan};
 use crate::style::cycles::Moment;
 
-/// A smaller share of a built gait is left to the networks.
-const LEAST_BUILT: f32 = 0.05;
+/// A plan that follows its gait less is left to the networks.
+const LEAST_FOLLOWED: f32 = 0.05;
 
 impl Plan<'_> {
     /// Index of the segment's frame at the horizon.
@@ -190,10 +191,12 @@ impl Plan<'_> {
         }
     }
 
-    /// The gait's own poses, if the networks do not know them.
+    /// The gait's own poses, if the networks do not know them or move less smoothly than they do.
     fn follow(&self) -> Option<Follow> {
-        let built = self.blend.built();
-        if built < LEAST_BUILT {
+        let goes_aside = self.off() >= SIDE_ANGLE && self.feasible.velocity != Vec3::ZERO;
+        let aside = if goes_aside { ASIDE_FOLLOWS } else { 0.0 };
+        let share = self.blend.built().max(aside);
+        if share < LEAST_FOLLOWED {
             return None;
         }
         let joints = self.context.skeleton.joint_count();
@@ -210,7 +213,7 @@ impl Plan<'_> {
             (self.moment(NOW).height_m, self.facing(0.0).0, gait),
         );
         Some(Follow {
-            weights: follow::weights(built, off_m, NOW, self.frames),
+            weights: follow::weights(share, off_m, NOW, self.frames),
             rotations,
         })
     }

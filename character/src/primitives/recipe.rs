@@ -119,6 +119,11 @@ pub const FORWARD_PARTS: f32 = 2.0;
 /// For gaits that go aside or backwards, which otherwise collapse into sliding.
 pub const SIDE_PARTS: f32 = 5.0;
 
+/// How far a plan is pulled towards the gait's own poses if it goes aside or backwards by captured
+/// gaits, 0 to 1. The clips move more smoothly there than the networks do. At 0 twice as many gaits
+/// accelerate 1.5 times as much as their clips (docs/live.md); at 0.5 feet slide more backwards.
+pub const ASIDE_FOLLOWS: f32 = 0.35;
+
 /// For gaits that the networks do not know. Their poses lead from key to key.
 pub const BUILT_PARTS: f32 = 15.0;
 /// A character whose joints are within this distance of such a gait's follows it at once, metres.

@@ -178,6 +178,33 @@ pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
     arms
 }
 
+/// The trunk of a body with two arms or more, and its arms.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Torso {
+    /// From the root joint to the nearest joint that all arms hang on.
+    pub trunk: [usize; 2],
+    /// See [`arms`].
+    pub arms: Vec<[usize; 3]>,
+}
+
+impl Torso {
+    /// The torso of a skeleton; none if it has fewer than two arms.
+    pub fn of(skeleton: &Skeleton) -> Option<Self> {
+        let arms = arms(skeleton);
+        let [first, _, ..] = arms[..] else {
+            return None;
+        };
+        let parent = |joint: usize| skeleton.joints[joint].parent;
+        // A clavicle is a child of the trunk's end.
+        let top = std::iter::successors(parent(first[0]), |&joint| parent(joint))
+            .find(|&above| arms.iter().all(|arm| is_below(skeleton, arm[0], above)))?;
+        Some(Self {
+            trunk: [0, top],
+            arms,
+        })
+    }
+}
+
 /// The limb of two bones that ends in `joint`, if it can be bent without moving other limbs:
 /// `joint`, its parent and its grandparent. The grandparent is not the pelvis, the bones between
 /// them have some length, and only single joints (twists) branch off. A foot has such a limb too,

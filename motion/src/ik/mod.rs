@@ -37,7 +37,7 @@ use crate::root::GlobalRoot;
 use crate::rotation::{align_sign, slerp};
 use crate::skeleton::Skeleton;
 
-pub use limbs::{Leg, MAX_LEGS, arm_of, arms, legs};
+pub use limbs::{Leg, MAX_LEGS, Torso, arm_of, arms, legs};
 pub use lock::{FootLock, Locked, lock_feet};
 pub use plant::{Carried, FootPlant, Planted, plant_feet};
 pub use reach::{ReachOptions, Reached, pose_at, reach_pose};

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::{MetricError, check_range};
 use crate::bones::nearest_points;
 use crate::fk::WorldMotion;
-use crate::ik::{Leg, arms, legs};
+use crate::ik::{Leg, Torso, legs};
 use crate::skeleton::Skeleton;
 
 /// Frames of the two running means that remove the noise of single frames from the path of the
@@ -24,10 +24,7 @@ pub struct Limbs {
     shins: Vec<Bone>,
     /// Ankle to toes, by leg; only the ankle if it has no children.
     feet: Vec<Bone>,
-    /// Elbow to hand, by arm.
-    forearms: Vec<Bone>,
-    /// From the root joint to the parent of the arms.
-    trunk: Option<Bone>,
+    torso: Option<Torso>,
 }
 
 /// Distances between the axes of limbs in one frame, metres; infinite if the body lacks such limbs.
@@ -42,25 +39,14 @@ pub struct LimbDistances {
 }
 
 impl Limbs {
-    /// The limbs of a skeleton, as far as they are found ([`legs`], [`arms`]).
+    /// The limbs of a skeleton, as far as they are found ([`legs`], [`Torso::of`]).
     pub fn of(skeleton: &Skeleton) -> Self {
-        let (legs, arms) = (legs(skeleton), arms(skeleton));
+        let legs = legs(skeleton);
         let foot = |leg: &Leg| [leg.foot, leg.toe.unwrap_or(leg.foot)];
-        let parent = |joint: usize| skeleton.joints[joint].parent;
-        // A clavicle is a child of the trunk's end.
-        let top = |arm: &[usize; 3]| {
-            std::iter::successors(parent(arm[0]), |&joint| parent(joint))
-                .find(|&above| arms.iter().all(|other| is_below(skeleton, other[0], above)))
-        };
         Self {
             shins: legs.iter().map(|leg| [leg.lower, leg.foot]).collect(),
             feet: legs.iter().map(foot).collect(),
-            forearms: arms.iter().map(|arm| [arm[1], arm[2]]).collect(),
-            trunk: arms
-                .first()
-                .filter(|_| arms.len() > 1)
-                .and_then(top)
-                .map(|top| [0, top]),
+            torso: Torso::of(skeleton),
         }
     }
 
@@ -77,11 +63,15 @@ impl Limbs {
                 .flat_map(|(nth, a)| bones[nth + 1..].iter().map(move |b| (a, b)));
             pairs.map(|(a, b)| between(a, b)).fold(f32::INFINITY, f32::min)
         };
-        let to_trunk = |arm: &Bone| self.trunk.map_or(f32::INFINITY, |trunk| between(arm, &trunk));
+        let to_trunk = |torso: &Torso| {
+            let forearms = torso.arms.iter().map(|&[_, elbow, hand]| [elbow, hand]);
+            let apart = forearms.map(|forearm| between(&forearm, &torso.trunk));
+            apart.fold(f32::INFINITY, f32::min)
+        };
         LimbDistances {
             shins_m: nearest(&self.shins),
             feet_m: nearest(&self.feet),
-            arms_m: self.forearms.iter().map(to_trunk).fold(f32::INFINITY, f32::min),
+            arms_m: self.torso.as_ref().map_or(f32::INFINITY, to_trunk),
         }
     }
 
@@ -111,10 +101,6 @@ impl LimbDistances {
             arms_m: self.arms_m.min(other.arms_m),
         }
     }
-}
-
-fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool {
-    std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent).any(|joint| joint == other)
 }
 
 /// Acceleration of the root over the ground, m/s², for each frame of `range` that has
@@ -159,10 +145,8 @@ mod tests {
     fn legs_side_by_side_are_as_far_apart_as_the_hips() {
         let (skeleton, pose) = (person(), standing());
         let limbs = Limbs::of(&skeleton);
-        assert_eq!(
-            (limbs.shins.len(), limbs.feet.len(), limbs.forearms.len()),
-            (2, 2, 2)
-        );
+        let arms = limbs.torso.as_ref().map(|torso| torso.arms.len());
+        assert_eq!((limbs.shins.len(), limbs.feet.len(), arms), (2, 2, Some(2)));
         let clip = Clip::new(skeleton.clone(), 30.0, vec![Vec3::Y; 3], pose.repeat(3)).unwrap();
         let motion = WorldMotion::from_clip(&clip);
         let hips: Vec<Vec3> = legs(&skeleton)

@@ -7,7 +7,7 @@ use glam::Quat;
 use super::Dims;
 use crate::Skeleton;
 use crate::feasibility::Limits;
-use crate::ik::{Leg, legs};
+use crate::ik::{Leg, Torso, legs};
 use crate::stance::low_hips_m;
 
 /// The body that a pack animates, and the sizes of its segments: everything that a character knows
@@ -24,6 +24,8 @@ pub struct Rig {
     pub skeleton: Arc<Skeleton>,
     /// The skeleton's legs, whose standing feet are held.
     pub legs: Arc<[Leg]>,
+    /// The trunk and the arms that are kept off it.
+    pub torso: Option<Arc<Torso>>,
     /// Hips lower than this over the ground belong to a seated or crouching pose, metres.
     pub low_hips_m: f32,
     /// How its plans are asked for by paths; none if they are asked for by keyframes.
@@ -48,7 +50,7 @@ pub struct ByPath {
 }
 
 impl Rig {
-    /// The rig of a skeleton. Legs and the height of low hips follow from it.
+    /// The rig of a skeleton. Legs, torso and the height of low hips follow from it.
     pub fn new(name: &str, fps: f32, dims: Dims, skeleton: Skeleton) -> Self {
         Self {
             name: name.to_owned(),
@@ -56,6 +58,7 @@ impl Rig {
             dims,
             low_hips_m: low_hips_m(&skeleton),
             legs: legs(&skeleton).into(),
+            torso: Torso::of(&skeleton).map(Arc::new),
             skeleton: Arc::new(skeleton),
             by_path: None,
             limits: None,

@@ -56,7 +56,7 @@ impl Glide {
 fn walking(step_m: f32) -> MotionBuffer {
     let walk = Glide::new(Vec3::Y * 0.9, step_m, 0.0);
     let mut buffer = MotionBuffer::new(doll_rig().dims.joints, 0, walk.frames());
-    finish_legs(&doll_rig(), true, buffer.behind_mut(3));
+    finish_limbs(&doll_rig(), true, buffer.behind_mut(3));
     buffer
 }
 
@@ -99,7 +99,7 @@ proptest! {
         let from = buffer.root(at).with_y(0.9) + Vec3::Z * STEP_M;
         let plan = Glide::new(from, STEP_M * faster, at as f32 + 1.0 + shift);
         buffer.splice(at, plan.frames(), Fade::USUAL);
-        finish_legs(&doll_rig(), true, buffer.behind_mut(at));
+        finish_limbs(&doll_rig(), true, buffer.behind_mut(at));
         let slides_m = farthest_slide_m(&buffer, at - 4..at + 20);
         prop_assert!(slides_m < 1e-4, "{} mm a frame", 1e3 * slides_m);
     }
@@ -114,7 +114,7 @@ proptest! {
             (same.roots.to_vec(), same.rotations.to_vec(), same.contacts.to_vec());
         let plan = Frames { roots: &roots, rotations: &rotations, contacts: &contacts };
         buffer.splice(at, plan, Fade::USUAL);
-        finish_legs(&doll_rig(), true, buffer.behind_mut(at));
+        finish_limbs(&doll_rig(), true, buffer.behind_mut(at));
         for (frame, before) in (at..=last).zip(before) {
             for ((was, _), (is, _)) in before.into_iter().zip(feet(&buffer, frame)) {
                 prop_assert!(was.distance(is) < 0.05, "frame {frame}: {was} {is}");
@@ -127,6 +127,6 @@ proptest! {
 fn feet_that_do_not_glide_are_left_alone() {
     let walk = Glide::new(Vec3::Y * 0.9, STEP_M, 0.0);
     let mut buffer = MotionBuffer::new(doll_rig().dims.joints, 0, walk.frames());
-    finish_legs(&doll_rig(), false, buffer.behind_mut(3));
+    finish_limbs(&doll_rig(), false, buffer.behind_mut(3));
     assert_eq!(buffer.range(0, buffer.last()).rotations, walk.rotations);
 }
