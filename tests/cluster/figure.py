@@ -24,6 +24,8 @@ from spots import Networks
 PER_STREAM = 10
 STREAMS = 60
 """Streams of live characters when servers are compared. Each is on one server: many are spread evenly."""
+SEARCH_S = 300
+"""Longest search. Where no load is carried, it would try ever smaller ones."""
 RESUMED_S = 2.0
 SEAM = 1.25
 """A seam is no larger than the largest step without one, and a quarter."""
@@ -164,7 +166,7 @@ def search(address: str, workload: str, p99_ms: int, folder: Path) -> float:
     """The highest load that the load tester finds."""
     live = ["--streams", str(STREAMS), "--connections", "12"] if workload == "drive" else ["--connections", "12"]
     command = ["search", "--workload", workload, "--p99-ms", str(p99_ms), *live, "--duration", "15s"]
-    report = Load(command, address, folder / f"{workload}.json").report()
+    report = Load(command, address, folder / f"{workload}.json").report(SEARCH_S)
     found = (report or {}).get("search") or {}
     return found.get("found") or float("nan")
 

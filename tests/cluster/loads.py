@@ -24,10 +24,12 @@ class Load(Process):
         arguments = [str(LOADTEST), *command, "--server", f"http://{address}", "--quiet", "--json", str(file)]
         super().__init__(arguments, file.with_suffix(".log"))
 
-    def report(self) -> dict | None:
-        """Waits for its end. None if it has no report; its output is printed then."""
+    def report(self, most_s: float | None = None) -> dict | None:
+        """Waits for its end, `most_s` at most. None if it has no report; its output is printed then."""
         try:
-            self.process.wait()
+            self.process.wait(most_s)
+        except subprocess.TimeoutExpired:
+            print(f"stopped after {most_s:.0f} s", flush=True)
         finally:
             self.kill()
         if self.file.exists():

@@ -86,6 +86,7 @@ pub(crate) fn plant(
         fps: rig.fps,
         range,
         floor_m: 0.0,
+        height_m: rig.by_path.as_ref().map_or(f32::INFINITY, |body| body.height_m),
     };
     let mut planted = Planted::default();
     bend_as_shown(rig, rotations, |rotations| {

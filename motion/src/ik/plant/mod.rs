@@ -18,7 +18,7 @@ use crate::skeleton::Skeleton;
 use super::lock::excess_height;
 use super::two_bone::STRAIGHTEST;
 use super::{Leg, LegTrack, cover, forward, place_end, two_bone_soft};
-use schedule::{Walker, schedule, way_m};
+use schedule::{Walker, flat, schedule, way_m};
 use way::{Foot, Knot};
 
 /// Share of a leg's length over which it eases towards full reach.
@@ -50,6 +50,9 @@ pub struct FootPlant {
     pub range: Range<usize>,
     /// Height of the ground, metres.
     pub floor_m: f32,
+    /// Height of the root over the ground where the body stands, metres; infinite if it stands on
+    /// straight legs. Legs that are spread, as a spider's, are longer than that.
+    pub height_m: f32,
 }
 
 /// What [`plant_feet`] made of the feet.
@@ -224,14 +227,7 @@ pub fn plant_feet(
                 }
             })
             .collect();
-        let rates = (options.fps, max_step_m);
-        let found = schedule(
-            &walkers,
-            &roots[window.clone()],
-            range.start,
-            options.floor_m,
-            rates,
-        );
+        let found = schedule(&walkers, &roots[window.clone()], range.start, max_step_m, options);
         for (nth, spans) in pair.into_iter().zip(found) {
             stands[nth] = spans;
         }
@@ -396,7 +392,8 @@ impl Place {
         let chain = leg.chain();
         match roll {
             None => {
-                two_bone_soft(skeleton, root, pose, chain, (self.foot, SOFT_SHARE), pole, true);
+                let foot = self.within(reach_m);
+                two_bone_soft(skeleton, root, pose, chain, (foot, SOFT_SHARE), pole, true);
             }
             Some(roll) => {
                 let turned = crate::fk::joint_transform(skeleton, root, pose, leg.foot).1;
@@ -404,6 +401,17 @@ impl Place {
                 let rotation = (roll * turned).normalize();
                 place_end(skeleton, root, pose, chain, (foot, SOFT_SHARE), pole, rotation);
             }
+        }
+    }
+
+    /// The place of the ankle. One above the hip and out of reach, as of a spider, comes nearer at
+    /// its own height: straight towards the hip its toe would go into the ground.
+    fn within(&self, reach_m: f32) -> Vec3 {
+        let way = self.foot - self.hip;
+        let over_ground_m = (reach_m * reach_m - way.y * way.y).max(0.0).sqrt();
+        match way.y > 0.0 && way.length() > reach_m {
+            true => self.hip + flat(way).clamp_length_max(over_ground_m) + Vec3::Y * way.y,
+            false => self.foot,
         }
     }
 

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 
+use super::FootPlant;
 use crate::ik::smooth;
 use crate::ik::spans;
 
@@ -24,7 +25,8 @@ const LOW: f32 = 0.025;
 const HEIGHT_COST: f32 = 0.3;
 /// A body whose feet are all higher than this may be in flight, leg lengths.
 const HIGH: f32 = 0.08;
-/// Hips lower than this do not stand on their legs, leg lengths.
+/// Hips lower than this do not stand on their legs: a share of their length, or of the height at
+/// which the body stands if that is less.
 const UPRIGHT: f32 = 0.6;
 /// Cost of a foot that begins or ends to stand, leg lengths.
 const CHANGE_COST: f32 = 0.035;
@@ -65,22 +67,23 @@ pub(super) fn schedule(
     walkers: &[Walker<'_>],
     roots: &[Vec3],
     first: usize,
-    floor_m: f32,
-    (fps, max_step_m): (f32, f32),
+    max_step_m: f32,
+    options: &FootPlant,
 ) -> Vec<Vec<Range<usize>>> {
     let frames = roots.len();
     let length_m = walkers.iter().map(|walker| walker.length_m).sum::<f32>() / walkers.len().max(1) as f32;
+    let upright_m = UPRIGHT * length_m.min(options.height_m);
     let speeds = smooth(&speeds(roots), SPEED_HALF_WINDOW);
     let steps: Vec<Vec<f32>> = walkers.iter().map(|walker| self::speeds(walker.toes)).collect();
     let cost = |frame: usize, state: usize| {
-        let goes = speeds[frame] * fps > GOES_PER_S * length_m;
+        let goes = speeds[frame] * options.fps > GOES_PER_S * length_m;
         let still_m = match goes {
             true => max_step_m.min(STANDS_SHARE * speeds[frame]),
             false => max_step_m,
         };
         let is_upright = walkers
             .iter()
-            .any(|walker| walker.hips[frame].y - floor_m > UPRIGHT * length_m);
+            .any(|walker| walker.hips[frame].y - options.floor_m > upright_m);
         let is_high = walkers.iter().all(|walker| walker.low_m[frame] > HIGH * length_m);
         if state == 0 {
             return if goes && is_upright && !is_high {

@@ -2,6 +2,7 @@ use super::schedule::flat;
 use super::*;
 use crate::ik::legs;
 use crate::ik::testing::*;
+use crate::skeleton::{ContactParams, Joint};
 
 const FPS: f32 = 30.0;
 const TOES: [usize; 2] = [16, 20];
@@ -24,6 +25,7 @@ fn plant(motion: &Frames, range: Range<usize>, carried: Option<&Carried>) -> (Fr
         fps: FPS,
         range,
         floor_m: 0.0,
+        height_m: f32::INFINITY,
     };
     let (roots, rotations, contacts) = (&mut made.0, &mut made.1, &mut made.2);
     let planted = plant_feet(
@@ -243,4 +245,76 @@ fn a_foot_that_comes_down_beside_a_fixed_frame_does_not_jump() {
             assert!(first < 0.045, "frame {from}: {first} m");
         }
     }
+}
+
+/// Height of the root of [`crawler`] over the ground, metres.
+const CRAWLER_M: f32 = 0.12;
+/// The tips of its legs.
+const TIPS: [usize; 4] = [4, 8, 12, 16];
+
+/// A body low over the ground between four legs whose knees are higher than its hips.
+fn crawler() -> Skeleton {
+    let joint = |name: String, parent, offset: [f32; 3]| Joint {
+        name,
+        parent,
+        offset_m: Vec3::from(offset),
+    };
+    let mut joints = vec![joint("Body".to_owned(), None, [0.0; 3])];
+    for (nth, (x, z)) in [(1.0, 0.15), (-1.0, 0.15), (1.0, -0.15), (-1.0, -0.15)]
+        .into_iter()
+        .enumerate()
+    {
+        let first = joints.len();
+        let offsets = [
+            [0.08 * x, 0.0, z],
+            [0.28 * x, 0.2, 0.0],
+            [0.26 * x, -0.06, 0.0],
+            [0.0, -0.26, 0.0],
+        ];
+        for (part, offset) in offsets.into_iter().enumerate() {
+            let parent = if part == 0 { 0 } else { first + part - 1 };
+            joints.push(joint(format!("Leg{nth}_{part}"), Some(parent), offset));
+        }
+    }
+    let contacts = ContactParams {
+        joints: TIPS.to_vec(),
+        max_height_m: vec![0.05; 4],
+        max_speed_mps: 0.4,
+        clearance_m: vec![0.0; 4],
+    };
+    Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap()
+}
+
+#[test]
+fn spread_legs_stand_and_their_feet_stay_out_of_the_ground() {
+    let (skeleton, frames) = (crawler(), 90);
+    let roots: Vec<Vec3> = (0..frames)
+        .map(|frame| Vec3::new(0.0, CRAWLER_M, 0.03 * frame as f32))
+        .collect();
+    let rotations = vec![Quat::IDENTITY; frames * skeleton.joint_count()];
+    let planted = |height_m: f32| {
+        let (mut roots, mut rotations) = (roots.clone(), rotations.clone());
+        let mut contacts = vec![0; frames];
+        let options = FootPlant {
+            fps: FPS,
+            range: 0..frames,
+            floor_m: 0.0,
+            height_m,
+        };
+        let legs = legs(&skeleton);
+        let how = (&options, None);
+        plant_feet(&skeleton, &legs, &mut roots, &mut rotations, &mut contacts, how);
+        TIPS.map(|tip| track(&skeleton, &roots, &rotations, tip))
+    };
+    let slowest = |tips: &[Vec<Vec3>; 4]| {
+        let step = |tip: &Vec<Vec3>, frame: usize| flat(tip[frame + 1] - tip[frame]).length();
+        let steps = (0..frames - 1).map(|frame| tips.iter().map(|tip| step(tip, frame)).fold(1.0, f32::min));
+        mean(&steps.collect::<Vec<f32>>())
+    };
+    let tips = planted(CRAWLER_M);
+    assert!(slowest(&tips) < 2e-3, "{} m a frame", slowest(&tips));
+    let lowest = tips.iter().flatten().map(|tip| tip.y).fold(1.0, f32::min);
+    assert!(lowest > -2e-3, "{lowest} m");
+    // As on straight legs it would be sitting.
+    assert!(slowest(&planted(f32::INFINITY)) > 0.029);
 }
