@@ -81,8 +81,8 @@ fn shares(ankles: &[[Vec3; 2]]) -> [f32; 2] {
     }
 }
 
-/// How the left leg lies to the right one in a frame, at their shins or at their feet, and where the
-/// ankles are.
+/// How the left leg lies to the right one in a frame, at their shins or at their feet, and the
+/// places of the ankles.
 fn meeting([left, right]: [[Vec3; 4]; 2]) -> (Meeting, [Vec3; 2]) {
     let at = |bone: [usize; 2], apart_m| {
         let [left_bone, right_bone] = [left, right].map(|points| bone.map(|point| points[point]));

@@ -16,7 +16,9 @@ from troupe_training.models.unimogen.sampler import Denoiser
 from troupe_training.models.unimogen.state import Range
 from troupe_training.train.unimogen.stage import Trained, load
 
-SAME_BODY_M = 5e-3  # that a pack's bones and its size may differ from the cache's; sizes of animals come from their clips
+SAME_BODY_M = (
+    5e-3  # that a pack's bones and its size may differ from the cache's; sizes of animals come from their clips
+)
 
 
 @dataclass
