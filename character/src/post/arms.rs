@@ -30,8 +30,8 @@ pub(crate) fn clear_arms(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat]) {
     }
 }
 
-/// Turns an arm away from the trunk in the frames in which it is too near. Answers whether there are
-/// any.
+/// Turns an arm away from the trunk in the frames in which it is too near. Answers whether there
+/// are any.
 fn clear(
     skeleton: &Skeleton,
     torso: &Torso,
