@@ -25,7 +25,7 @@ PATHS = {
     "S": [(math.sin(1.4 * z), z) for z in (0.8, 1.6, 2.4, 3.2, 4.0)],
 }
 SPEED_MPS = 1.2
-COLOURS = 64
+COLOURS = 32
 SHOWN = range(20, 80, 3)
 """Frames of the line, seen from the side. Of the other paths all feet are shown from above."""
 
@@ -46,7 +46,7 @@ def main() -> None:
     """Draws the picture."""
     troupe, out = sys.argv[1:]
     matplotlib.use("Agg")
-    figure, axes = plt.subplots(len(BODIES), 2 * len(PATHS), figsize=(22, 12), dpi=60)
+    figure, axes = plt.subplots(len(BODIES), 2 * len(PATHS), figsize=(20, 11), dpi=52)
     columns = [(path, options) for path in PATHS for options in (["--raw"], [])]
     with tempfile.TemporaryDirectory() as folder:
         for (body, feet), row in zip(BODIES.items(), axes, strict=True):
@@ -69,7 +69,9 @@ def main() -> None:
                 axis.tick_params(labelsize=6)
     figure.tight_layout()
     figure.savefig(out)
-    Image.open(out).quantize(COLOURS).save(out, optimize=True)
+    Image.open(out).convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        out, optimize=True
+    )
 
 
 if __name__ == "__main__":
