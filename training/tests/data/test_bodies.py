@@ -44,6 +44,16 @@ def test_the_same_bend_is_the_same_number_on_joints_with_other_axes():
     np.testing.assert_allclose(plain.description(), turned.description(), atol=1e-6)
 
 
+def test_the_left_is_that_of_the_neutral_pose():
+    plain = biped()
+    half = np.diag([-1.0, 1.0, -1.0])
+    rest = np.concatenate([half[None], np.tile(np.eye(3), (len(plain.skeleton.names) - 1, 1, 1))])
+    # A root bone that points the other way, as the spider's does.
+    turned = body_of("turned", plain.skeleton, rest)
+    np.testing.assert_allclose(half @ np.array(turned.skeleton.left_axis), [1.0, 0.0, 0.0], atol=1e-6)
+    assert biped().skeleton.left_axis == plain.skeleton.left_axis
+
+
 def robot_body(tmp_path) -> tuple[Body, object]:
     (tmp_path / "toy.urdf").write_text(biped_urdf())
     robot = build_robot(describe(tmp_path / "toy.urdf"))

@@ -10,7 +10,7 @@ A body is a skeleton with a neutral pose: it stands upright, heads along +Z, and
 """
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,8 @@ DESCRIPTION = (
     *("is_hinge", "is_fixed", "is_contact", "is_end", "is_root", "is_place", "depth", "left", "reach", "log_size"),
 )
 SYMMETRY_TOLERANCE_M = 0.02
+LEFT = np.array([1.0, 0.0, 0.0])  # of the neutral pose
+SAME_LEFT = 0.99  # cosine of the angle by which a skeleton's left may differ from it
 # Rows that a row of the joint attention reads: itself, its nearest ancestors, the root joint and
 # the root's place.
 SLOTS = 16
@@ -141,7 +143,11 @@ class Body:
 
 
 def body_of(name: str, skeleton: Skeleton, neutral: np.ndarray) -> Body:
-    """The body of a skeleton with its neutral pose ``[J, 3, 3]`` (world rotations)."""
+    """The body of a skeleton with its neutral pose ``[J, 3, 3]`` (world rotations), which faces +Z."""
+    left = neutral[0].T @ LEFT
+    if left @ np.array(skeleton.left_axis) < SAME_LEFT:
+        # The root bone of a rig may point anywhere.
+        skeleton = replace(skeleton, left_axis=left.round(6).tolist())
     body = Body(name, skeleton, neutral.round(9).tolist(), 0.0, 1.0, sides_of(skeleton.names))
     places = body.places()
     feet = places[skeleton.contact_joints] if skeleton.contact_joints else places[:0]

@@ -31,6 +31,8 @@ const MAX_BONE_M: f32 = 100.0;
 const MIN_BONE_M: f32 = 1e-4;
 /// Largest difference of a rotation from unit length.
 const UNIT_TOLERANCE: f32 = 1e-3;
+/// Cosine of the angle by which a skeleton's left may differ from that of its neutral pose.
+const LEFT_COSINE: f32 = 0.7;
 /// Speed of a walk, body sizes a second. People walk at 1.2 m/s with hips at 0.9 m.
 const USUAL_SPEED_PER_S: f32 = 1.3;
 /// Highest speed of a live character's path, body sizes a second: that of a run.
@@ -106,6 +108,7 @@ impl Body {
         check_lists(&skeleton, &neutral, &sides)?;
         check_bones(&skeleton)?;
         let neutral: Box<[Quat]> = neutral.iter().map(|q| q.normalize()).collect();
+        check_left(&skeleton, &neutral)?;
         let bones_m = bones(&skeleton, &neutral);
         let places = places(&skeleton, &bones_m);
         let (own_height_m, own_size_m) = scale(&skeleton, &places);
@@ -199,6 +202,24 @@ fn check_lists(skeleton: &Skeleton, neutral: &[Quat], sides: &[i8]) -> Result<()
         }
         None => Ok(()),
     }
+}
+
+/// The neutral pose faces +Z, so its left is +X. A skeleton whose left is elsewhere would walk
+/// with a wrong heading.
+fn check_left(skeleton: &Skeleton, neutral: &[Quat]) -> Result<(), BodyError> {
+    let Some(root) = neutral.first() else {
+        return Ok(());
+    };
+    if (*root * skeleton.left_axis).x > LEFT_COSINE {
+        return Ok(());
+    }
+    let left = root.conjugate() * Vec3::X;
+    let allowed = format!("near {left:.2}, which is +X in the neutral pose");
+    Err(BodyError::field(
+        "skeleton.left_axis",
+        format!("{:.2}", skeleton.left_axis),
+        allowed,
+    ))
 }
 
 /// A robot has joints of several axes at one place; otherwise every joint has a bone.

@@ -115,7 +115,7 @@ fn only_hinges_may_be_at_one_place() {
 #[test]
 fn every_mistake_is_named() {
     type Change = fn(&mut InlineSkeleton);
-    let cases: [(Change, &str); 16] = [
+    let cases: [(Change, &str); 17] = [
         (|s| s.joints.clear(), "skeleton.joints is 0; allowed: 1 to 256"),
         (
             |s| s.joints[3].parent = "Tail".to_owned(),
@@ -173,6 +173,13 @@ fn every_mistake_is_named() {
         (
             |s| s.left_axis = Some(Vec3::NAN),
             "left_axis must have unit length",
+        ),
+        (
+            |s| {
+                s.neutral = Some(vec![Quat::IDENTITY; 8]);
+                s.left_axis = Some(-Vec3::X);
+            },
+            "skeleton.left_axis is [-1.00, -0.00, -0.00]; allowed: near [1.00, 0.00, 0.00]",
         ),
     ];
     for (change, wanted) in cases {
