@@ -6,6 +6,7 @@ use troupe_motion::root::heading_of;
 
 use super::super::*;
 use super::{FPS, LAST, STANDS, STOPS, Scene, command, only, poses_at, style, target};
+use crate::primitives::recipe::ASIDE_FOLLOWS;
 
 #[test]
 fn a_standing_character_has_a_pose_in_the_gap() {
@@ -84,4 +85,18 @@ fn going_aside_has_more_poses_in_the_gap() {
     assert_eq!(plan(0.6, 0.6), [9, 15, 21, 27]);
     assert_eq!(plan(0.0, -0.7), [9, 15, 21, 27]);
     assert_eq!(plan(0.1, 1.0), [18]);
+}
+
+#[test]
+fn a_plan_is_drawn_to_captured_gaits_that_go_aside_or_backwards() {
+    let style = style();
+    let scene = Scene::standing(&style);
+    let drawn = |x: f32, z: f32| {
+        let mut locomotion = Locomotion::new(0, 0.0, FPS, command(&style, x, z, Some(0.0)));
+        let follow = locomotion.plan(&scene.at(4)).follow;
+        follow.map(|follow| follow.weights.iter().copied().fold(0.0, f32::max))
+    };
+    assert_eq!(drawn(0.6, 0.6), Some(ASIDE_FOLLOWS));
+    assert_eq!(drawn(0.0, -0.7), Some(ASIDE_FOLLOWS));
+    assert_eq!((drawn(0.1, 1.0), drawn(0.0, 0.0)), (None, None));
 }
