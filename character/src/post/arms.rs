@@ -41,9 +41,10 @@ fn clear(
 ) -> bool {
     let joints = skeleton.joint_count();
     let poses = roots.iter().zip(rotations.chunks_exact(joints));
-    let meetings: Vec<Meeting> = poses
-        .map(|(&root, pose)| Placed::of(skeleton, torso, arm, root, pose).meeting())
+    let placed: Vec<Placed> = poses
+        .map(|(&root, pose)| Placed::of(skeleton, torso, arm, root, pose))
         .collect();
+    let meetings: Vec<Meeting> = placed.iter().map(Placed::meeting).collect();
     let near = runs(&meetings);
     if near.is_empty() {
         return false;
@@ -53,10 +54,10 @@ fn clear(
         let apart = Apart::of(&meetings[run.clone()]);
         run.for_each(|frame| ways[frame] = apart.way(&meetings[frame]));
     }
-    let poses = roots.iter().zip(rotations.chunks_exact_mut(joints));
-    for ((&root, pose), (meeting, way)) in poses.zip(meetings.iter().zip(eased(&ways))) {
+    let poses = rotations.chunks_exact_mut(joints).zip(&placed);
+    for ((pose, placed), (meeting, way)) in poses.zip(meetings.iter().zip(eased(&ways))) {
         if way != Vec3::ZERO {
-            Placed::of(skeleton, torso, arm, root, pose).turn(&mut pose[arm[0]], meeting.point, way);
+            placed.turn(&mut pose[arm[0]], meeting.point, way);
         }
     }
     true

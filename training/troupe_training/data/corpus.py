@@ -17,7 +17,17 @@ from typing import Any, NotRequired, TypedDict
 import numpy as np
 
 from troupe_reader.options import FileOptions
-from troupe_training.data.bodies import Body, bends, body_of, pack_bends, positions_of, sides_of, unbend, unpack_bends
+from troupe_training.data.bodies import (
+    LEFT,
+    Body,
+    bends,
+    body_of,
+    pack_bends,
+    positions_of,
+    sides_of,
+    unbend,
+    unpack_bends,
+)
 from troupe_training.data.cells import CLIP_NAME, cell_of
 from troupe_training.data.clips import (
     MIN_CLIP_FRAMES,
@@ -236,7 +246,7 @@ def _write(folder: Path, one: Wanted, made: Made, options: dict[str, Any]) -> No
         worst = max(worst, error)
         arrays["bends"].append(packed)
         arrays["roots"].append(clip.positions[:, 0].astype(np.float32))
-        arrays["headings"].append(headings(_neutral_six_d(body, clip), np.array(LEFT_AXIS)).astype(np.float32))
+        arrays["headings"].append(headings(_neutral_six_d(body, clip), LEFT).astype(np.float32))
         share = KEYED_STANCE if one.reader is None else 0.0
         arrays["contacts"].append(detect_contacts(clip.positions, body.skeleton, share))
         index.append(_entry(one, clip, start))
