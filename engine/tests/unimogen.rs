@@ -20,7 +20,7 @@ use troupe_engine::generator::{Generator, JobId, Progress};
 use troupe_engine::gpu::GpuShare;
 use troupe_engine::machine::Machine;
 use troupe_engine::onnx::{Growth, OnnxDenoiser, Runtime, SessionOptions};
-use troupe_engine::pack::Pack;
+use troupe_engine::pack::{MANIFEST_FILE, Pack, content_hash};
 use troupe_motion::features::{FEATURES_PER_JOINT, pose_features_from_world};
 use troupe_motion::model::{Body, InlineJoint, InlineSkeleton, KeyTensors, Motion, Output, PathTask};
 use troupe_motion::rotation::{angle_between, from_six_d, from_wxyz, yaw};
@@ -61,16 +61,23 @@ fn tiny() -> PathBuf {
     manifest_folder().join("tests/unimogen")
 }
 
-fn generator(pack: &Pack, engine: EngineKind) -> UniMoGen {
-    let options = SessionOptions {
+fn trained() -> PathBuf {
+    manifest_folder().join("../models/unimogen")
+}
+
+fn options(engine: EngineKind) -> SessionOptions {
+    SessionOptions {
         engine,
         threads: 1,
         spin: false,
         fixed_shapes: false,
         growth: Growth::None,
         gpu: GpuShare::default(),
-    };
-    let denoiser = OnnxDenoiser::load(&Runtime::new(None).unwrap(), pack, options).unwrap();
+    }
+}
+
+fn generator(pack: &Pack, engine: EngineKind) -> UniMoGen {
+    let denoiser = OnnxDenoiser::load(&Runtime::new(None).unwrap(), pack, options(engine)).unwrap();
     UniMoGen::new(pack, Box::new(denoiser), 64).unwrap()
 }
 
@@ -294,9 +301,58 @@ fn tasks_have_the_same_bits_alone_and_in_any_mixture() {
 }
 
 #[test]
+fn a_body_moves_by_the_network_of_its_kind() {
+    let pack = Pack::load(&trained()).unwrap();
+    let own: Vec<&Arc<Body>> = pack.bodies.iter().filter(|body| body.network > 0).collect();
+    assert!(!own.is_empty(), "the trained pack has no network of a kind");
+    let mut generator = generator(&pack, EngineKind::Cpu);
+    for body in own {
+        let task = PathTask {
+            body: body.clone(),
+            context: Vec::new(),
+            targets: Vec::new(),
+            ..any_task(&pack, 20, 5)
+        };
+        let mut by_the_other = task.clone();
+        Arc::make_mut(&mut by_the_other.body).network = 0;
+        let motions = generator.run(&[task.clone(), by_the_other, task]).unwrap();
+        assert_ne!(motions[0], motions[1], "{}", body.name);
+        assert_eq!(motions[0], motions[2], "{}", body.name);
+    }
+}
+
+#[test]
+fn a_network_of_a_kind_with_other_tensors_is_refused_by_name() {
+    let folder = std::env::temp_dir().join(format!("troupe-kinds-{}", std::process::id()));
+    std::fs::create_dir_all(folder.join("bodies")).unwrap();
+    for file in ["denoiser.onnx", "bodies/toy.toml", "bodies/turned.toml"] {
+        std::fs::copy(tiny().join(file), folder.join(file)).unwrap();
+    }
+    // The trained network knows other words.
+    std::fs::copy(
+        trained().join("denoiser.onnx"),
+        folder.join("denoiser-robots.onnx"),
+    )
+    .unwrap();
+    let text = std::fs::read_to_string(tiny().join(MANIFEST_FILE)).unwrap();
+    let own = content_hash(&tiny(), &["denoiser.onnx"]).unwrap();
+    let hash = content_hash(&folder, &["denoiser.onnx", "denoiser-robots.onnx"]).unwrap();
+    let text = text.replace(&own, &hash) + "\n[unimogen.kinds]\nrobots = [\"toy\"]\n";
+    std::fs::write(folder.join(MANIFEST_FILE), text).unwrap();
+    let pack = Pack::load(&folder).unwrap();
+    let error = OnnxDenoiser::load(&Runtime::new(None).unwrap(), &pack, options(EngineKind::Cpu));
+    std::fs::remove_dir_all(&folder).unwrap();
+    let error = error.map(|_| ()).unwrap_err().to_string();
+    assert!(
+        error.starts_with("denoiser-robots.onnx: the input style is "),
+        "{error}"
+    );
+}
+
+#[test]
 #[ignore = "takes minutes"]
 fn any_mixture_of_trained_bodies_gets_the_same_bits_alone_on_each_engine() {
-    let pack = Pack::load(&manifest_folder().join("../models/unimogen")).unwrap();
+    let pack = Pack::load(&trained()).unwrap();
     for engine in engines() {
         let differ = compare_mixes(&pack, engine, 40, 200);
         println!("{engine}: {differ} motions of 200 mixes differ from those alone");

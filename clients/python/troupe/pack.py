@@ -36,7 +36,7 @@ class Pack:
     """Its capabilities: inbetween, live, path, text, describe, agents."""
     skeleton: Skeleton = field(repr=False)
     bodies: tuple[Body, ...] = field(repr=False)
-    """The bodies that one network moves, the default one first. None: the pack has one skeleton."""
+    """The bodies that the pack moves, the default one first. None: the pack has one skeleton."""
     body: str
     """Whose skeleton this is; empty for the pack's own."""
     message: motion_pb2.Pack = field(repr=False, compare=False)

@@ -1,4 +1,4 @@
-//! The network of a UniMoGen pack on ONNX Runtime: one session for all shapes.
+//! The networks of a UniMoGen pack on ONNX Runtime: one session each, for all shapes.
 
 use std::borrow::Cow;
 
@@ -8,7 +8,7 @@ use troupe_motion::model::{DESCRIPTION, SLOTS};
 
 use super::outlets::OPEN;
 use super::{Runtime, SessionOptions, exit, one_line, outlets, session};
-use crate::pack::{DENOISER_FILE, Pack};
+use crate::pack::Pack;
 use crate::unimogen::{Call, Denoiser, PATH_FEATURES, ROW_CHANNELS};
 use crate::{EngineError, EngineKind};
 
@@ -18,54 +18,63 @@ const KERNELS: usize = 500;
 /// Name of the output.
 const CLEAN: &str = "clean";
 
-/// The session of one worker.
+/// The sessions of one worker.
 pub struct OnnxDenoiser {
     engine: EngineKind,
-    session: Session,
+    /// File and session of each network, in the order of [`Pack::files`].
+    networks: Vec<(&'static str, Session)>,
 }
 
 impl OnnxDenoiser {
-    /// Loads the network of `pack`, and checks its tensors.
+    /// Loads the networks of `pack`, and checks their tensors.
     ///
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Signature`].
     pub fn load(runtime: &Runtime, pack: &Pack, options: SessionOptions) -> Result<Self, EngineError> {
-        let file = DENOISER_FILE;
-        let path = pack.folder.join(file);
-        let session = session::open(runtime, options, &path, Some(KERNELS))
-            .map_err(|reason| EngineError::Load { file, reason })?;
-        check(pack.words.len(), session.inputs(), session.outputs())
-            .map_err(|problem| EngineError::Signature { file, problem })?;
-        let engine = options.engine;
-        Ok(Self { engine, session })
+        let load = |file| {
+            let session = session::open(runtime, options, &pack.folder.join(file), Some(KERNELS))
+                .map_err(|reason| EngineError::Load { file, reason })?;
+            check(pack.words.len(), session.inputs(), session.outputs())
+                .map_err(|problem| EngineError::Signature { file, problem })?;
+            Ok((file, session))
+        };
+        Ok(Self {
+            engine: options.engine,
+            networks: pack
+                .files()
+                .into_iter()
+                .map(load)
+                .collect::<Result<_, EngineError>>()?,
+        })
     }
+}
 
-    fn run(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), String> {
-        let mut inputs: Vec<(Cow<'_, str>, SessionInputValue<'_>)> = Vec::new();
-        for (name, shape, numbers) in call.floats() {
-            let tensor = TensorRef::from_array_view((shape, numbers)).map_err(|error| one_line(&error))?;
-            inputs.push((name.into(), tensor.into()));
-        }
-        for (name, shape, numbers) in call.integers() {
-            let tensor = TensorRef::from_array_view((shape, numbers)).map_err(|error| one_line(&error))?;
-            inputs.push((name.into(), tensor.into()));
-        }
-        let _call = exit::enter();
-        let outputs = self.session.run(inputs).map_err(|error| one_line(&error))?;
-        let value = outputs.get(CLEAN).ok_or_else(|| format!("it gave no {CLEAN}"))?;
-        let (_, found) = value
-            .try_extract_tensor::<f32>()
-            .map_err(|error| one_line(&error))?;
-        if found.len() != clean.len() {
-            let wanted = clean.len();
-            return Err(format!(
-                "it gave {CLEAN} of {} elements, expected {wanted}",
-                found.len()
-            ));
-        }
-        clean.copy_from_slice(found);
-        Ok(())
+/// One call of a network.
+fn run(session: &mut Session, call: &Call, clean: &mut [f32]) -> Result<(), String> {
+    let mut inputs: Vec<(Cow<'_, str>, SessionInputValue<'_>)> = Vec::new();
+    for (name, shape, numbers) in call.floats() {
+        let tensor = TensorRef::from_array_view((shape, numbers)).map_err(|error| one_line(&error))?;
+        inputs.push((name.into(), tensor.into()));
     }
+    for (name, shape, numbers) in call.integers() {
+        let tensor = TensorRef::from_array_view((shape, numbers)).map_err(|error| one_line(&error))?;
+        inputs.push((name.into(), tensor.into()));
+    }
+    let _call = exit::enter();
+    let outputs = session.run(inputs).map_err(|error| one_line(&error))?;
+    let value = outputs.get(CLEAN).ok_or_else(|| format!("it gave no {CLEAN}"))?;
+    let (_, found) = value
+        .try_extract_tensor::<f32>()
+        .map_err(|error| one_line(&error))?;
+    if found.len() != clean.len() {
+        let wanted = clean.len();
+        return Err(format!(
+            "it gave {CLEAN} of {} elements, expected {wanted}",
+            found.len()
+        ));
+    }
+    clean.copy_from_slice(found);
+    Ok(())
 }
 
 impl Denoiser for OnnxDenoiser {
@@ -75,10 +84,8 @@ impl Denoiser for OnnxDenoiser {
     }
 
     fn denoise(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), EngineError> {
-        self.run(call, clean).map_err(|problem| EngineError::Network {
-            file: DENOISER_FILE,
-            problem,
-        })
+        let (file, session) = &mut self.networks[call.network];
+        run(session, call, clean).map_err(|problem| EngineError::Network { file, problem })
     }
 }
 

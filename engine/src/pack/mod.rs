@@ -81,7 +81,7 @@ pub struct Pack {
     pub manifest: Manifest,
     /// The skeleton of its motion; for a pack with several bodies, the default body's.
     pub rig: Arc<Rig>,
-    /// The bodies that the one network moves; empty for a family with one skeleton.
+    /// The bodies that the networks move; empty for a family with one skeleton.
     pub bodies: Vec<Arc<Body>>,
     /// The words that the network knows, in the order of its inputs; empty for a family without
     /// words.
@@ -108,7 +108,7 @@ impl Pack {
     fn try_load(folder: &Path) -> Result<Self, PackProblem> {
         let mut pack =
             Self::from_manifest(Manifest::parse(&read_text(&folder.join(MANIFEST_FILE))?)?, folder)?;
-        let found = content_hash(folder, pack.files())?;
+        let found = content_hash(folder, &pack.files())?;
         let expected = &pack.manifest.content_hash;
         if !expected.eq_ignore_ascii_case(&found) {
             return Err(PackProblem::ContentHash {
@@ -158,13 +158,19 @@ impl Pack {
 
     /// The files of the pack's networks, in the order in which the content hash reads them. Empty
     /// for a family that the engine does not run.
-    pub fn files(&self) -> &'static [&'static str] {
-        match self.manifest.family() {
-            Some(Family::MotionBricks) => &["root.onnx", "pose.onnx", "decoder.onnx"],
-            Some(Family::UniMoGen) => &[DENOISER_FILE],
-            Some(Family::SonicPlanner) => &[PLANNER_FILE],
-            Some(Family::VerMo) => self.manifest.vermo.as_ref().map_or(&[], VerMoDoc::files),
-            None => &[],
+    pub fn files(&self) -> Vec<&'static str> {
+        let manifest = &self.manifest;
+        match manifest.family() {
+            Some(Family::MotionBricks) => Stage::ALL.map(Stage::file_name).to_vec(),
+            Some(Family::UniMoGen) => manifest
+                .unimogen
+                .as_ref()
+                .map_or_else(Vec::new, UniMoGenDoc::files),
+            Some(Family::SonicPlanner) => vec![PLANNER_FILE],
+            Some(Family::VerMo) => {
+                (manifest.vermo.as_ref()).map_or_else(Vec::new, |table| table.files().to_vec())
+            }
+            None => Vec::new(),
         }
     }
 

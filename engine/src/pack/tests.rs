@@ -270,6 +270,38 @@ fn a_pack_of_many_bodies_loads_all_of_them() {
     assert!(pack.body("cat").is_none());
 }
 
+/// The tiny pack with these lines after its manifest, without the check of files.
+fn with_kinds(lines: &str) -> Result<Pack, PackProblem> {
+    let text = std::fs::read_to_string(tiny().join(MANIFEST_FILE)).unwrap();
+    let manifest = Manifest::parse(&format!("{text}\n[unimogen.kinds]\n{lines}\n"))?;
+    Pack::from_manifest(manifest, &tiny())
+}
+
+#[test]
+fn bodies_of_a_kind_have_its_network() {
+    let pack = with_kinds("animals = []\nrobots = [\"toy\"]").unwrap();
+    assert_eq!(pack.files(), ["denoiser.onnx", "denoiser-robots.onnx"]);
+    let table = pack.manifest.unimogen.as_ref().unwrap();
+    let bodies = table.read_bodies(&tiny(), 30.0, &pack.rig.dims).unwrap();
+    let networks: Vec<usize> = bodies.iter().map(|body| body.network).collect();
+    assert_eq!(networks, [0, 1]);
+
+    for (lines, said) in [
+        (
+            "people = [\"cat\"]",
+            "unimogen.kinds is cat; allowed: names of unimogen.bodies",
+        ),
+        (
+            "people = [\"toy\"]\nrobots = [\"toy\"]",
+            "unimogen.kinds is toy; allowed: each name once",
+        ),
+        ("plants = [\"toy\"]", "unknown field `plants`"),
+    ] {
+        let error = with_kinds(lines).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+}
+
 #[test]
 fn heights_and_sizes_follow_from_the_neutral_pose() {
     use troupe_motion::model::BodyParts;

@@ -10,7 +10,7 @@ use super::PackProblem;
 use super::bodies::{check_names, read_body};
 use super::manifest::field;
 
-/// File name of the network.
+/// File name of the network for all bodies.
 pub const DENOISER_FILE: &str = "denoiser.onnx";
 /// A window has a multiple of this number of frames, because the network's slowest level counts in
 /// such steps.
@@ -73,6 +73,32 @@ pub struct UniMoGenDoc {
     pub bend_gain: f32,
     /// Largest turn rate of a path that the network gets, radians a second.
     pub max_turn_rad_per_s: f32,
+    /// The bodies that have a network of their kind.
+    #[serde(default)]
+    pub kinds: KindsDoc,
+}
+
+/// The table `[unimogen.kinds]`: the bodies that the network of a kind moves. Without bodies a kind
+/// has no network.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct KindsDoc {
+    pub people: Vec<String>,
+    pub robots: Vec<String>,
+    pub animals: Vec<String>,
+}
+
+impl KindsDoc {
+    /// File and bodies of each network.
+    fn networks(&self) -> impl Iterator<Item = (&'static str, &[String])> {
+        let kinds = [
+            ("denoiser-people.onnx", &self.people),
+            ("denoiser-robots.onnx", &self.robots),
+            ("denoiser-animals.onnx", &self.animals),
+        ];
+        let kinds = kinds.map(|(file, bodies)| (file, bodies.as_slice()));
+        kinds.into_iter().filter(|(_, bodies)| !bodies.is_empty())
+    }
 }
 
 impl UniMoGenDoc {
@@ -115,6 +141,12 @@ impl UniMoGenDoc {
                 "one of unimogen.bodies",
             ));
         }
+        let kinds = self.kinds.networks().flat_map(|(_, bodies)| bodies);
+        let kinds: Vec<String> = kinds.cloned().collect();
+        check_names("unimogen.kinds", &kinds)?;
+        if let Some(other) = kinds.iter().find(|name| !self.bodies.contains(name)) {
+            return Err(field("unimogen.kinds", other, "names of unimogen.bodies"));
+        }
         if self.description != DESCRIBED {
             let found = self.description.join(", ");
             return Err(field("unimogen.description", found, DESCRIBED.join(", ")));
@@ -146,13 +178,28 @@ impl UniMoGenDoc {
         Ok(())
     }
 
+    /// Files of the networks, in the order of [`Body::network`].
+    pub(super) fn files(&self) -> Vec<&'static str> {
+        let kinds = self.kinds.networks().map(|(file, _)| file);
+        std::iter::once(DENOISER_FILE).chain(kinds).collect()
+    }
+
     /// Reads the files of all bodies.
     ///
     /// # Errors
     /// Those of [`read_body`].
     pub(super) fn read_bodies(&self, folder: &Path, fps: f32, dims: &Dims) -> Result<Vec<Body>, PackProblem> {
         let fields = ["unimogen.bodies", "unimogen.words"];
-        let read = |name: &String| read_body(folder, name, (&self.words, fields), fps, dims);
+        let read = |name: &String| {
+            let own = self
+                .kinds
+                .networks()
+                .position(|(_, bodies)| bodies.contains(name));
+            Ok(Body {
+                network: own.map_or(0, |kind| 1 + kind),
+                ..read_body(folder, name, (&self.words, fields), fps, dims)?
+            })
+        };
         self.bodies.iter().map(read).collect()
     }
 }

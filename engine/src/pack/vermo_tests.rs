@@ -65,7 +65,7 @@ fn files_that_contradict_the_manifest_are_detected() {
     assert!(found(&|| std::fs::write(&tokenizer, "{}").unwrap()).contains("content_hash"));
     let hash = content_hash(
         &folder,
-        Pack::from_manifest(Manifest::parse(&text).unwrap(), &folder)
+        &Pack::from_manifest(Manifest::parse(&text).unwrap(), &folder)
             .unwrap()
             .files(),
     );

@@ -7,6 +7,8 @@ use super::{PATH_FEATURES, ROW_CHANNELS};
 /// Inputs of one call, with the names of docs/unimogen-pack.md. The buffers are reused.
 #[derive(Debug, Default)]
 pub struct Call {
+    /// The network that runs it, an index of the pack's files.
+    pub network: usize,
     /// Frames T of every character in the call.
     pub frames: usize,
     /// Words K of the pack.
@@ -56,8 +58,8 @@ impl Call {
         self.owner.len()
     }
 
-    /// Empties the call, for characters of `frames` frames and `words` words.
-    pub(super) fn clear(&mut self, frames: usize, words: usize) {
+    /// Empties the call, for characters of `frames` frames and `words` words who move by `network`.
+    pub(super) fn clear(&mut self, network: usize, frames: usize, words: usize) {
         let Self {
             x,
             given,
@@ -75,7 +77,7 @@ impl Call {
         }
         owner.clear();
         rows.clear();
-        (self.frames, self.words) = (frames, words);
+        (self.network, self.frames, self.words) = (network, frames, words);
     }
 
     /// Appends a character.

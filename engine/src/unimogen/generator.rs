@@ -12,7 +12,7 @@ use super::probe::probe_task;
 use super::rows::Coding;
 use super::schedule::Schedule;
 use crate::generator::{Generator, JobId, Progress, StepReport, run_paths, time_path};
-use crate::pack::{DENOISER_FILE, Pack};
+use crate::pack::Pack;
 use crate::{EngineError, TrialRun};
 
 /// Most rows of a call. A larger job has a call of its own. On CPUs a row costs least in the
@@ -29,6 +29,8 @@ pub struct UniMoGen {
     schedule: Schedule,
     dims: Dims,
     words: usize,
+    /// Names of the networks' files.
+    files: Vec<&'static str>,
     denoiser: Box<dyn Denoiser>,
     max_jobs: usize,
     call_rows: usize,
@@ -53,6 +55,7 @@ impl UniMoGen {
             schedule: Schedule::new(&table.signal),
             dims: pack.rig.dims,
             words: table.words.len(),
+            files: pack.files(),
             denoiser,
             max_jobs: max_jobs.max(1),
             call_rows: CALL_ROWS,
@@ -104,16 +107,16 @@ impl UniMoGen {
         run_paths(self, tasks)
     }
 
-    /// Indices of the jobs of the next call, in rising order: the oldest job, then jobs with as
-    /// many frames that fit into the same call.
+    /// Indices of the jobs of the next call, in rising order: the oldest job, then jobs of the same
+    /// network with as many frames that fit into the same call.
     fn chosen(&self) -> Vec<usize> {
         let Some(oldest) = self.jobs.first() else {
             return Vec::new();
         };
         let mut rows = 0;
+        let shape = |job: &Job| (job.network(), job.frames());
         let fits = |(place, job): (usize, &Job)| {
-            let fits =
-                job.frames() == oldest.frames() && (rows == 0 || rows + job.call_rows() <= self.call_rows);
+            let fits = shape(job) == shape(oldest) && (rows == 0 || rows + job.call_rows() <= self.call_rows);
             rows += if fits { job.call_rows() } else { 0 };
             fits.then_some(place)
         };
@@ -123,8 +126,9 @@ impl UniMoGen {
     /// Fills the call with the chosen jobs, then with a copy without style of each job with
     /// guidance.
     fn assemble(&mut self, chosen: &[usize]) {
-        let frames = chosen.first().map_or(0, |&place| self.jobs[place].frames());
-        self.call.clear(frames, self.words);
+        let Some(&first) = chosen.first() else { return };
+        let (network, frames) = (self.jobs[first].network(), self.jobs[first].frames());
+        self.call.clear(network, frames, self.words);
         let jobs = || chosen.iter().map(|&place| &self.jobs[place]);
         for job in jobs() {
             self.call.push(&job.character(&self.schedule, true));
@@ -148,14 +152,11 @@ impl UniMoGen {
             let copy = job.is_guided().then(|| plain.split_off_mut(..length)).flatten();
             let was_last = job.advance(&self.schedule, own, copy.as_deref());
             if !all_finite(job.rows()) {
-                let problem = "values that are not finite".to_owned();
-                out(
-                    job.id,
-                    Progress::Failed(EngineError::Network {
-                        file: DENOISER_FILE,
-                        problem,
-                    }),
-                );
+                let error = EngineError::Network {
+                    file: self.files[self.call.network],
+                    problem: "values that are not finite".to_owned(),
+                };
+                out(job.id, Progress::Failed(error));
             } else if was_last {
                 out(job.id, Progress::Done(Output::Motion(job.motion(&self.coding))));
             } else {
@@ -182,6 +183,10 @@ impl Generator for UniMoGen {
             return;
         };
         match check(&task, &self.dims, self.words, self.schedule.steps()) {
+            // A body of another pack.
+            Ok(()) if task.body.network >= self.files.len() => {
+                self.refused.push((id, EngineError::WrongTask))
+            }
             Ok(()) => self.jobs.push(Job::new(id, task, &self.coding)),
             Err(error) => self.refused.push((id, error)),
         }

@@ -10,17 +10,27 @@ use crate::EngineError;
 use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::Pack;
 
-/// Rows and diffusion steps of each call.
-type Calls = Arc<Mutex<Vec<(usize, Vec<f32>)>>>;
+type Calls = Arc<Mutex<Vec<Seen>>>;
 /// The end of a request: its motion, or the error's text.
 type Became = (u64, Result<Motion, String>);
+
+/// What was seen of a call.
+struct Seen {
+    network: usize,
+    rows: usize,
+    steps: Vec<f32>,
+}
 
 /// A denoiser whose clean rows depend on the row's character alone. It records its calls.
 struct Echo(Calls);
 
 impl Denoiser for Echo {
     fn denoise(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), EngineError> {
-        self.0.lock().unwrap().push((call.row_count(), call.step.clone()));
+        self.0.lock().unwrap().push(Seen {
+            network: call.network,
+            rows: call.row_count(),
+            steps: call.step.clone(),
+        });
         let row = call.frames * ROW_CHANNELS;
         for (index, (clean, x)) in clean
             .chunks_exact_mut(row)
@@ -119,7 +129,8 @@ fn jobs_join_and_leave_between_calls_each_at_its_own_diffusion_step() {
         (9 + 15 + 15, vec![24.0, 24.0, 24.0]),
         (9, vec![11.0]),
     ];
-    assert_eq!(calls[..], wanted);
+    let seen: Vec<_> = calls.iter().map(|call| (call.rows, call.steps.clone())).collect();
+    assert_eq!(seen, wanted);
 }
 
 #[test]
@@ -173,20 +184,41 @@ fn the_oldest_job_goes_first_with_jobs_of_equal_length_that_fit() {
         );
     }
     assert_eq!(order, [vec![1, 3], vec![2, 5], vec![4]]);
-    assert_eq!(
-        calls
-            .lock()
-            .unwrap()
-            .iter()
-            .map(|(rows, _)| *rows)
-            .collect::<Vec<_>>(),
-        [24, 18, 9]
-    );
+    let rows: Vec<usize> = calls.lock().unwrap().iter().map(|call| call.rows).collect();
+    assert_eq!(rows, [24, 18, 9]);
     // A job that is larger than a call has a call of its own.
     let mut generator = echo(2).0.with_call_rows(1);
     generator.admit(id(1), task(&pack, "toy", 20, 1).into());
     generator.admit(id(2), task(&pack, "toy", 20, 2).into());
     assert_eq!(step(&mut generator).0.jobs, 1);
+}
+
+#[test]
+fn a_call_has_jobs_of_one_network() {
+    let mut pack = pack();
+    pack.manifest.unimogen.as_mut().unwrap().kinds.robots = vec!["toy".to_owned()];
+    let calls = Calls::default();
+    let generator = UniMoGen::new(&pack, Box::new(Echo(calls.clone())), 9).unwrap();
+    let mut generator = generator.with_call_rows(1000);
+    for (request, network) in [(1, 0), (2, 1), (3, 0), (4, 2)] {
+        let mut task = PathTask {
+            steps: 1,
+            ..task(&pack, "turned", 20, request)
+        };
+        Arc::make_mut(&mut task.body).network = network;
+        generator.admit(id(request), task.into());
+    }
+    let mut ended = || -> Vec<u64> {
+        step(&mut generator)
+            .1
+            .iter()
+            .map(|(request, _)| *request)
+            .collect()
+    };
+    // The fourth is of a pack with more networks.
+    assert_eq!([ended(), ended()], [vec![4, 1, 3], vec![2]]);
+    let networks: Vec<usize> = calls.lock().unwrap().iter().map(|call| call.network).collect();
+    assert_eq!(networks, [0, 1]);
 }
 
 #[test]

@@ -64,6 +64,11 @@ impl Job {
         self.task.path.len()
     }
 
+    /// The network that moves the job's body, an index of the pack's files.
+    pub(super) fn network(&self) -> usize {
+        self.task.body.network
+    }
+
     /// Whether each call needs a second copy of the job without style.
     pub(super) fn is_guided(&self) -> bool {
         self.task.guidance != 1.0

@@ -1,9 +1,9 @@
-//! The interface to the network of a pack.
+//! The interface to the networks of a pack.
 
 use super::Call;
 use crate::EngineError;
 
-/// Runs the network of one pack: one denoising step of several characters, each at a step of its
+/// Runs the networks of one pack: one denoising step of several characters, each at a step of its
 /// own.
 ///
 /// A character's answer must not depend on the other characters of a call, to the last bit.

@@ -79,6 +79,8 @@ pub struct Body {
     pub size_m: f32,
     /// The words that its clips show. Empty without clips.
     pub words: Vec<String>,
+    /// The network of a pack that moves it: 0 is the one for all bodies.
+    pub network: usize,
     /// Bones in the neutral pose, world axes, `[J]`, metres: `N[parent] offset[j]`, zero for the
     /// root.
     pub bones_m: Box<[Vec3]>,
@@ -141,6 +143,7 @@ impl Body {
             height_m,
             size_m,
             words,
+            network: 0,
             bones_m,
             rows,
             reads,

@@ -2675,7 +2675,7 @@ export interface components {
         /** @description A model pack: what it animates, its limits, and its origin. */
         Pack: {
             /**
-             * @description The bodies that one network moves, the default one first. Empty: the pack has one skeleton, `joints`.
+             * @description The bodies that the pack moves, the default one first. Empty: the pack has one skeleton, `joints`.
              * @default []
              */
             bodies: components["schemas"]["PackBody"][];

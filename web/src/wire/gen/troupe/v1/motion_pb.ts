@@ -2342,7 +2342,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
   capabilities: string[];
 
   /**
-   * The bodies that one network moves, the default one first. Empty: the pack has one skeleton,
+   * The bodies that the pack moves, the default one first. Empty: the pack has one skeleton,
    * `joints`.
    *
    * @generated from field: repeated troupe.v1.PackBody bodies = 26;
