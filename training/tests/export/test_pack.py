@@ -151,3 +151,24 @@ def test_a_pack_can_be_adopted_and_refined(pack: Path):
     assert main(["export", "--out", str(again), "--name", "again", *common]) == 0
     trained = [read_manifest(f)["training"] for f in (pack / "human", again)]
     assert trained[0]["root_steps"] == trained[1]["root_steps"] and trained[1]["refine_steps"] == 3
+
+
+def test_an_adopted_decoder_gets_an_encoder_again_and_teaches_another(pack: Path):
+    """The encoder learns alone; a new decoder then learns from its tokens."""
+    run, taught = pack / "encoded", pack / "taught"
+    common = ["--cache", str(pack / "cache"), "--preset", "test"]
+    short = ["--steps", "3", "--frames-per-step", "512", *common]
+    assert main(["adopt", "--pack", str(pack / "human"), "--run", str(run), *common]) == 0
+    assert main(["train", "encoder", "--run", str(run), *short]) == 0
+    before, after = (read_checkpoint(run / f"{stage}.pt")["model"] for stage in ("tokenizer", "encoder"))
+    moved = {name.split(".")[0] for name, value in after.items() if not torch.equal(value, before[name])}
+    assert moved == {"encoder"}
+    assert main(["train", "tokenizer", "--run", str(taught), "--teacher", str(run), *short]) == 0
+    student, averaged = (
+        read_checkpoint(taught / "tokenizer.pt")["model"],
+        read_checkpoint(run / "encoder.pt")["average"],
+    )
+    parts = [name for name in student if name.split(".")[0] in ("encoder", "quantizer")]
+    assert parts and all(torch.equal(student[name], averaged[name]) for name in parts)
+    with pytest.raises(SystemExit, match="has its own encoder"):
+        main(["train", "encoder", "--run", str(taught), *short])

@@ -34,6 +34,7 @@ CURVE_FRAMES = ModelConfig.root_curve_frames
 # Minutes, seed and learning rate of a stage if the command line does not say them.
 DEFAULTS = {
     "tokenizer": (45.0, 10, 5e-4),
+    "encoder": (25.0, 21, 5e-4),
     "root": (97.0, 11, 5e-4),
     "pose": (41.0, 12, 5e-4),
     "choice": (12.0, 15, 1e-3),

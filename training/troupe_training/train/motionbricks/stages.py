@@ -16,13 +16,13 @@ from troupe_training.train.motionbricks.pose import POSE, pose_loss
 from troupe_training.train.motionbricks.refine import DRAWS, GUIDED_SHARE, Guides, refine_loss
 from troupe_training.train.motionbricks.root import ROOT, root_loss
 from troupe_training.train.motionbricks.teacher import lend_tokens
-from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER, tokenizer_loss
+from troupe_training.train.motionbricks.tokenizer import ENCODER, REFINE, TOKENIZER, encoder_loss, tokenizer_loss
 from troupe_training.train.trainer import Job
 
 M = TypeVar("M", bound=nn.Module)
 # The stages that `pack` trains, and all that a run may have.
 PACK_STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, REFINE))
-STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, CHOICE, REFINE))
+STAGES = tuple(stage.name for stage in (TOKENIZER, ENCODER, ROOT, POSE, CHOICE, REFINE))
 
 
 def is_adopted(run: Path) -> bool:
@@ -31,8 +31,8 @@ def is_adopted(run: Path) -> bool:
 
 
 def load_networks(run: Path, store: ClipStore) -> Networks:
-    """The networks of a run, its decoder refined if it has been."""
-    tokenizer = REFINE if REFINE.path(run).exists() else TOKENIZER
+    """The networks of a run, its decoder refined if it has been; else with the encoder that an adopted one has got again."""
+    tokenizer = next((stage for stage in (REFINE, ENCODER) if stage.path(run).exists()), TOKENIZER)
     choice = CHOICE.load(run, store) if CHOICE.path(run).exists() else None
     return Networks(tokenizer.load(run, store), ROOT.load(run, store), POSE.load(run, store), choice)
 
@@ -66,6 +66,8 @@ def train_stage(
         return _refine(job, store, name, teacher, draws)
     if stage == CHOICE.name:
         return _choose(job, store, name, curve_frames)
+    if stage == ENCODER.name:
+        return _encode(job, store, name)
     meta = {"model": asdict(config), "preset": name}
     if stage == TOKENIZER.name:
         tokenizer = TOKENIZER.build(config, store).to(job.device)
@@ -93,6 +95,16 @@ def _choose(job: Job, store: ClipStore, preset: str, curve_frames: int) -> bool:
     write_checkpoint(CHOICE.path(job.run), widen(CHOICE.read(job.run), width))
     print(f"{CHOICE.name}: {width:.3f} times as wide as on its own clips")
     return True
+
+
+def _encode(job: Job, store: ClipStore, preset: str) -> bool:
+    """Gives the run's adopted tokenizer an encoder: codebooks and decoder stay as they are."""
+    if not is_adopted(job.run):
+        raise SystemExit(f"{TOKENIZER.path(job.run)} has its own encoder: this stage is for what `adopt` wrote")
+    tokenizer = TOKENIZER.load(job.run, store)
+    tokenizer.encoder.requires_grad_(True)
+    meta = {"model": asdict(tokenizer.config), "preset": preset}
+    return job.fit(ENCODER.name, tokenizer, meta, encoder_loss(store, job.frames_per_step))
 
 
 def _refine(job: Job, store: ClipStore, preset: str, teacher: Networks | None, draws: int) -> bool:

@@ -18,6 +18,7 @@ ROOT_NOISE_M = 0.006
 ROOT_NOISE_RAD = 0.015
 SPOILT_SHARE = 0.2  # of the tokens, at most, and not before `SPOILT_FROM` of the budget is spent
 SPOILT_FROM = 0.15
+COMMITMENT = 0.25  # weight of the loss that keeps an encoder near its codes
 
 
 def build_tokenizer(config: ModelConfig, store: ClipStore) -> Tokenizer:
@@ -29,6 +30,7 @@ def build_tokenizer(config: ModelConfig, store: ClipStore) -> Tokenizer:
 
 TOKENIZER = Stage("tokenizer", config_of, build_tokenizer)
 REFINE = Stage("refine", config_of, build_tokenizer)  # the tokenizer again, its decoder trained further
+ENCODER = Stage("encoder", config_of, build_tokenizer)  # an adopted tokenizer, which has got an encoder again
 
 
 def noisy_root(segments: Segments, mask: Tensor, generator: Generator) -> Tensor:
@@ -74,9 +76,34 @@ def tokenizer_loss(store: ClipStore, frames_budget: int, taught: bool = False) -
         embedded = spoil_tokens(model, embedded, tokens, generator, SPOILT_SHARE if progress > SPOILT_FROM else 0.0)
         out = model.decoder(embedded, noisy_root(segments, mask, generator), segments.pose, mask)
         terms = reconstruction_losses(out, segments, mask, model.decoder, body)
-        used = torch.stack([torch.bincount(t, minlength=model.config.codes) for t in tokens.flatten(0, 1).T]).float()
-        share = used / used.sum(-1, keepdim=True)
-        perplexity = torch.exp(-(share * torch.log(share + 1e-9)).sum(-1)).mean()
-        return terms | {"commitment": 0.25 * commitment, "_perplexity": perplexity}
+        return terms | {"commitment": COMMITMENT * commitment, "_perplexity": _perplexity(model, tokens)}
 
     return loss
+
+
+def encoder_loss(store: ClipStore, frames_budget: int) -> Loss[Tokenizer]:
+    """Loss of an encoder that learns alone, by what the fixed decoder makes of its tokens.
+
+    Half of the samples have no keyframe, so that all of the motion has to come through the tokens.
+    """
+    body = Body(store.skeleton, store.device)
+
+    def loss(model: Tokenizer, generator: Generator, progress: float) -> dict[str, Tensor]:
+        model.quantizer.eval()
+        segments = store.batch(frames_budget, generator)
+        batch, frames = segments.pose.shape[:2]
+        mask = random_keyframe_mask(batch, frames, generator)
+        mask = (mask * (torch.rand(batch, 1, generator=generator) < 0.5).float()).to(store.device)
+        embedded, tokens, commitment = model.quantizer(model.encode(segments.pose))
+        out = model.decoder(embedded, noisy_root(segments, mask, generator), segments.pose, mask)
+        terms = reconstruction_losses(out, segments, mask, model.decoder, body)
+        return terms | {"commitment": COMMITMENT * commitment, "_perplexity": _perplexity(model, tokens)}
+
+    return loss
+
+
+def _perplexity(model: Tokenizer, tokens: Tensor) -> Tensor:
+    """How many codes a head uses, as the perplexity of a batch ``[B, n, K]``."""
+    used = torch.stack([torch.bincount(t, minlength=model.config.codes) for t in tokens.flatten(0, 1).T]).float()
+    share = used / used.sum(-1, keepdim=True)
+    return torch.exp(-(share * torch.log(share + 1e-9)).sum(-1)).mean()
