@@ -2,6 +2,7 @@
 //! then a path. Prints how smooth they are, how well they obey, and the time of a plan. Then users'
 //! paths, raw and finished (`paths`).
 
+use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -66,12 +67,23 @@ pub(crate) struct Bodies {
     /// Seed of characters and commands.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Roots of captured walks, to measure on them as well: `troupe-train unimogen roots` writes
+    /// the file.
+    #[arg(long)]
+    roots: Option<PathBuf>,
 }
 
 pub(crate) fn run(options: &Bodies) -> anyhow::Result<()> {
     let pack = Pack::load(&options.pack)?;
     let denoiser = OnnxDenoiser::load(&Runtime::new(None)?, &pack, one_thread(Growth::None))?;
     let mut generator = UniMoGen::new(&pack, Box::new(denoiser), 1)?;
+    let walks: BTreeMap<String, paths::Walks> = match &options.roots {
+        Some(file) => {
+            let text = std::fs::read(file).with_context(|| format!("--roots {}", file.display()))?;
+            serde_json::from_slice(&text).with_context(|| format!("--roots {}", file.display()))?
+        }
+        None => BTreeMap::new(),
+    };
     println!("joint acceleration in m/s²: mean and 99.9th percentile, live and inside of plans");
     for name in &options.bodies {
         let body = pack
@@ -79,7 +91,8 @@ pub(crate) fn run(options: &Bodies) -> anyhow::Result<()> {
             .with_context(|| format!("--bodies: the pack has no body {name}"))?;
         Wander::new(&pack, body, &mut generator, options)?.run(options.seconds * 30)?;
         let style = style_of(&pack, body, &options.style)?;
-        paths::measure(&pack, body, &style, &mut generator, options.seed)?;
+        let walks = walks.get(name);
+        paths::measure(&pack, body, &style, &mut generator, (walks, options.seed))?;
     }
     Ok(())
 }

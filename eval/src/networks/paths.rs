@@ -1,11 +1,12 @@
-//! Users' paths: lines, arcs and S curves at an even speed. What the network makes, and what the
-//! fronts answer.
+//! Users' paths: lines, arcs and S curves at an even speed. And the roots of captured walks. What
+//! the network makes of them, and what the fronts answer.
 
 use std::f32::consts::FRAC_PI_6;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use serde::Deserialize;
 use troupe_character::Path;
 use troupe_character::live::{Character, CharacterOptions, FrameOut, Intent, Start};
 use troupe_character::primitives::path::AskedPoint;
@@ -47,16 +48,62 @@ struct Figures {
     highest_m: f64,
 }
 
-/// Prints the figures of a body on all paths.
+/// Captured walks of a body, as `troupe-train unimogen roots` writes them, with their figures.
+#[derive(Debug, Deserialize)]
+pub(super) struct Walks {
+    /// x, z and heading of the root, 30 a second.
+    roots: Vec<Vec<[f32; 3]>>,
+    standing_foot_mm: f64,
+    sunk_share: f64,
+    acceleration_mps2: f64,
+    highest_toe_m: f64,
+}
+
+impl Walks {
+    fn figures(&self) -> Figures {
+        Figures {
+            standing_mm: vec![self.standing_foot_mm],
+            sunk: vec![self.sunk_share],
+            bends: vec![self.acceleration_mps2],
+            highest_m: self.highest_toe_m,
+            ..Figures::default()
+        }
+    }
+
+    /// The root of a walk as a path.
+    fn path(root: &[[f32; 3]]) -> Vec<PathPoint> {
+        let point = |(frame, &[x, z, heading]): (usize, &[f32; 3])| PathPoint {
+            time_s: frame as f32 / 30.0,
+            place: [x, z],
+            heading: Some(heading),
+        };
+        root.iter().enumerate().map(point).collect()
+    }
+}
+
+/// Prints the figures of a body on all paths, and on the roots of captured walks if there are any.
 pub(super) fn measure(
     pack: &Pack,
     body: &Arc<Body>,
     style: &Arc<Style>,
     generator: &mut UniMoGen,
-    seed: u64,
+    (walks, seed): (Option<&Walks>, u64),
 ) -> anyhow::Result<()> {
     let mut rows = Vec::new();
     let (mut took, mut frames) = (Duration::ZERO, 0);
+    if let Some(walks) = walks {
+        let mut all = [walks.figures(), Figures::default(), Figures::default()];
+        for (root, seed) in walks.roots.iter().zip(seed..) {
+            let points = Walks::path(root);
+            let made = generated(pack, body, style, generator, (&points, seed))?;
+            for (track, figures) in [&made.raw, &made.finished].into_iter().zip(&mut all[1..]) {
+                figures.add(body, track, 0, &made.seams, Some(&points));
+            }
+        }
+        for (what, figures) in ["captured", "raw", "finished"].into_iter().zip(&all) {
+            rows.push(figures.row(&body.name, "captured root", what));
+        }
+    }
     for shape in SHAPES {
         let mut all: [Figures; 4] = Default::default();
         for speed in SPEEDS_MPS {
@@ -142,11 +189,12 @@ fn generated(
     generator: &mut UniMoGen,
     (points, seed): (&[PathPoint], u64),
 ) -> anyhow::Result<Generated> {
+    let seconds = points.last().map_or(0.0, |point| point.time_s);
     let plan = || -> anyhow::Result<PathPlan> {
         let request = PathRequest {
             body: body.clone(),
             points: GroundPath::new(points.to_vec()).context("no path")?,
-            seconds: SECONDS,
+            seconds,
             past: Vec::new(),
             targets: Vec::new(),
             style: weights(pack, style),
@@ -327,6 +375,20 @@ fn positions(skeleton: &Skeleton, root: Vec3, pose: &[Quat]) -> Vec<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_captured_root_is_a_path_frame_by_frame() {
+        let walks: Walks = serde_json::from_str(
+            r#"{"roots": [[[0.5, 1.0, 0.1], [0.5, 1.1, 0.2]]], "standing_foot_mm": 1.3, "sunk_share": 0.0,
+                "acceleration_mps2": 5.8, "highest_toe_m": 0.1}"#,
+        )
+        .unwrap();
+        let path = Walks::path(&walks.roots[0]);
+        let found = (path[1].time_s, path[1].place, path[1].heading);
+        assert_eq!(found, (1.0 / 30.0, [0.5, 1.1], Some(0.2)));
+        let row = walks.figures().row("human", "captured root", "captured");
+        assert_eq!(row[3..], ["1.3", "0.0", "5.8", "", "10", ""]);
+    }
 
     #[test]
     fn paths_keep_their_speed_and_turn() {

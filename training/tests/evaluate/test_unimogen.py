@@ -171,7 +171,7 @@ def test_a_pack_is_refused_where_file_or_body_is_another(run: Path, corpus_cache
         of_pack(pack, 1).check_body(body)
     with (pack / "denoiser.onnx").open("ab") as file:
         file.write(b"\0")
-    with pytest.raises(SystemExit, match="is not the file that pack"):
+    with pytest.raises(SystemExit, match="are not what pack"):
         of_pack(pack, 1)
     with pytest.raises(SystemExit, match="is no pack"):
         main(["unimogen", "evaluate", "--pack", str(tmp_path / "none"), "--cache", str(corpus_cache)])

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,20 @@ def test_captures_are_measured_beside_answers(walker: BodyStore):
     assert len(lines) == 2 + 2 * len(CASES) and lines[2].startswith("| line 0.6 m/s | ground truth |")
 
 
+def test_captured_walks_are_written_with_their_figures(corpus_cache: Path, tmp_path: Path):
+    shared = ["unimogen", "roots", "--cache", str(corpus_cache), "--shown", "walker"]
+    assert main([*shared, "--frames", str(FRAMES), "--max-windows", "6", "--json", str(tmp_path / "roots.json")]) == 0
+    written = json.loads((tmp_path / "roots.json").read_text())["walker"]
+    store = Corpus(corpus_cache, "test").stores["walker"]
+    path = Asked.of(store, *begins(store, replace(SETTING, stride=1)), FRAMES).path
+    roots = torch.tensor(written["roots"])
+    torch.testing.assert_close(roots[..., :2], path.points, atol=1e-4, rtol=0)
+    torch.testing.assert_close(roots[..., 2], path.heading, atol=1e-4, rtol=0)
+    assert written["standing_foot_mm"] > 0 and 0 <= written["sunk_share"] <= 1
+    with pytest.raises(SystemExit, match="walks straight on for 4000 frames"):
+        main([*shared, "--frames", "4000"])
+
+
 def test_the_command_measures_a_run(corpus_cache: Path, tmp_path: Path):
     shared = ["--cache", str(corpus_cache), "--run", str(tmp_path / "run"), "--threads", "1"]
     training = ["--unimogen-preset", "tiny", "--steps", "2", "--rows-per-step", "800"]
@@ -78,5 +93,5 @@ def test_the_command_measures_a_run(corpus_cache: Path, tmp_path: Path):
     assert main(["unimogen", "paths", *shared, *argv, "--json", str(out)]) == 0
     report = json.loads(out.read_text())
     assert report["figures"]["walker, S 1.8 m/s"]["unimogen"]["path_position_m"] > 0 and report["step"] == 2
-    with pytest.raises(SystemExit, match="no clips of cat"):
+    with pytest.raises(SystemExit, match="has no body"):
         main(["unimogen", "paths", *shared, "--shown", "cat"])

@@ -21,6 +21,7 @@ from troupe_training.data.bodies import Body, bends, body_of
 from troupe_training.data.neutral import robot_neutral
 from troupe_training.data.rotations import matrix_to_quat, matrix_to_six_d, quat_to_matrix
 from troupe_training.data.skeleton import Skeleton
+from troupe_training.evaluate.unimogen.networks import of_pack
 from troupe_training.export.manifest import About
 from troupe_training.export.unimogen.adopt import adopt
 from troupe_training.export.unimogen.pack import denoiser_of, example, export_pack
@@ -247,6 +248,40 @@ def test_a_run_is_exported_with_what_it_notes(corpus_cache: Path, tmp_path: Path
     assert manifest["training"]["unimogen_steps"] == 3 and manifest["licence"] == "CC BY 4.0"
     assert asdict(PRESETS["tiny"])["channels"] == 8
     assert manifest["training"]["onnx_check"]["denoiser"] < 1e-3
+
+
+def test_a_kind_of_bodies_gets_a_network_of_its_own(bodies: dict[str, Body], pack: Path, tmp_path: Path):
+    whole, run = tmp_path / "pack", tmp_path / "run"
+    shutil.copytree(pack, whole)
+    cache = tmp_path / "cache"
+    for name, body in bodies.items():
+        (cache / name).mkdir(parents=True)
+        body.save(cache / name / "body.json")
+    adopt(whole, run, None)
+    checkpoint = torch.load(run / "unimogen.pt", weights_only=True)
+    checkpoint["meta"]["bodies"], checkpoint["step"] = ["toy"], 40
+    for value in checkpoint["average"].values():
+        value.mul_(1.5)
+    torch.save(checkpoint, run / "unimogen.pt")
+    argv = ["unimogen", "add", "--pack", str(whole), "--run", str(run), "--cache", str(cache)]
+    for more in ([], ["--version", "2.0.0"]):  # the second replaces the first
+        assert main([*argv, "--kind", "robots", *more]) == 0
+    manifest, network = tomllib.loads((whole / "pack.toml").read_text()), of_pack(whole, 1)
+    assert manifest["unimogen"]["kinds"] == {"robots": ["toy"]} and manifest["training"]["robots_steps"] == 40
+    assert manifest["version"] == "2.0.0"
+    assert manifest["training"]["onnx_check"]["robots"] < 1e-3
+    toy, turned = bodies["toy"], bodies["turned"]
+    assert network.denoiser(turned) is network.general and network.denoiser(toy) is not network.general
+    adopt(whole, tmp_path / "again", None, "robots")
+    again = load(tmp_path / "again")
+    inputs = example(again.model, [toy], (0, 0), 36, seed=3)
+    arrays = {name: value.numpy() for name, value in inputs.items()}
+    np.testing.assert_allclose(again.model(*inputs.values()).numpy(), network.denoiser(toy)(arrays), atol=1e-5)
+    assert again.bodies == ["toy"]
+    with pytest.raises(SystemExit, match="toy: robots of the pack already, so not people"):
+        main([*argv, "--kind", "people"])
+    with pytest.raises(SystemExit, match="has no network for animals"):
+        adopt(whole, tmp_path / "none", None, "animals")
 
 
 def test_a_pack_is_adopted_and_grown(bodies: dict[str, Body], pack: Path, corpus_cache: Path, tmp_path: Path):

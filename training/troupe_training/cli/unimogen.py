@@ -14,7 +14,7 @@ from troupe_reader import ENDINGS
 from troupe_reader.options import FileOptions
 from troupe_training.cli.options import OPTIONS, READING_FLAGS, STOPPED, command, reading, robot_of
 from troupe_training.data.bodies import Body
-from troupe_training.data.bodies_store import BALANCE, Corpus
+from troupe_training.data.bodies_store import BALANCE, BodyStore, Corpus
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.conventions import FPS
@@ -27,11 +27,13 @@ from troupe_training.evaluate.unimogen.methods import Method, Setting, copied, f
 from troupe_training.evaluate.unimogen.networks import Network, load_network
 from troupe_training.evaluate.unimogen.style import blend as blend_styles
 from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_classifier
-from troupe_training.evaluate.unimogen.user_paths import measure_paths
+from troupe_training.evaluate.unimogen.user_paths import measure_paths, roots_of
 from troupe_training.evaluate.unimogen.walk import film as draw_film
 from troupe_training.evaluate.unimogen.walk import swinging
 from troupe_training.export.manifest import About
 from troupe_training.export.unimogen.adopt import adopt as adopt_pack
+from troupe_training.export.unimogen.kinds import KINDS, file_of
+from troupe_training.export.unimogen.kinds import add as add_kind
 from troupe_training.export.unimogen.pack import export_run, network_of
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.sampler import Character
@@ -64,6 +66,7 @@ OPTIONS["--without"] = {
     "default": [],
     "help": "parts of the method to leave out: " + "; ".join(f"{name}: {what}" for name, what in ABLATIONS.items()),
 }
+OPTIONS["--kind"] = {"choices": KINDS, "help": "kind of bodies with a network of its own"}
 OPTIONS["--rows-per-step"] = {"type": int, "default": 13000, "help": "rows times frames in one update"}
 OPTIONS["--body"] = {"default": "human", "help": "body of the cache"}
 OPTIONS["--words"] = {
@@ -229,11 +232,14 @@ def train(args: argparse.Namespace) -> int:
     return STOPPED
 
 
-@command("--pack", "--run", "--unimogen-preset", group=GROUP, pack=Path("models/unimogen"), run=RUN)
+@command("--pack", "--run", "--kind", "--unimogen-preset", group=GROUP, pack=Path("models/unimogen"), run=RUN)
 def adopt(args: argparse.Namespace) -> int:
-    """A pack's network -> a checkpoint to train on from, with the sizes of a larger preset if one is given."""
+    """A pack's network -> a checkpoint to train on from, with the sizes of a larger preset if one is given.
+
+    With --kind it is the network of that kind, otherwise that for all bodies.
+    """
     config = PRESETS[args.unimogen_preset] if args.unimogen_preset else None
-    model = adopt_pack(args.pack, args.run, config)
+    model = adopt_pack(args.pack, args.run, config, args.kind)
     parameters = sum(p.numel() for p in model.parameters())
     print(f"{args.run / STAGE}.pt from {args.pack}, {parameters / 1e6:.2f} million parameters")
     return 0
@@ -243,6 +249,22 @@ def adopt(args: argparse.Namespace) -> int:
 def export(args: argparse.Namespace) -> int:
     """A checkpoint -> a pack: one ONNX file with ragged rows, checked against PyTorch, and a file a body."""
     export_run(args.run, args.cache, args.out, About(args.name, args.version, args.licence, args.credit))
+    return 0
+
+
+@command(
+    *("--pack", "--kind", "--run", "--cache", "--version"),
+    required=("--kind",),
+    group=GROUP,
+    pack=Path("models/unimogen"),
+    run=RUN,
+    cache=CACHE,
+    version=None,
+)
+def add(args: argparse.Namespace) -> int:
+    """A checkpoint -> a pack's network for one kind of bodies, those that the run was trained on (`--trained-bodies`)."""
+    difference = add_kind(args.pack, args.kind, args.run, args.cache, args.version)
+    print(f"{args.pack / file_of(args.kind)}, differs from PyTorch by at most {difference:.1e}")
     return 0
 
 
@@ -363,13 +385,10 @@ def paths(args: argparse.Namespace) -> int:
     network, setting = _network(args), setting_of(args)
     networks = {"unimogen": network}
     networks |= {name: load_network(Path(folder), args.threads) for name, folder in map(_named, args.beside)}
-    splits = {split: Corpus(args.cache, split, words=network.words) for split in ("test", "train", "cell")}
     report = dict[str, dict[str, Figures]]()
     for name in args.shown:
-        stores = [corpus.stores[name] for corpus in splits.values() if name in corpus.stores]
-        if not stores:
-            raise SystemExit(f"{args.cache} has no clips of {name}")
-        store = stores[0]  # the test clips, or of a body without test clips what it was trained on
+        stores = _stores(args.cache, name, network.words)
+        store = stores[0]
         methods = dict[str, Method]()
         for n, one in networks.items():
             one.check_body(store.body)
@@ -475,6 +494,34 @@ def setting_of(args: argparse.Namespace) -> Setting:
     """How windows are answered; 0 windows means all of them."""
     stride, most = getattr(args, "stride", 1), getattr(args, "max_windows", None) or None
     return Setting(args.frames, stride, most, args.sampler_steps, args.guidance, args.seed)
+
+
+@command(
+    *("--cache", "--shown", "--frames", "--max-windows", "--json"),
+    group=GROUP,
+    cache=CACHE,
+    shown=["human", "g1", "h1", "h1_2", "horse", "fox"],
+    max_windows=32,
+    json=Path("roots.json"),
+)
+def roots(args: argparse.Namespace) -> int:
+    """The roots of captured straight walks, and how the captures walk: for `troupe-eval bodies --roots FILE`."""
+    report = {}
+    for name in args.shown:
+        store = _stores(args.cache, name)[0]
+        report[name] = roots_of(store, Setting(frames=args.frames, most=args.max_windows))
+        print(f"{name}: {len(report[name]['roots'])} walks")
+    args.json.write_text(json.dumps(report) + "\n")
+    return 0
+
+
+def _stores(cache: Path, name: str, words: list[str] | None = None) -> list[BodyStore]:
+    """A body's clips by split: first the test clips, or of a body without test clips what it was trained on."""
+    splits = [Corpus(cache, split, [name], words=words) for split in ("test", "train", "cell")]
+    stores = [corpus.stores[name] for corpus in splits if name in corpus.stores]
+    if not stores:
+        raise SystemExit(f"{cache} has no clips of {name}")
+    return stores
 
 
 def _named(text: str) -> tuple[str, str]:

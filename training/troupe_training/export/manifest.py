@@ -77,6 +77,26 @@ def write_manifest(
     (pack / "pack.toml").write_text("\n".join(lines) + "\n")
 
 
+def set_values(lines: list[str], table: str, values: dict[str, Any]) -> None:
+    """Sets values of one table in the lines of a manifest; of the table "", those before the first table.
+
+    A key that is missing comes after the table's others, a table that is missing at the end.
+    """
+    header = f"[{table}]"
+    if table and header not in lines:
+        lines += ["", header]
+    first = lines.index(header) + 1 if table else 0
+    for key, value in values.items():
+        end = next((i for i in range(first, len(lines)) if lines[i].startswith("[")), len(lines))
+        own = [i for i in range(first, end) if " = " in lines[i] and not lines[i].startswith("#")]
+        here = next((i for i in own if lines[i].startswith(f"{key} = ")), None)
+        line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
+        if here is None:
+            lines.insert(own[-1] + 1 if own else first, line)
+        else:
+            lines[here] = line
+
+
 def write_limits(manifest: Path, limits: Limits) -> None:
     """Puts the table ``[limits]`` into a manifest, or into the file of a body, in the place of one that is there.
 

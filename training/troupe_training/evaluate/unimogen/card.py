@@ -12,6 +12,7 @@ from troupe_training.evaluate.tables import Measure
 from troupe_training.evaluate.unimogen.measure import Figures
 from troupe_training.evaluate.unimogen.style import blend_table
 from troupe_training.export.manifest import read_manifest
+from troupe_training.export.unimogen.kinds import files_of
 from troupe_training.export.unimogen.pack import FAMILY
 
 MEASURES = (
@@ -155,11 +156,13 @@ def write_card(
         raise SystemExit("the evaluations were made with several settings: one card has one")
     size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
     hours = training["frames"] / FPS / 3600
+    count = len(files_of(family_table))
+    networks = f"{count} networks of " if count > 1 else ""
     shortest, longest = (manifest["frames_per_token"] * manifest[key] for key in ("min_tokens", "max_tokens"))
     parts = [
         f"# {manifest['name']} {manifest['version']}",
         (
-            f"{manifest['parameters'] / 1e6:.2f} million parameters, {size:.1f} MB in 16-bit weights, "
+            f"{networks}{manifest['parameters'] / 1e6:.2f} million parameters, {size:.1f} MB in 16-bit weights, "
             f"{len(family_table['bodies'])} bodies, {len(family_table['words'])} words, {manifest['fps']:.0f} Hz, "
             f"windows of {shortest} to {longest} frames."
         ),

@@ -137,7 +137,7 @@ def counterparts(
 
 def of_network(body: Body, network: Network, words: list[str], setting: Setting) -> Method:
     """A network's answers to windows whose style vectors are of ``words``; each window has a seed of its own."""
-    kinematics, limits, denoiser = BodyKinematics(body), network.limits, network.denoiser
+    kinematics, limits, denoiser = BodyKinematics(body), network.limits, network.denoiser(body)
     asked_before = 0
 
     def answer(asked: Asked) -> Answer:

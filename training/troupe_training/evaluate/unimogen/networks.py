@@ -1,6 +1,5 @@
 """Networks to measure: of a training run, in PyTorch, or of an exported pack, in ONNX Runtime."""
 
-import hashlib
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ import torch
 
 from troupe_training.data.bodies import Body
 from troupe_training.export.manifest import read_manifest
+from troupe_training.export.unimogen.kinds import content_hash, files_of
 from troupe_training.export.unimogen.pack import FAMILY, FILE, denoiser_of, network_of
 from troupe_training.models.unimogen.sampler import Denoiser
 from troupe_training.models.unimogen.state import Range
@@ -25,11 +25,16 @@ SAME_BODY_M = (
 class Network:
     """A network ready to answer. ``bodies`` are a pack's own, as their files tell them; none of a run."""
 
-    denoiser: Denoiser
+    general: Denoiser  # the one for all bodies without one of their kind
     words: list[str]
     limits: Range
     source: dict[str, Any]  # "step": its updates; of a pack also "content_hash"
     bodies: dict[str, dict[str, Any]] = field(default_factory=dict)
+    kinds: dict[str, Denoiser] = field(default_factory=dict)  # by the names of bodies that have one of their kind
+
+    def denoiser(self, body: Body) -> Denoiser:
+        """What moves this body."""
+        return self.kinds.get(body.name, self.general)
 
     def check_body(self, body: Body) -> None:
         """Ends the command if the pack knows a body of this name that is another one."""
@@ -54,18 +59,20 @@ def of_run(trained: Trained) -> Network:
 
 
 def of_pack(pack: Path, threads: int) -> Network:
-    """A pack's network, in ONNX Runtime; ends the command if its file is not the one that the manifest tells of."""
+    """A pack's networks, in ONNX Runtime; ends the command if a file is not the one that the manifest tells of."""
     manifest = read_manifest(pack)
     if manifest.get("family") != FAMILY.name:
         raise SystemExit(f"{pack} is a pack of the family {manifest.get('family')}, not {FAMILY.name}")
-    digest = f"sha256:{hashlib.sha256((pack / FILE).read_bytes()).hexdigest()}"
-    if digest != manifest["content_hash"]:
-        raise SystemExit(f"{pack / FILE} is not the file that pack.toml tells of: its hash is {digest}")
     known = manifest["unimogen"]
+    files, digest = files_of(known), content_hash(pack, known)
+    if digest != manifest["content_hash"]:
+        raise SystemExit(f"{', '.join(files)} of {pack} are not what pack.toml tells of: their hash is {digest}")
     low, high = (torch.tensor(known[key]) for key in ("root_low", "root_high"))
-    source = {"step": manifest["training"]["unimogen_steps"], "content_hash": digest}
+    source = {"step": manifest["training"].get("unimogen_steps", 0), "content_hash": digest}
     bodies = {name: tomllib.loads((pack / "bodies" / f"{name}.toml").read_text()) for name in known["bodies"]}
-    return Network(denoiser_of(pack / FILE, threads), known["words"], Range(low, high), source, bodies)
+    denoisers = {file: denoiser_of(pack / file, threads) for file in files}
+    kinds = {name: denoisers[file] for file, names in files.items() for name in names}
+    return Network(denoisers[FILE], known["words"], Range(low, high), source, bodies, kinds)
 
 
 def load_network(folder: Path, threads: int) -> Network:

@@ -95,7 +95,7 @@ def answered_latents(
     store: BodyStore, styles: tuple[str, str], weight: float, network: Network, setting: Setting, encoder: Encoder
 ) -> np.ndarray:
     """Latents of a network's answers to the windows of both styles, with their contents and a blend of the styles."""
-    body, kinematics, denoiser = store.body, BodyKinematics(store.body), network.denoiser
+    body, kinematics, denoiser = store.body, BodyKinematics(store.body), network.denoiser(store.body)
     both = [windows_of(store, style, setting, setting.most) for style in styles]
     starts, owners = (torch.cat(parts) for parts in zip(*both, strict=True))
     first, second = (store.words.index(style) for style in styles)

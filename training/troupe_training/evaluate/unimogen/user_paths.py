@@ -6,6 +6,7 @@ The network's own motion is measured, before anything is pinned or held. Beside 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -191,6 +192,24 @@ def _measure(
         if case is not None:
             asked.path = path_of(asked, case, chunk)
         tally.add(method(asked), truth, asked.path)
+
+
+def roots_of(store: BodyStore, setting: Setting) -> dict[str, Any]:
+    """Roots of captured straight walks, x, z and heading in each frame, and what feet and joints of these captures do."""
+    starts, owners = begins(store, setting)
+    if not len(starts):
+        raise SystemExit(f"no clip of {store.body.name} walks straight on for {setting.frames} frames")
+    tally = Tally(store, None)
+    _measure(store, captured(store.body), starts, owners, setting, tally, None)
+    path = Asked.of(store, starts, owners, setting.frames).path
+    figures = tally.means()
+    return {
+        "roots": torch.cat([path.points, path.heading[..., None]], -1).double().numpy().round(5).tolist(),
+        "standing_foot_mm": 1e3 * figures["standing_foot_m_per_frame"],
+        "sunk_share": figures["foot_penetration_share"],
+        "acceleration_mps2": figures["jitter_mps2"],
+        "highest_toe_m": max(float(part["toe_highest_m"].max()) for part in tally.parts),
+    }
 
 
 def _means(tally: Tally, windows: int) -> Figures:

@@ -38,7 +38,7 @@ def seams(windows: int, frames: int) -> list[int]:
 
 def chained(body: Body, network: Network, path: Path2D, style: np.ndarray, setting: Setting) -> Answer:
     """A motion along a path `swinging` over several windows: each goes on from the last four frames of the one before."""
-    denoiser, kinematics = network.denoiser, BodyKinematics(body)
+    denoiser, kinematics = network.denoiser(body), BodyKinematics(body)
     fresh = setting.frames - CONTEXT_FRAMES
     roots, bends = torch.empty(1, 0, 3), torch.empty(1, 0, body.joint_count, 3, 3)
     for number in range((path.heading.shape[1] - CONTEXT_FRAMES) // fresh):

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from troupe_training.export.manifest import read_manifest
+from troupe_training.export.unimogen.kinds import file_of, files_of
 from troupe_training.export.unimogen.pack import FAMILY, FILE
 from troupe_training.export.weights import weights_of
 from troupe_training.models.unimogen.config import DIFFUSION_STEPS, UniMoGenConfig
@@ -16,10 +17,11 @@ from troupe_training.train.checkpoints import write_checkpoint
 from troupe_training.train.unimogen.stage import STAGE
 
 
-def adopt(pack: Path, run: Path, config: UniMoGenConfig | None) -> UniMoGen:
-    """Writes a checkpoint with the network of a pack, grown to the sizes ``config`` if given. It has no optimiser yet.
+def adopt(pack: Path, run: Path, config: UniMoGenConfig | None, kind: str | None = None) -> UniMoGen:
+    """Writes a checkpoint with a pack's network for all bodies, or that of a kind, grown to the sizes ``config`` if given.
 
-    A new learning-rate schedule begins there. Ends the command if the run has a checkpoint already.
+    It has no optimiser yet, and a new learning-rate schedule begins there. Ends the command if the run has a checkpoint
+    already, or if the pack has no network of that kind.
     """
     path = run / f"{STAGE}.pt"
     if path.exists():
@@ -28,11 +30,15 @@ def adopt(pack: Path, run: Path, config: UniMoGenConfig | None) -> UniMoGen:
     if manifest.get("family") != FAMILY.name:
         raise SystemExit(f"{pack} is a pack of the family {manifest.get('family')}, not {FAMILY.name}")
     family, training = manifest["unimogen"], manifest["training"]
-    model = network_in(pack / FILE, len(family["words"]))
+    bodies = family.get("kinds", {}).get(kind, []) if kind else family["bodies"]
+    if not bodies:
+        raise SystemExit(f"{pack} has no network for {kind}: it has {', '.join(files_of(family))}")
+    model = network_in(pack / (file_of(kind) if kind else FILE), len(family["words"]))
     torch.manual_seed(0)  # new weights of a grown network
     model = grown(model, config) if config else model
-    step, seconds = training.get("unimogen_steps", 0), 60.0 * training.get("unimogen_minutes", 0.0)
-    loss = training.get("unimogen_final_loss")
+    name = kind or "unimogen"
+    step, seconds = training.get(f"{name}_steps", 0), 60.0 * training.get(f"{name}_minutes", 0.0)
+    loss = training.get(f"{name}_final_loss")
     run.mkdir(parents=True, exist_ok=True)
     write_checkpoint(
         path,
@@ -41,7 +47,7 @@ def adopt(pack: Path, run: Path, config: UniMoGenConfig | None) -> UniMoGen:
             "meta": {
                 "model": asdict(model.config),
                 "words": family["words"],
-                "bodies": family["bodies"],
+                "bodies": bodies,
                 "range": [family["root_low"], family["root_high"]],
             },
             "model": model.state_dict(),
