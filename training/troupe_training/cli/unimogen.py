@@ -259,7 +259,7 @@ def export(args: argparse.Namespace) -> int:
     pack=Path("models/unimogen"),
     run=RUN,
     cache=CACHE,
-    version=None,
+    version=None,  # the pack keeps its own
 )
 def add(args: argparse.Namespace) -> int:
     """A checkpoint -> a pack's network for one kind of bodies, those that the run was trained on (`--trained-bodies`)."""
