@@ -14,7 +14,7 @@ from troupe_training.train.motionbricks.pose import POSE, pose_loss
 from troupe_training.train.motionbricks.root import ROOT, root_loss
 from troupe_training.train.motionbricks.stages import STAGES, train_stage
 from troupe_training.train.motionbricks.teacher import lend_tokens, soft_target, taught_entropy
-from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER, tokenizer_loss
+from troupe_training.train.motionbricks.tokenizer import ENCODER, REFINE, TOKENIZER, tokenizer_loss
 
 LARGE = config.PRESETS["test"]
 SMALL = replace(LARGE, decoder_channels=(16, 16, 16), root_dim=16, pose_dim=16, attention_head_dim=8)
@@ -79,7 +79,7 @@ def test_every_stage_trains_under_a_teacher(cache: Path, tmp_path: Path, monkeyp
     monkeypatch.setitem(config.PRESETS, "test-small", SMALL)
     large, small = tmp_path / "large", tmp_path / "small"
     for run, preset, teacher in ((large, "test", None), (small, "test-small", large)):
-        for stage in STAGES:
+        for stage in (name for name in STAGES if name != ENCODER.name):  # that one is for adopted runs
             assert train_stage(stage, job(cache, run, 2, 300), preset, teacher)
     store = ClipStore(cache, "train")
     assert REFINE.load(small, store).config == SMALL
