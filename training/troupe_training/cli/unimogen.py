@@ -32,7 +32,7 @@ from troupe_training.evaluate.unimogen.walk import film as draw_film
 from troupe_training.evaluate.unimogen.walk import swinging
 from troupe_training.export.manifest import About
 from troupe_training.export.unimogen.adopt import adopt as adopt_pack
-from troupe_training.export.unimogen.kinds import KINDS, file_of
+from troupe_training.export.unimogen.kinds import KINDS
 from troupe_training.export.unimogen.kinds import add as add_kind
 from troupe_training.export.unimogen.pack import export_run, network_of
 from troupe_training.models.unimogen.config import PRESETS
@@ -263,8 +263,7 @@ def export(args: argparse.Namespace) -> int:
 )
 def add(args: argparse.Namespace) -> int:
     """A checkpoint -> a pack's network for one kind of bodies, those that the run was trained on (`--trained-bodies`)."""
-    difference = add_kind(args.pack, args.kind, args.run, args.cache, args.version)
-    print(f"{args.pack / file_of(args.kind)}, differs from PyTorch by at most {difference:.1e}")
+    add_kind(args.pack, args.kind, args.run, args.cache, args.version)
     return 0
 
 

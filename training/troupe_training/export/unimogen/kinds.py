@@ -1,14 +1,12 @@
 """``unimogen add``: a network for the bodies of one kind, in a file of its own beside a pack's network for all bodies."""
 
-import copy
 import hashlib
 from pathlib import Path
 from typing import Any
 
 from troupe_training.data.bodies import Body
 from troupe_training.export.manifest import read_manifest, set_values
-from troupe_training.export.onnx import round_to_half
-from troupe_training.export.unimogen.pack import FAMILY, FILE, TOLERANCE, check_network, example, write_network
+from troupe_training.export.unimogen.pack import FAMILY, FILE, write_checked
 from troupe_training.train.unimogen.stage import load
 
 KINDS = ("people", "robots", "animals")  # the order in which the content hash reads their files
@@ -26,12 +24,12 @@ def files_of(unimogen: dict[str, Any]) -> dict[str, list[str]]:
     return {FILE: []} | {file_of(kind): kinds[kind] for kind in KINDS if kinds.get(kind)}
 
 
-def add(pack: Path, kind: str, run: Path, cache: Path, version: str | None = None) -> float:
+def add(pack: Path, kind: str, run: Path, cache: Path, version: str | None = None) -> None:
     """Puts a run's network into a pack, for the bodies that it was trained on; replaces one of that kind that is there.
 
-    The pack keeps its version if none is given. Returns the network's largest difference from PyTorch. Ends the command, and
+    The pack keeps its version if none is given. Ends the command, and
     leaves the pack as it was, if the run has other words, another range of roots or unknown bodies, or if the file differs by
-    more than `TOLERANCE`.
+    more than is allowed.
     """
     manifest, trained = read_manifest(pack), load(run)
     if manifest.get("family") != FAMILY.name:
@@ -42,14 +40,8 @@ def add(pack: Path, kind: str, run: Path, cache: Path, version: str | None = Non
         if max(abs(float(v) - w) for v, w in zip(values, table[key], strict=True)) > RANGE_TOLERANCE:
             raise SystemExit(f"{key} of {run} is not the pack's: begin the run with `unimogen adopt --pack {pack}`")
     bodies = [Body.load(cache / name / "body.json") for name in trained.bodies]
-    model = copy.deepcopy(trained.model).eval().requires_grad_(False)
-    round_to_half(model)
     fresh = pack / f"{file_of(kind)}.new"
-    write_network(model, fresh, example(model, bodies, (0, len(bodies) - 1, 0), 36, seed=1))
-    difference = check_network(model, fresh, bodies)
-    if difference > TOLERANCE:
-        fresh.unlink()
-        raise SystemExit(f"{file_of(kind)} differs from PyTorch by {difference:.1e}, at most {TOLERANCE} is allowed")
+    _, difference = write_checked(trained.model, fresh, bodies)
     fresh.replace(pack / file_of(kind))
     table["kinds"] = table.get("kinds", {}) | {kind: trained.bodies}
     path, state = pack / "pack.toml", trained.state
@@ -62,7 +54,6 @@ def add(pack: Path, kind: str, run: Path, cache: Path, version: str | None = Non
     set_values(lines, "training.onnx_check", {kind: float(f"{difference:.2e}")})
     set_values(lines, "unimogen.kinds", {kind: trained.bodies})
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return difference
 
 
 def content_hash(pack: Path, unimogen: dict[str, Any]) -> str:

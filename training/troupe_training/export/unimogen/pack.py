@@ -90,14 +90,8 @@ def export_pack(
     fresh = out.with_name(out.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
-    model = copy.deepcopy(trained.model).eval().requires_grad_(False)
-    round_to_half(model)
     several = list(bodies.values())
-    write_network(model, fresh / FILE, example(model, several, (0, len(several) - 1, 0), 36, seed=1))
-    difference = check_network(model, fresh / FILE, several)
-    print(f"{FILE}: {(fresh / FILE).stat().st_size / 1e6:.1f} MB, differs from PyTorch by at most {difference:.1e}")
-    if difference > TOLERANCE:
-        raise SystemExit(f"{FILE} differs from PyTorch by {difference:.1e}, at most {TOLERANCE} is allowed")
+    model, difference = write_checked(trained.model, fresh / FILE, several)
     digest = hashlib.sha256((fresh / FILE).read_bytes()).hexdigest()
     sizes = {
         "frames_per_token": RATE,
@@ -159,6 +153,22 @@ def example(model: UniMoGen, bodies: Sequence[Body], which: Sequence[int], frame
     steps = rng.integers(0, DIFFUSION_STEPS, len(characters)).astype(np.float32)
     arrays: Arrays = batch.constant | {"x": np.concatenate(batch.state), "step": steps}
     return {name: torch.from_numpy(np.ascontiguousarray(arrays[name])) for name in INPUTS}
+
+
+def write_checked(trained: UniMoGen, path: Path, bodies: Sequence[Body]) -> tuple[UniMoGen, float]:
+    """Writes the ONNX file, in 16 bits; returns the network as written and the file's largest difference from it.
+
+    Removes the file and ends the command if that is more than `TOLERANCE`.
+    """
+    model = copy.deepcopy(trained).eval().requires_grad_(False)
+    round_to_half(model)
+    write_network(model, path, example(model, bodies, (0, len(bodies) - 1, 0), 36, seed=1))
+    difference = check_network(model, path, bodies)
+    print(f"{path.name}: {path.stat().st_size / 1e6:.1f} MB, differs from PyTorch by at most {difference:.1e}")
+    if difference > TOLERANCE:
+        path.unlink()
+        raise SystemExit(f"{path.name} differs from PyTorch by {difference:.1e}, at most {TOLERANCE} is allowed")
+    return model, difference
 
 
 def write_network(model: nn.Module, path: Path, inputs: dict[str, Tensor]) -> None:
