@@ -142,6 +142,7 @@ fn the_tasks_of_the_reference_have_its_motion() {
                     })
                     .collect(),
                 targets: Vec::new(),
+                sways: false,
                 path: (request.path_m.iter().zip(&request.heading_rad))
                     .map(|(&[x, z], &heading)| [x, z, heading])
                     .collect(),
@@ -220,6 +221,7 @@ fn any_task(pack: &Pack, frames: usize, seed: u64) -> PathTask {
     let past = if rng.random_bool(0.7) { 4 } else { 0 };
     let targets = if rng.random_bool(0.2) { 1 } else { 0 };
     PathTask {
+        sways: false,
         context: path[..past].iter().map(at).collect(),
         targets: path[frames - targets..].iter().map(at).collect(),
         style: (pack.words.iter())
@@ -319,6 +321,83 @@ fn a_body_moves_by_the_network_of_its_kind() {
         assert_ne!(motions[0], motions[1], "{}", body.name);
         assert_eq!(motions[0], motions[2], "{}", body.name);
     }
+}
+
+/// How far the slowest of the contact joints moves over the ground, metres a frame.
+fn standing_foot_m(body: &Body, motion: &Motion) -> f32 {
+    let skeleton = &body.rig.skeleton;
+    let joints = skeleton.joint_count();
+    let mut places = Vec::new();
+    for (root, pose) in motion
+        .root
+        .chunks_exact(5)
+        .zip(motion.rotations.chunks_exact(joints * 6))
+    {
+        let first = places.len();
+        for joint in &skeleton.joints {
+            let place = match joint.parent {
+                Some(parent) => {
+                    let turn = from_six_d(pose.as_chunks().0[parent]);
+                    places[first + parent] + turn * joint.offset_m
+                }
+                None => Vec3::from_slice(root),
+            };
+            places.push(place);
+        }
+    }
+    let contacts = &skeleton.contacts.as_ref().unwrap().joints;
+    let frames: Vec<&[Vec3]> = places.chunks_exact(joints).collect();
+    let steps = frames.windows(2).map(|pair| {
+        let step = |&joint: &usize| (pair[1][joint] - pair[0][joint]).with_y(0.0).length();
+        contacts.iter().map(step).fold(f32::INFINITY, f32::min)
+    });
+    steps.sum::<f32>() / (frames.len() - 1) as f32
+}
+
+#[test]
+fn on_a_drawn_line_feet_stand_because_the_root_sways() {
+    let pack = Pack::load(&trained()).unwrap();
+    let swaying = pack.bodies.iter().filter(|body| body.sway.is_some());
+    let mut generator = generator(&pack, EngineKind::Cpu);
+    let mut names = Vec::new();
+    for body in swaying {
+        let foot_m = |sways: bool, generator: &mut UniMoGen| {
+            let task = |seed| PathTask {
+                sways,
+                body: body.clone(),
+                context: Vec::new(),
+                targets: Vec::new(),
+                path: (0..68).map(|frame| [0.0, 0.04 * frame as f32, 0.0]).collect(),
+                style: (pack.words.iter())
+                    .map(|word| f32::from(u8::from(word == "walk")))
+                    .collect(),
+                steps: 4,
+                guidance: 1.0,
+                seed,
+            };
+            let motions = generator.run(&[1, 2, 3, 4].map(task)).unwrap();
+            motions
+                .iter()
+                .map(|motion| standing_foot_m(body, motion))
+                .sum::<f32>()
+                / 4.0
+        };
+        let (with, without) = (foot_m(true, &mut generator), foot_m(false, &mut generator));
+        println!(
+            "{}: {:.1} mm, {:.1} without",
+            body.name,
+            1e3 * with,
+            1e3 * without
+        );
+        assert!(
+            with < 0.7 * without,
+            "{}: {with} m, {without} m without",
+            body.name
+        );
+        names.push(body.name.as_str());
+    }
+    names.sort_unstable();
+    assert_eq!(names, ["g1", "h1", "h1_2", "human"]);
 }
 
 #[test]

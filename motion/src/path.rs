@@ -52,6 +52,15 @@ impl GroundPath {
         self.points.iter().any(|point| point.heading.is_some())
     }
 
+    /// How many points a second has, from the first to the last; 0 for a single point.
+    pub fn points_per_s(&self) -> f32 {
+        let seconds = self.end_s() - self.points.first().map_or(0.0, |point| point.time_s);
+        match seconds > 0.0 {
+            true => (self.points.len() - 1) as f32 / seconds,
+            false => 0.0,
+        }
+    }
+
     /// Time of the last point, seconds.
     pub fn end_s(&self) -> f32 {
         self.points[self.points.len() - 1].time_s

@@ -23,6 +23,16 @@ const MAX_OFF_M: f32 = 5.0;
 /// Duration of the transition from a given pose to the path, and from the path to a given pose,
 /// seconds.
 pub(super) const LEAD_S: f32 = 0.5;
+/// Points a second of a path that can show the sway of steps.
+const RECORDED_PER_S: f32 = 6.0;
+/// Slower paths stand, metres a second.
+const STANDS_MPS: f32 = 0.1;
+/// The speed of a walking root differs by more than this share from its mean over a second, in half
+/// of the frames or more.
+const UNEVEN: f32 = 0.03;
+/// Note of a path that counts as a recorded root.
+const RECORDED: &str =
+    "the path's speed changes with each step: it is taken for a recorded root, and gets no sway of its own";
 
 /// A checked path, with the options of the sampler.
 #[derive(Debug, Clone)]
@@ -61,6 +71,7 @@ pub struct PathPlan {
     /// the context.
     last: Vec<Checked>,
     targets: Vec<Checked>,
+    sways: bool,
     style: Vec<f32>,
     steps: u32,
     guidance: f32,
@@ -110,7 +121,11 @@ impl PathPlan {
         let start_s = if past.is_empty() { 0.0 } else { 1.0 / fps };
         let mut frames = points.frames(start_s, fps, fresh);
         check_speed(&path, &points, &frames, fps)?;
-        let notes = speed_notes(root, &body, &frames, fps);
+        let mut notes = speed_notes(root, &body, &frames, fps);
+        let sways = !is_recorded(&points, &frames, fps);
+        if !sways && body.sway.is_some() {
+            notes.push(RECORDED.to_owned());
+        }
         lead_over(root, &path, &mut frames, &past, &targets, fps)?;
         let lead = past.iter().filter_map(|key| key.root).map(flat);
         Ok(Self {
@@ -121,6 +136,7 @@ impl PathPlan {
             notes,
             dims,
             targets,
+            sways,
             style,
             steps,
             guidance,
@@ -161,6 +177,7 @@ impl PathPlan {
         let is_last = self.done + 1 == self.windows.len();
         let targets = if is_last { &*self.targets } else { &[] };
         let task = PathTask {
+            sways: self.sways,
             body: self.body.clone(),
             context: writer.write(&frame, &self.last),
             targets: writer.write(&frame, targets),
@@ -279,6 +296,26 @@ pub fn speed_mps(pair: &[[f32; 3]], fps: f32) -> f32 {
     distance([ax, az], [bx, bz]) * fps
 }
 
+/// Whether a path is that of a walking root: it has several points a step, and its speed changes with
+/// each. Drawn paths have few points, or change their speed now and then.
+fn is_recorded(points: &GroundPath, frames: &[[f32; 3]], fps: f32) -> bool {
+    if points.points_per_s() < RECORDED_PER_S {
+        return false;
+    }
+    let speeds: Vec<f32> = frames.windows(2).map(|pair| speed_mps(pair, fps)).collect();
+    let half = (fps / 2.0) as usize;
+    let uneven = |(frame, speed): (usize, &f32)| {
+        let around = &speeds[frame.saturating_sub(half)..(frame + half).min(speeds.len())];
+        let mean = around.iter().sum::<f32>() / around.len() as f32;
+        (mean > STANDS_MPS).then(|| (speed - mean).abs() / mean)
+    };
+    let mut uneven: Vec<f32> = speeds.iter().enumerate().filter_map(uneven).collect();
+    uneven.sort_by(f32::total_cmp);
+    uneven
+        .get(uneven.len() / 2)
+        .is_some_and(|&median| median > UNEVEN)
+}
+
 fn speed_notes(root: &Path<'_>, body: &Body, frames: &[[f32; 3]], fps: f32) -> Vec<String> {
     let mut notes = Vec::new();
     let speeds = frames.windows(2).map(|pair| speed_mps(pair, fps));
@@ -365,3 +402,7 @@ pub(super) fn near(path: &Path<'_>, place: &str, off: [f32; 3]) -> Result<(), Fi
         }
     }
 }
+
+#[cfg(test)]
+#[path = "path_plan_tests.rs"]
+mod tests;

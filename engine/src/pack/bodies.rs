@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use troupe_motion::Skeleton;
 use troupe_motion::feasibility::{Limits, LimitsDoc};
-use troupe_motion::model::{Body, BodyParts, Dims};
+use troupe_motion::model::{Body, BodyParts, Dims, Sway, SwayDoc};
 use troupe_motion::robot::RobotDoc;
 use troupe_motion::rotation::from_wxyz;
 
@@ -47,11 +47,16 @@ pub(super) fn read_body(
         let allowed = format!("words of the pack, in bodies/{name}.toml");
         return Err(field(words_field, word, allowed));
     }
-    let limits = doc.limits.clone();
-    let mut body = Body::new(doc.parts()?, fps, dims).map_err(|problem| PackProblem::Body {
+    let (limits, sway) = (doc.limits.clone(), doc.sway.clone());
+    let wrong = |problem| PackProblem::Body {
         body: name.to_owned(),
         problem: Box::new(problem),
-    })?;
+    };
+    let mut body = Body::new(doc.parts()?, fps, dims).map_err(wrong)?;
+    if let Some(doc) = sway {
+        let sway = Sway::new(doc, &body.rig.skeleton, words).map_err(wrong)?;
+        body.sway = Some(Arc::new(sway));
+    }
     if let Some(doc) = limits {
         let limits = Limits::new(&doc, &body.rig.skeleton);
         let limits = limits.map_err(|problem| PackProblem::BodyLimits {
@@ -95,6 +100,7 @@ struct BodyDoc {
     skeleton: Skeleton,
     robot: Option<RobotDoc>,
     limits: Option<LimitsDoc>,
+    sway: Option<SwayDoc>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -24,6 +24,7 @@ pub fn probe_task(pack: &Pack, index: usize, frames: usize) -> Option<PathTask> 
     let path = path(frames, speed, turn, pack.manifest.fps);
     let mode = index.checked_rem(pack.words.len())?;
     Some(PathTask {
+        sways: false,
         body: body.clone(),
         context: (path[..dims.context_frames].iter())
             .map(|&point| neutral_key(body, point))

@@ -32,6 +32,7 @@ fn task(pack: &Pack, path: Vec<[f32; 3]>, words: &[(&str, f32)]) -> PathTask {
             .map_or(0.0, |(_, weight)| *weight)
     };
     PathTask {
+        sways: false,
         context: path[..4].iter().map(|&point| neutral_key(&body, point)).collect(),
         targets: Vec::new(),
         style: pack.words.iter().map(weight).collect(),

@@ -55,6 +55,7 @@ fn echo(max_jobs: usize) -> (UniMoGen, Calls) {
 
 fn task(pack: &Pack, body: &str, frames: usize, seed: u64) -> PathTask {
     PathTask {
+        sways: false,
         body: pack.body(body).unwrap().clone(),
         context: Vec::new(),
         targets: Vec::new(),

@@ -1,5 +1,7 @@
 //! One character on its way from noise to motion.
 
+use std::f32::consts::TAU;
+
 use troupe_motion::features::FEATURES_PER_JOINT;
 use troupe_motion::model::{Dims, KeyTensors, Motion, PathTask};
 
@@ -10,6 +12,7 @@ use super::schedule::Schedule;
 use super::{PATH_FEATURES, ROW_CHANNELS};
 use crate::EngineError;
 use crate::generator::JobId;
+use crate::random::step64;
 
 /// A job, with the state of its rows.
 pub(super) struct Job {
@@ -29,7 +32,10 @@ pub(super) struct Job {
 
 impl Job {
     /// A job at its noisiest step. The task must have passed [`check`].
-    pub(super) fn new(id: JobId, task: PathTask, coding: &Coding) -> Self {
+    pub(super) fn new(id: JobId, mut task: PathTask, coding: &Coding) -> Self {
+        if let Some(sway) = task.body.sway.as_ref().filter(|_| task.sways) {
+            task.path = sway.path(&task, task.body.rig.fps, start_phase(task.seed));
+        }
         let (body, frames) = (&*task.body, task.path.len());
         let mut state = vec![0.0; body.row_count() * frames * ROW_CHANNELS];
         for (row, out) in state.chunks_exact_mut(frames * ROW_CHANNELS).enumerate() {
@@ -126,6 +132,13 @@ impl Job {
             }
         }
     }
+}
+
+/// The phase in radians in which a gait begins without a past.
+fn start_phase(seed: u64) -> f32 {
+    // Rows of noise have the other indices.
+    let share = step64(seed, u64::MAX) as f64 / u64::MAX as f64;
+    share as f32 * TAU
 }
 
 /// Checks a task against the sizes of a pack, its number of words and its diffusion steps.

@@ -29,6 +29,7 @@ pub fn probe_task(pack: &Pack, index: usize, frames: usize) -> Option<PathTask> 
         0
     };
     Some(PathTask {
+        sways: true,
         body: body.clone(),
         context: path[..past]
             .iter()

@@ -101,6 +101,7 @@ fn tasks_out_of_range_fail_alone_with_a_reason() {
         vermo.admit(id(request as u64), task.clone().into());
     }
     let path = PathTask {
+        sways: false,
         body: crate::pack::Pack::load(
             &std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/unimogen"),
         )

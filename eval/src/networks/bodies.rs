@@ -157,6 +157,7 @@ impl PathPlanner<'_> {
         };
         let steps = self.pack.sampler().map_or(1, |steps| steps.default);
         let task = PathTask {
+            sways: true,
             body: self.body.clone(),
             style: self.pack.words.iter().map(weight).collect(),
             context: item.context.clone(),

@@ -128,6 +128,7 @@ fn path_task(own: &Pack, body: &Arc<Body>, item: PathItem) -> PathTask {
         given.map_or(0.0, |(_, weight)| *weight)
     };
     PathTask {
+        sways: true,
         body: body.clone(),
         context: item.context,
         targets: Vec::new(),

@@ -13,7 +13,8 @@ mod root_override;
 mod task;
 
 pub use body::{
-    Body, BodyError, BodyParts, DESCRIPTION, InlineJoint, InlineSkeleton, MAX_BODY_JOINTS, SLOTS,
+    Body, BodyError, BodyParts, DESCRIPTION, InlineJoint, InlineSkeleton, MAX_BODY_JOINTS, SLOTS, Sway,
+    SwayDoc,
 };
 pub use capability::{Capabilities, Capability};
 pub use dims::{Dims, GLOBAL_ROOT, LOCAL_ROOT, POSE_FEATURES, SIX_D};

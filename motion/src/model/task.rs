@@ -125,6 +125,9 @@ pub struct PathTask {
     /// `[frames][x, z, heading]`, metres and radians. The roots of context and targets lie on it.
     /// The number of frames must be allowed for a segment of the pack: whole tokens.
     pub path: Box<[[f32; 3]]>,
+    /// Whether the root may sway about the path as the body's clips do: not if the path is a root
+    /// that sways already.
+    pub sways: bool,
     /// A weight for each word of the pack; all zero without a style.
     pub style: Vec<f32>,
     /// Number of the sampler's steps, 1 to the pack's diffusion steps.

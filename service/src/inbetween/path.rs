@@ -113,7 +113,13 @@ fn body(
         Some(_) if !goal.body.is_empty() => {
             Err(field.error("is given beside a skeleton", "only one of the two"))
         }
-        Some(skeleton) => inline_body(&path.field("skeleton"), skeleton, &pack.rig, notes).map(Arc::new),
+        Some(skeleton) => {
+            let mut body = inline_body(&path.field("skeleton"), skeleton, &pack.rig, notes)?;
+            if let Some(like) = pack.body("") {
+                body.sway_like(like);
+            }
+            Ok(Arc::new(body))
+        }
         None => pack.body(&goal.body).cloned().ok_or_else(|| {
             let names: Vec<&str> = pack.bodies.iter().map(|body| &*body.name).collect();
             field.error(format!("is {:?}", cut(&goal.body)), names.join(", "))

@@ -358,3 +358,59 @@ fn arms_of_a_t_pose_are_let_down_with_a_note_and_others_ask_for_the_neutral_pose
     assert_eq!(error.field, "path.skeleton.neutral", "{error}");
     assert!(error.message.contains("is left out"), "{error}");
 }
+
+#[test]
+fn a_recorded_root_is_followed_as_it_is_and_noted() {
+    let tasks = |goal: &v1::PathGoal| {
+        let mut plan = plan(goal).unwrap();
+        let notes = plan.notes.join(" ");
+        (walked(&mut plan).1, notes)
+    };
+    let (drawn, notes) = tasks(&straight(3.0));
+    assert!(drawn.iter().all(|task| task.sways) && notes.is_empty(), "{notes}");
+    let point = |frame: u8| {
+        let t = f32::from(frame) / 30.0;
+        v1::PathPoint {
+            time: Some(t),
+            ..at(0.0, 1.2 * t + 0.025 * (11.3 * t).sin())
+        }
+    };
+    let recorded = v1::PathGoal {
+        points: (0..90).map(point).collect(),
+        ..v1::PathGoal::default()
+    };
+    let (recorded, notes) = tasks(&recorded);
+    assert!(
+        recorded.iter().all(|task| !task.sways) && notes.contains("recorded root"),
+        "{notes}"
+    );
+}
+
+#[test]
+fn a_body_of_the_caller_with_two_feet_sways_like_the_packs() {
+    let joint = |(name, parent, x, y): &(&str, &str, f32, f32)| v1::BodyJoint {
+        name: (*name).into(),
+        parent: (*parent).into(),
+        offset: Some(v1::Vec3 { x: *x, y: *y, z: 0.0 }),
+    };
+    let legs = [
+        ("hips", "", 0.0, 0.0),
+        ("thigh-l", "hips", 0.1, -0.05),
+        ("shin-l", "thigh-l", 0.0, -0.4),
+        ("foot-l", "shin-l", 0.0, -0.4),
+        ("thigh-r", "hips", -0.1, -0.05),
+        ("shin-r", "thigh-r", 0.0, -0.4),
+        ("foot-r", "shin-r", 0.0, -0.4),
+    ];
+    let sways = |joints: &[(&str, &str, f32, f32)]| {
+        let goal = v1::PathGoal {
+            skeleton: Some(v1::BodySkeleton {
+                joints: joints.iter().map(joint).collect(),
+                ..v1::BodySkeleton::default()
+            }),
+            ..straight(2.0)
+        };
+        plan(&goal).unwrap().body.sway.is_some()
+    };
+    assert!(sways(&legs) && !sways(&legs[..4]));
+}

@@ -137,3 +137,14 @@ def test_the_way_of_standing_feet_counts_only_if_they_stand_throughout():
     assert float(way_loss(feet, stands, free)) == 0.0
     stands[0, 3], free[0, 3] = 1.0, 0.0
     assert float(way_loss(feet, stands, free)) == 0.0
+
+
+def test_drawn_paths_sway_as_the_root_does():
+    true = walks(200)
+    root = torch.stack([true[..., 0], torch.ones_like(true[..., 0]), true[..., 1]], -1)
+    path = wanted_paths(root, true[..., 2], torch.zeros(200, 68), 0.9, Generator().manual_seed(0)).points
+    inner = slice(17, 51)  # a stride of 30 frames and more
+    speed = (path[:, 1:] - path[:, :-1]).norm(dim=-1)[:, inner]
+    own = (true[:, 1:, :2] - true[:, :-1, :2]).norm(dim=-1)[:, inner]
+    share = speed.std(1) / own.std(1)
+    assert float((share > 0.7).float().mean()) > 0.7  # the rest are smoothed, or run through points

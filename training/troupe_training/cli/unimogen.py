@@ -27,14 +27,16 @@ from troupe_training.evaluate.unimogen.methods import Method, Setting, copied, f
 from troupe_training.evaluate.unimogen.networks import Network, load_network
 from troupe_training.evaluate.unimogen.style import blend as blend_styles
 from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_classifier
+from troupe_training.evaluate.unimogen.sway import sway_table
 from troupe_training.evaluate.unimogen.user_paths import measure_paths, roots_of
 from troupe_training.evaluate.unimogen.walk import film as draw_film
 from troupe_training.evaluate.unimogen.walk import swinging
-from troupe_training.export.manifest import About
+from troupe_training.export.manifest import About, read_manifest, set_version
 from troupe_training.export.unimogen.adopt import adopt as adopt_pack
 from troupe_training.export.unimogen.kinds import KINDS
 from troupe_training.export.unimogen.kinds import add as add_kind
 from troupe_training.export.unimogen.pack import export_run, network_of
+from troupe_training.export.unimogen.sway import write_sway
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.sampler import Character
 from troupe_training.models.unimogen.sampler import sample as sample_rows
@@ -264,6 +266,25 @@ def export(args: argparse.Namespace) -> int:
 def add(args: argparse.Namespace) -> int:
     """A checkpoint -> a pack's network for one kind of bodies, those that the run was trained on (`--trained-bodies`)."""
     add_kind(args.pack, args.kind, args.run, args.cache, args.version)
+    return 0
+
+
+@command(
+    *("--pack", "--cache", "--shown", "--version"),
+    group=GROUP,
+    pack=Path("models/unimogen"),
+    cache=CACHE,
+    shown=["human", "g1", "h1", "h1_2"],
+    version=None,  # the pack keeps its own
+)
+def sway(args: argparse.Namespace) -> int:
+    """How the roots of bodies with two feet sway about their way in training clips -> the bodies' files in a pack."""
+    words = read_manifest(args.pack)["unimogen"]["words"]
+    for name in args.shown:
+        table = sway_table(Corpus(args.cache, "train", [name], words=words).stores[name])
+        write_sway(args.pack, name, table)
+        print(f"{name}: {len(table.get('gaits', []))} gaits")
+    set_version(args.pack, args.version)
     return 0
 
 

@@ -97,6 +97,15 @@ def set_values(lines: list[str], table: str, values: dict[str, Any]) -> None:
             lines[here] = line
 
 
+def set_version(pack: Path, version: str | None) -> None:
+    """Sets a pack's version, if one is given."""
+    if version:
+        path = pack / "pack.toml"
+        lines = path.read_text(encoding="utf-8").splitlines()
+        set_values(lines, "", {"version": version})
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def write_limits(manifest: Path, limits: Limits) -> None:
     """Puts the table ``[limits]`` into a manifest, or into the file of a body, in the place of one that is there.
 
@@ -107,16 +116,22 @@ def write_limits(manifest: Path, limits: Limits) -> None:
     measured = [bend.joint for bend in limits.bends]
     if measured != joints[1:]:
         raise ValueError(f"the skeleton of {manifest} is not that of the cache")
-    kept, inside = [], False
-    for line in text.splitlines():
-        if line.startswith("["):
-            inside = line.strip("[]").split(".")[0] == "limits"
-        if not inside and line != LIMITS_COMMENT:
-            kept.append(line)
+    kept = lines_without(text, "limits", LIMITS_COMMENT)
     before = next((i for i, line in enumerate(kept) if line == "[training]"), len(kept))
     table = [LIMITS_COMMENT, *limits.lines(), ""]
     lines = [*_stripped(kept[:before]), "", *table, *kept[before:]]
     manifest.write_text("\n".join(_stripped(lines)) + "\n", encoding="utf-8")
+
+
+def lines_without(text: str, table: str, comment: str) -> list[str]:
+    """The lines of a manifest, or of a body's file, without one of its tables and the comment above it."""
+    kept, inside = [], False
+    for line in text.splitlines():
+        if line.startswith("["):
+            inside = line.strip("[]").split(".")[0] == table
+        if not inside and line != comment:
+            kept.append(line)
+    return kept
 
 
 def _stripped(lines: list[str]) -> list[str]:

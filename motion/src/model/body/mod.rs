@@ -8,6 +8,7 @@ mod at_rest;
 mod description;
 mod error;
 mod inline;
+mod sway;
 
 use std::sync::Arc;
 
@@ -20,6 +21,7 @@ use crate::skeleton::Skeleton;
 pub use description::{DESCRIPTION, SLOTS};
 pub use error::BodyError;
 pub use inline::{InlineJoint, InlineSkeleton};
+pub use sway::{Sway, SwayDoc};
 
 /// Most joints of a body.
 pub const MAX_BODY_JOINTS: usize = 256;
@@ -81,6 +83,8 @@ pub struct Body {
     pub words: Vec<String>,
     /// The network of a pack that moves it: 0 is the one for all bodies.
     pub network: usize,
+    /// How its root moves about a drawn path, if its clips show that.
+    pub sway: Option<Arc<Sway>>,
     /// Bones in the neutral pose, world axes, `[J]`, metres: `N[parent] offset[j]`, zero for the
     /// root.
     pub bones_m: Box<[Vec3]>,
@@ -144,10 +148,39 @@ impl Body {
             size_m,
             words,
             network: 0,
+            sway: None,
             bones_m,
             rows,
             reads,
         })
+    }
+
+    /// Has a body without clips sway like another one, by their sizes, if it has one foot on each
+    /// side.
+    pub fn sway_like(&mut self, other: &Self) {
+        if let ([left], [right], Some(sway)) = (&*self.ends(1), &*self.ends(-1), &other.sway) {
+            let size = self.size_m / other.size_m;
+            self.sway = Some(Arc::new(sway.scaled([*left, *right], size)));
+        }
+    }
+
+    /// The contact joints of a side that have none below them.
+    fn ends(&self, side: i8) -> Vec<usize> {
+        let skeleton = &self.rig.skeleton;
+        let Some(contacts) = &skeleton.contacts else {
+            return Vec::new();
+        };
+        let above =
+            |joint: usize| std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent).skip(1);
+        let is_end = |joint: &usize| {
+            !contacts
+                .joints
+                .iter()
+                .any(|&other| above(other).any(|at| at == *joint))
+        };
+        let ends = contacts.joints.iter().copied();
+        ends.filter(|joint| self.sides[*joint] == side && is_end(joint))
+            .collect()
     }
 
     /// Number of joints J.

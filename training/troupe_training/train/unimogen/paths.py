@@ -1,6 +1,7 @@
 """Paths to follow, made from captured roots: exact, smoothed at random, or through a few points of them (paper, section 3.3).
 
-More than half of the windows get a path as users draw one instead, see `drawn.py`.
+More than half of the windows get a path as users draw one instead, see `drawn.py`, with the root's own sway on it: a server
+lays the sway of a walk on drawn paths (docs/unimogen-pack.md).
 """
 
 import math
@@ -20,6 +21,7 @@ EXACT, SMOOTHED = 0.3, 0.4
 SIGMAS = tuple(1.0 + 0.25 * i for i in range(29))  # frames, 1 to 8; few enough to cache each filter
 MIN_KNOTS, MAX_KNOTS = 8, 24  # frames between points
 DRAWN = 0.6  # share of the windows that get a drawn path if one fits
+SWAY_SIGMA = 12.0  # frames by which a root is smoothed; what that takes away is its sway
 # Share of the drawn paths that ignore the past frames. In a motion of several windows the past ends
 # a little off the path.
 IGNORES_PAST = 0.5
@@ -54,7 +56,8 @@ def wanted_paths(root: Tensor, heading: Tensor, given: Tensor, size_m: float, ge
     drawn, fits = drawn_paths(true, size_m, generator)
     draws = torch.rand(2, batch, generator=generator)
     is_drawn = fits & (draws[0] < DRAWN)
-    path = torch.where(is_drawn[:, None, None], drawn, path)
+    sway = true - smoothing(true.shape[1], SWAY_SIGMA) @ true
+    path = torch.where(is_drawn[:, None, None], drawn + sway, path)
     passed = given.clone()
     passed[is_drawn & (draws[1] < IGNORES_PAST), :CONTEXT_FRAMES] = 0.0
     return through(path, true, passed)
