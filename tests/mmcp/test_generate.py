@@ -272,8 +272,10 @@ def test_styles(ours):
     assert "diffusion_steps" in ours.make(request(horse, [free(60)], options=options)).notes()
 
 
-@pytest.mark.parametrize(("name", "by"), [("human", "human"), ("g1", "g1"), ("h1", "g1")])
-def test_a_path_on_two_legs_is_planned_by_another_pack(ours, name, by):
+@pytest.mark.parametrize(
+    ("name", "by", "wanted"), [("human", "human", "carried"), ("g1", "g1", None), ("h1", "g1", None)]
+)
+def test_a_path_on_two_legs_is_planned_by_another_pack(ours, name, by, wanted):
     model = ours.model(f"unimogen/{name}")
     options = {option["name"]: option for option in model["model_options"]}
     assert options["planner"]["values"] == ["auto", "own", "carried"]
@@ -285,7 +287,7 @@ def test_a_path_on_two_legs_is_planned_by_another_pack(ours, name, by):
     def said(answer):
         return [note["message"] for note in answer.extension.get("notes", []) if note["code"] == "planner"]
 
-    answer, own = make(), make("own")
+    answer, own = make(wanted), make("own")
     (message,) = said(answer)
     assert message.startswith(f"the path is planned by {by} in its style "), message
     assert not said(own)
@@ -293,6 +295,8 @@ def test_a_path_on_two_legs_is_planned_by_another_pack(ours, name, by):
         for frame, place in STRAIGHT.items():
             np.testing.assert_allclose(made.roots()[0, frame, [0, 2]], place, atol=2e-3)
     np.testing.assert_array_equal(answer.roots(), make("carried").roots())
+    # Nothing said: people plan themselves, robots do not.
+    np.testing.assert_array_equal(make().roots(), (own if wanted else answer).roots())
     assert not np.allclose(answer.quaternions(), own.quaternions(), atol=1e-3)
     assert answer.positions()[0, :, :, 1].min() > -0.06, "feet stay on the ground"
     contacts = set(answer.extension["samples"][0]["foot_contacts"])

@@ -296,8 +296,8 @@ pub fn speed_mps(pair: &[[f32; 3]], fps: f32) -> f32 {
     distance([ax, az], [bx, bz]) * fps
 }
 
-/// Whether a path is that of a walking root: it has several points a step, and its speed changes with
-/// each. Drawn paths have few points, or change their speed now and then.
+/// Whether a path is that of a walking root: it has several points a step, and its speed changes
+/// with each step. Drawn paths have few points, or change their speed now and then.
 fn is_recorded(points: &GroundPath, frames: &[[f32; 3]], fps: f32) -> bool {
     if points.points_per_s() < RECORDED_PER_S {
         return false;

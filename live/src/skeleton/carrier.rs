@@ -25,7 +25,7 @@ const MAX_ECHO: usize = 64;
 /// Packs among which one is chosen to plan paths for a body of another pack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Among {
-    /// Those that plan better than UniMoGen's own network: of the same body or, for robots, of a
+    /// Those that plan better than UniMoGen's own network: for robots, of the same body or of a
     /// robot. docs/unimogen.md has the figures, and those of other packs, which are worse.
     Better,
     /// All that walk.
@@ -113,7 +113,7 @@ struct Candidate<'a> {
 impl<'a> Candidate<'a> {
     fn is(self, among: Among, for_robot: bool) -> bool {
         match among {
-            Among::Better => self.is_same_body || (for_robot && self.is_robot),
+            Among::Better => for_robot && (self.is_same_body || self.is_robot),
             Among::All => true,
         }
     }

@@ -121,8 +121,8 @@ impl Sway {
         Ok(Self { feet, gaits })
     }
 
-    /// The same for a body with these feet, `size` times as large. It takes longer strides, in time as
-    /// well (Froude: speeds rise with the root of the size).
+    /// The same for a body with these feet, `size` times as large. Its speeds and the times of its
+    /// strides grow with the root of the size (Froude).
     pub(super) fn scaled(&self, feet: [usize; 2], size: f32) -> Self {
         let mut gaits = self.gaits.clone();
         for moment in gaits.iter_mut().flat_map(|gait| &mut gait.at) {
@@ -188,7 +188,8 @@ impl Sway {
         path
     }
 
-    /// The gaits of a style with their shares; those of styles without a word's gait if it has none.
+    /// The gaits of a style with their shares. A style whose words have no gait has that of any
+    /// word.
     fn gaits_of(&self, style: &[f32]) -> Vec<(f32, &Gait)> {
         let weight = |gait: &Gait| {
             gait.word

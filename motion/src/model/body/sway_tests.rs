@@ -27,7 +27,8 @@ fn words() -> Vec<String> {
     ["walk", "run"].map(str::to_owned).to_vec()
 }
 
-/// The sway of `walk` is 3 cm to the side, 2 cm ahead and 0.1 rad; that of other words a tenth of it.
+/// The sway of `walk` is 3 cm to the side, 2 cm ahead and 0.1 rad; that of any other word a tenth
+/// of it.
 fn doc() -> SwayDoc {
     let gait = |word: Option<&str>, size: f32| GaitDoc {
         word: word.map(str::to_owned),
