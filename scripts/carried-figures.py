@@ -75,7 +75,7 @@ def main() -> None:
     print("|---|---|---:|---:|---:|---:|---:|")
     with troupe.Client(options.server) as client:
         for body in options.bodies:
-            for planner in (troupe.Planner.OWN, troupe.Planner.AUTO):
+            for planner in (troupe.Planner.OWN, troupe.Planner.CARRIED):
                 found, notes = [], set()
                 for shape in ("line", "arc", "S"):
                     for speed in SPEEDS:

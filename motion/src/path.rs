@@ -8,6 +8,9 @@ const STANDING_MPS: f32 = 0.05;
 /// Half the time over which the direction of the path is measured, seconds.
 const DIRECTION_S: f32 = 0.4;
 
+/// Fewer points a second do not show the sway of steps.
+const STEP_POINTS_PER_S: f32 = 6.0;
+
 /// A point of a path, with its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathPoint {
@@ -52,13 +55,11 @@ impl GroundPath {
         self.points.iter().any(|point| point.heading.is_some())
     }
 
-    /// How many points a second has, from the first to the last; 0 for a single point.
-    pub fn points_per_s(&self) -> f32 {
-        let seconds = self.end_s() - self.points.first().map_or(0.0, |point| point.time_s);
-        match seconds > 0.0 {
-            true => (self.points.len() - 1) as f32 / seconds,
-            false => 0.0,
-        }
+    /// Whether it has enough points to show how a root sways with its steps: more than six a
+    /// second.
+    pub fn shows_steps(&self) -> bool {
+        let seconds = self.end_s() - self.points[0].time_s;
+        (self.points.len() - 1) as f32 > STEP_POINTS_PER_S * seconds
     }
 
     /// Time of the last point, seconds.

@@ -259,6 +259,7 @@ impl Follow {
         Ok(PathRequest {
             body: body.clone(),
             points: ground_path(root, points)?,
+            shows_steps: self.way.shows_steps(),
             seconds: (made / fps).max(1e-3),
             past,
             targets,

@@ -23,13 +23,13 @@ const MAX_OFF_M: f32 = 5.0;
 /// Duration of the transition from a given pose to the path, and from the path to a given pose,
 /// seconds.
 pub(super) const LEAD_S: f32 = 0.5;
-/// Points a second of a path that can show the sway of steps.
-const RECORDED_PER_S: f32 = 6.0;
 /// Slower paths stand, metres a second.
 const STANDS_MPS: f32 = 0.1;
 /// The speed of a walking root differs by more than this share from its mean over a second, in half
 /// of the frames or more.
-const UNEVEN: f32 = 0.03;
+const UNEVEN: f32 = 0.015;
+/// It crosses that mean more often, times a second: twice a step.
+const CHANGES_PER_S: f32 = 1.5;
 /// Note of a path that counts as a recorded root.
 const RECORDED: &str =
     "the path's speed changes with each step: it is taken for a recorded root, and gets no sway of its own";
@@ -41,6 +41,8 @@ pub struct PathRequest {
     pub body: Arc<Body>,
     /// Positions and their times. Time 0 is the first frame, or the last one of `past`.
     pub points: GroundPath,
+    /// Whether the path was given with so many points that it may be a recorded root.
+    pub shows_steps: bool,
     /// Length of the motion in seconds, above 0.
     pub seconds: f32,
     /// Frames before the motion, each with root and pose: none, or as many as the context.
@@ -100,6 +102,7 @@ impl PathPlan {
         let PathRequest {
             body,
             points,
+            shows_steps,
             seconds,
             past,
             targets,
@@ -122,7 +125,7 @@ impl PathPlan {
         let mut frames = points.frames(start_s, fps, fresh);
         check_speed(&path, &points, &frames, fps)?;
         let mut notes = speed_notes(root, &body, &frames, fps);
-        let sways = !is_recorded(&points, &frames, fps);
+        let sways = !(shows_steps && is_recorded(&frames, fps));
         if !sways && body.sway.is_some() {
             notes.push(RECORDED.to_owned());
         }
@@ -296,24 +299,22 @@ pub fn speed_mps(pair: &[[f32; 3]], fps: f32) -> f32 {
     distance([ax, az], [bx, bz]) * fps
 }
 
-/// Whether a path is that of a walking root: it has several points a step, and its speed changes
-/// with each step. Drawn paths have few points, or change their speed now and then.
-fn is_recorded(points: &GroundPath, frames: &[[f32; 3]], fps: f32) -> bool {
-    if points.points_per_s() < RECORDED_PER_S {
-        return false;
-    }
+/// Whether a path is that of a walking root: its speed rises and falls with each step. Drawn paths
+/// change theirs now and then.
+fn is_recorded(frames: &[[f32; 3]], fps: f32) -> bool {
     let speeds: Vec<f32> = frames.windows(2).map(|pair| speed_mps(pair, fps)).collect();
     let half = (fps / 2.0) as usize;
     let uneven = |(frame, speed): (usize, &f32)| {
         let around = &speeds[frame.saturating_sub(half)..(frame + half).min(speeds.len())];
         let mean = around.iter().sum::<f32>() / around.len() as f32;
-        (mean > STANDS_MPS).then(|| (speed - mean).abs() / mean)
+        (mean > STANDS_MPS).then(|| (speed - mean) / mean)
     };
     let mut uneven: Vec<f32> = speeds.iter().enumerate().filter_map(uneven).collect();
-    uneven.sort_by(f32::total_cmp);
-    uneven
-        .get(uneven.len() / 2)
-        .is_some_and(|&median| median > UNEVEN)
+    let changes = uneven.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
+    let seconds = uneven.len() as f32 / fps;
+    uneven.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let median = uneven.get(uneven.len() / 2).map_or(0.0, |median| median.abs());
+    median > UNEVEN && changes as f32 > CHANGES_PER_S * seconds
 }
 
 fn speed_notes(root: &Path<'_>, body: &Body, frames: &[[f32; 3]], fps: f32) -> Vec<String> {

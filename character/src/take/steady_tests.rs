@@ -54,6 +54,7 @@ fn plan(past: Vec<Checked>, targets: Vec<Checked>, frames: usize) -> PathPlan {
     let request = PathRequest {
         body: body(),
         points: GroundPath::new(vec![point(0.0), point(seconds)]).unwrap(),
+        shows_steps: false,
         seconds,
         past,
         targets,

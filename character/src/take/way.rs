@@ -81,6 +81,11 @@ impl Way {
         GroundPath::new(points.collect())
     }
 
+    /// [`GroundPath::shows_steps`] of the knots.
+    pub fn shows_steps(&self) -> bool {
+        self.ground().is_some_and(|path| path.shows_steps())
+    }
+
     /// World x, z and heading at a frame, which may be a fraction.
     pub fn at(&self, frame: f32) -> [f32; 3] {
         let made = self

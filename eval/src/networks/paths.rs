@@ -191,9 +191,11 @@ fn generated(
 ) -> anyhow::Result<Generated> {
     let seconds = points.last().map_or(0.0, |point| point.time_s);
     let plan = || -> anyhow::Result<PathPlan> {
+        let points = GroundPath::new(points.to_vec()).context("no path")?;
         let request = PathRequest {
             body: body.clone(),
-            points: GroundPath::new(points.to_vec()).context("no path")?,
+            shows_steps: points.shows_steps(),
+            points,
             seconds,
             past: Vec::new(),
             targets: Vec::new(),

@@ -1,4 +1,4 @@
-//! Paths of a UniMoGen pack's people and robots that a pack of keyframes plans.
+//! Paths of a UniMoGen pack's bodies on two legs that a pack of keyframes plans.
 
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -228,16 +228,16 @@ async fn a_pack_plans_itself_what_no_other_can() {
     };
     let steps = v1::PathGoal {
         steps: Some(4),
-        ..ahead("human", "walk", PathPlanner::Auto)
+        ..ahead("g1", "walk", PathPlanner::Auto)
     };
     let blend = v1::PathGoal {
-        style: ["walk", "old"]
+        style: ["walk", "run"]
             .map(|word| v1::StyleWord {
                 word: word.to_owned(),
                 weight: Some(0.5),
             })
             .to_vec(),
-        ..ahead("human", "walk", PathPlanner::Auto)
+        ..ahead("g1", "walk", PathPlanner::Auto)
     };
     for (goal, why) in [
         (
@@ -247,11 +247,11 @@ async fn a_pack_plans_itself_what_no_other_can() {
         (fast, "g1 in the style normal is slower than the path"),
         (
             steps,
-            "path.steps: is given; allowed: none: the pack human has no sampler",
+            "path.steps: is given; allowed: none: the pack g1 has no sampler",
         ),
         (
             blend,
-            "path.style: has 2 entries; allowed: at most 1: the pack human walks in one style",
+            "path.style: has 2 entries; allowed: at most 1: the pack g1 walks in one style",
         ),
     ] {
         let own = v1::PathGoal {
@@ -274,11 +274,11 @@ async fn a_pack_plans_itself_what_no_other_can() {
     assert!(server.shut_down().await);
 }
 
-/// Figures of docs/unimogen.md: for people `open` is worse than the pack itself, and so is `human`
-/// for an H1.
+/// Figures of docs/unimogen.md: people plan themselves, even beside a pack of their body, and
+/// `human` is worse for an H1 than the pack itself.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_pack_that_plans_no_better_must_be_asked_for() {
-    for (carrier, name) in [("open", "human"), ("human", "h1")] {
+    for (carrier, name) in [("open", "human"), ("human", "human"), ("human", "h1")] {
         let (server, client, _folder) = start(&[carrier, "unimogen"]).await;
         let made = async |planner| {
             let goal = ahead(name, "walk", planner);

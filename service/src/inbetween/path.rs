@@ -57,6 +57,7 @@ pub fn prepare_path(
     let (points, seconds) = points(&path, goal, WALK * body.size_m)?;
     let guidance = goal.guidance.unwrap_or(1.0);
     let request = PathRequest {
+        shows_steps: points.shows_steps(),
         points,
         seconds,
         past,

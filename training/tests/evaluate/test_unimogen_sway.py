@@ -56,5 +56,12 @@ def test_a_pack_has_the_newest_table_of_a_body(tmp_path: Path):
         read = tomllib.loads(file.read_text())
         assert read["name"] == "walker" and read["sway"]["feet"] == ["l", "r"]
         assert read["sway"]["gaits"] == [gait, {"word": word} | gait]
+    written = file.read_text()
+    write_sway(tmp_path, "walker", read["sway"])
+    assert file.read_text() == written
+    file.write_text(written + "\n# Another table.\n[limits]\nmost = 1\n")
+    write_sway(tmp_path, "walker", read["sway"])
+    assert file.read_text().count("[sway]") == 1 and "# Another table.\n[limits]\nmost = 1\n" in file.read_text()
+    file.write_text(written)
     write_sway(tmp_path, "walker", {})
     assert file.read_text() == 'name = "walker"\n'

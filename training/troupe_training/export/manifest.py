@@ -124,14 +124,17 @@ def write_limits(manifest: Path, limits: Limits) -> None:
 
 
 def lines_without(text: str, table: str, comment: str) -> list[str]:
-    """The lines of a manifest, or of a body's file, without one of its tables and the comment above it."""
+    """The lines of a manifest, or of a body's file, without one of its tables and the comment above it.
+
+    A table ends at the next one, or at the comment above that.
+    """
     kept, inside = [], False
     for line in text.splitlines():
-        if line.startswith("["):
-            inside = line.strip("[]").split(".")[0] == table
+        if line.startswith(("[", "#")):
+            inside = line.startswith("[") and line.strip("[]").split(".")[0] == table
         if not inside and line != comment:
             kept.append(line)
-    return kept
+    return _stripped(kept)
 
 
 def _stripped(lines: list[str]) -> list[str]:

@@ -110,13 +110,13 @@ impl Sway {
         let gaits = doc.gaits.into_iter().enumerate();
         let gaits: Result<Vec<Gait>, _> = gaits.map(|(index, gait)| gait.checked(index, words)).collect();
         let gaits = gaits?;
-        if !gaits.iter().any(|gait| gait.word.is_none()) {
-            let found = format!("{} long", gaits.len());
-            return Err(BodyError::field(
-                "sway.gaits",
-                found,
-                "one without a word among them",
-            ));
+        let wordless = gaits.iter().filter(|gait| gait.word.is_none()).count();
+        if wordless != 1 {
+            let found = format!("{wordless} without a word");
+            return Err(BodyError::field("sway.gaits", found, "one"));
+        }
+        if feet[0] == feet[1] {
+            return Err(BodyError::field("sway.feet", "one joint", "two joints"));
         }
         Ok(Self { feet, gaits })
     }
@@ -139,7 +139,8 @@ impl Sway {
     /// without given frames.
     pub fn path(&self, task: &PathTask, fps: f32, start_rad: f32) -> Box<[[f32; 3]]> {
         let gaits = self.gaits_of(&task.style);
-        let past: Vec<Given<'_>> = task.context.iter().filter_map(Given::of).collect();
+        let past: Option<Vec<Given<'_>>> = task.context.iter().map(Given::of).collect();
+        let past = past.unwrap_or_default();
         let mut path = task.path.clone();
         for (point, given) in path.iter_mut().zip(&past) {
             *point = given.root;
@@ -166,6 +167,7 @@ impl Sway {
             lead[2] = wrap_angle(lead[2]);
         }
         let end = path.len() - task.targets.len().min(path.len());
+        let fade = (END_S * fps).min(end.saturating_sub(now + 1).max(1) as f32);
         for (frame, travel) in (now..end).zip(&travel) {
             let moment = mixed(&gaits, travel.speed_mps);
             if frame > now {
@@ -179,7 +181,7 @@ impl Sway {
             let led = 1.0 - smoothstep(((frame - now) as f32 / (LEAD_S * fps)).min(1.0));
             let stays = match task.targets.is_empty() {
                 true => 1.0,
-                false => smoothstep(((end - frame) as f32 / (END_S * fps)).min(1.0)),
+                false => smoothstep(((end - frame) as f32 / fade).min(1.0)),
             };
             for ((value, sways), lead) in point.iter_mut().zip(sways).zip(lead) {
                 *value += stays * (sways + led * lead);
@@ -252,6 +254,13 @@ impl GaitDoc {
                 found,
                 "rising, more than 0",
             ));
+        }
+        if let Some(rate) = self
+            .rates_hz
+            .iter()
+            .find(|rate| !rate.is_sign_positive() || **rate == 0.0)
+        {
+            return Err(BodyError::field(place("rates_hz"), rate, "more than 0"));
         }
         let waves = lists.iter().flat_map(|list| list.iter().flatten());
         let all = waves.chain(&self.rates_hz).chain(&self.speeds_mps);

@@ -196,6 +196,60 @@ fn given_frames_at_the_end_stay_where_they_are() {
 }
 
 #[test]
+fn a_short_way_from_a_past_to_targets_begins_without_a_jump() {
+    let base = line(1.0)[..20].to_vec();
+    let mut task = task(base.clone());
+    task.context = base[..4]
+        .iter()
+        .map(|&[x, z, _]| key([x + 0.03, z, 0.0], 0.5))
+        .collect();
+    task.targets = base[16..].iter().map(|&point| key(point, 0.1)).collect();
+    let path = sway().path(&task, FPS, 0.0);
+    assert_eq!(path[16..], base[16..]);
+    assert!((path[4][0] - path[3][0]).abs() < 0.008, "{:?}", &path[3..5]);
+}
+
+#[test]
+fn headings_near_half_a_turn_lead_over_the_short_way() {
+    let mut base = line(-1.0);
+    base.iter_mut().for_each(|point| point[2] = 3.1);
+    let mut task = task(base.clone());
+    task.context = base[..4]
+        .iter()
+        .map(|&[x, z, _]| key([x, z, -3.1], 0.5))
+        .collect();
+    let path = sway().path(&task, FPS, 0.0);
+    let turns = path[3..]
+        .windows(2)
+        .map(|pair| wrap_angle(pair[1][2] - pair[0][2]).abs());
+    assert!(turns.fold(0.0, f32::max) < 0.05);
+}
+
+#[test]
+fn gaits_are_mixed_by_the_weights_of_a_style() {
+    let mut doc = doc();
+    let run = GaitDoc {
+        word: Some("run".to_owned()),
+        left_m: vec![[0.0, 0.01, 0.0, 0.0]; 2],
+        ..doc.gaits[1].clone()
+    };
+    doc.gaits.push(run);
+    let sway = Sway::new(doc, &biped(), &words()).unwrap();
+    let task = PathTask {
+        style: vec![0.25, 0.25],
+        ..task(line(1.0))
+    };
+    assert!((sway.path(&task, FPS, TAU / 4.0)[0][0] - 0.02).abs() < 1e-4);
+}
+
+#[test]
+fn beyond_its_clips_a_body_strides_faster_and_sways_no_more() {
+    let path = sway().path(&task(line(2.4)), FPS, TAU / 4.0);
+    let stride = (FPS / RATE_HZ / 2.0_f32.sqrt()).round() as usize;
+    assert!((path[0][0] - 0.03).abs() < 1e-4 && (path[stride][0] - 0.03).abs() < 1e-3);
+}
+
+#[test]
 fn another_body_of_two_legs_sways_by_its_size() {
     let mut like = Arc::unwrap_or_clone(body());
     like.sway = Some(Arc::new(sway()));
@@ -223,7 +277,8 @@ fn wrong_tables_are_refused_by_field() {
         change(&mut doc);
         Sway::new(doc, &biped(), &words()).unwrap_err().to_string()
     };
-    let cases: [(&dyn Fn(&mut SwayDoc), &str); 6] = [
+    type Change<'a> = &'a dyn Fn(&mut SwayDoc);
+    let cases: [(Change<'_>, &str); 9] = [
         (
             &|doc| doc.feet[1] = "Tail".to_owned(),
             "sway.feet is Tail; allowed: names of joints",
@@ -246,7 +301,19 @@ fn wrong_tables_are_refused_by_field() {
         ),
         (
             &|doc| doc.gaits[0].word = Some("run".to_owned()),
-            "sway.gaits is 2 long; allowed: one without a word among them",
+            "sway.gaits is 0 without a word; allowed: one",
+        ),
+        (
+            &|doc| doc.gaits[1].word = None,
+            "sway.gaits is 2 without a word; allowed: one",
+        ),
+        (
+            &|doc| doc.feet[0] = doc.feet[1].clone(),
+            "sway.feet is one joint; allowed: two joints",
+        ),
+        (
+            &|doc| doc.gaits[1].rates_hz[0] = 0.0,
+            "sway.gaits[1].rates_hz is 0; allowed: more than 0",
         ),
     ];
     for (change, message) in cases {

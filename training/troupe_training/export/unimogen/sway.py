@@ -17,4 +17,4 @@ def write_sway(pack: Path, body: str, table: dict[str, Any]) -> None:
         lines += ["", COMMENT, "[sway]", f"feet = {json.dumps(table['feet'])}"]
         for gait in table["gaits"]:
             lines += ["", "[[sway.gaits]]", *(f"{key} = {json.dumps(value)}" for key, value in gait.items())]
-    path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")

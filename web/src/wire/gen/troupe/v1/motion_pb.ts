@@ -2588,7 +2588,7 @@ export const SoundSchema: GenEnum<Sound> = /*@__PURE__*/
  */
 export enum PathPlanner {
   /**
-   * PATH_PLANNER_CARRIED if a pack of the same body, or for robots one of a robot, can do it as
+   * For robots PATH_PLANNER_CARRIED, if a pack of the same body or of another robot can do it as
    * asked and keeps up with the path. Otherwise PATH_PLANNER_OWN.
    *
    * @generated from enum value: PATH_PLANNER_AUTO = 0;
