@@ -329,3 +329,18 @@ fn a_job_whose_answer_is_not_finite_fails_alone() {
     );
     assert!(!generator.is_idle());
 }
+
+#[test]
+fn seeds_differ_in_the_phase_in_which_a_gait_begins() {
+    let phases: Vec<f32> = (0..32).map(job::start_phase).collect();
+    assert!(
+        phases
+            .iter()
+            .all(|phase| (0.0..=std::f32::consts::TAU).contains(phase))
+    );
+    for quarter in 0..4 {
+        let begin = quarter as f32 * std::f32::consts::FRAC_PI_2;
+        let within = begin..begin + std::f32::consts::FRAC_PI_2;
+        assert!(phases.iter().any(|phase| within.contains(phase)), "{within:?}");
+    }
+}

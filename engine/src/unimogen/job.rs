@@ -135,7 +135,7 @@ impl Job {
 }
 
 /// The phase in radians in which a gait begins without a past.
-fn start_phase(seed: u64) -> f32 {
+pub(super) fn start_phase(seed: u64) -> f32 {
     // Rows of noise have the other indices.
     let share = step64(seed, u64::MAX) as f64 / u64::MAX as f64;
     share as f32 * TAU
