@@ -28,7 +28,7 @@ const STANDS_MPS: f32 = 0.1;
 /// The speed of a walking root differs by more than this share from its mean over a second, in half
 /// of the frames or more.
 const UNEVEN: f32 = 0.015;
-/// It crosses that mean more often, times a second: twice a step.
+/// It crosses that mean twice a step: more than this many times a second.
 const CHANGES_PER_S: f32 = 1.5;
 /// Note of a path that counts as a recorded root.
 const RECORDED: &str =
@@ -41,7 +41,7 @@ pub struct PathRequest {
     pub body: Arc<Body>,
     /// Positions and their times. Time 0 is the first frame, or the last one of `past`.
     pub points: GroundPath,
-    /// Whether the path was given with so many points that it may be a recorded root.
+    /// Whether the path was given with enough points to be a recorded root.
     pub shows_steps: bool,
     /// Length of the motion in seconds, above 0.
     pub seconds: f32,

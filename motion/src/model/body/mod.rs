@@ -16,6 +16,7 @@ use glam::{Quat, Vec3};
 
 use super::{ByPath, Dims, Rig};
 use crate::fk::local_from_world_rotations;
+use crate::ik::is_below;
 use crate::skeleton::Skeleton;
 
 pub use description::{DESCRIPTION, SLOTS};
@@ -170,13 +171,9 @@ impl Body {
         let Some(contacts) = &skeleton.contacts else {
             return Vec::new();
         };
-        let above =
-            |joint: usize| std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent).skip(1);
         let is_end = |joint: &usize| {
-            !contacts
-                .joints
-                .iter()
-                .any(|&other| above(other).any(|at| at == *joint))
+            let mut others = contacts.joints.iter();
+            !others.any(|&other| is_below(skeleton, other, *joint))
         };
         let ends = contacts.joints.iter().copied();
         ends.filter(|joint| self.sides[*joint] == side && is_end(joint))

@@ -104,7 +104,7 @@ impl Sway {
     pub fn new(doc: SwayDoc, skeleton: &Skeleton, words: &[String]) -> Result<Self, BodyError> {
         let mut feet = [0; 2];
         for (foot, name) in feet.iter_mut().zip(&doc.feet) {
-            let found = skeleton.joints.iter().position(|joint| joint.name == *name);
+            let found = skeleton.joint_index(name);
             *foot = found.ok_or_else(|| BodyError::field("sway.feet", name, "names of joints"))?;
         }
         let gaits = doc.gaits.into_iter().enumerate();
@@ -255,11 +255,7 @@ impl GaitDoc {
                 "rising, more than 0",
             ));
         }
-        if let Some(rate) = self
-            .rates_hz
-            .iter()
-            .find(|rate| !rate.is_sign_positive() || **rate == 0.0)
-        {
+        if let Some(rate) = self.rates_hz.iter().find(|rate| **rate <= 0.0) {
             return Err(BodyError::field(place("rates_hz"), rate, "more than 0"));
         }
         let waves = lists.iter().flat_map(|list| list.iter().flatten());
